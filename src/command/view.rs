@@ -1,6 +1,7 @@
 //! `modulo view`: the suite in a browser. `modulo top`: the suite in a terminal.
 
 use std::net::{IpAddr, Ipv4Addr};
+use std::path::PathBuf;
 
 use clap::Args;
 
@@ -25,6 +26,9 @@ pub struct ViewCommand {
     /// images and parameters without the token, but set parameters only with it
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "8765")]
     pub foxglove: Option<u16>,
+    /// At the end, write the last minute to this file, a page that needs no viewer: images twice a second, at most 64 MiB
+    #[arg(long, value_name = "FILE")]
+    pub record: Option<PathBuf>,
 }
 
 /// `modulo top`
@@ -48,21 +52,24 @@ mod present {
     use std::net::SocketAddr;
 
     use anyhow::{Context as _, anyhow};
+    use modulo_runtime::output::prepare_file;
     use modulo_viewer::top::{Top, show};
     use modulo_viewer::{ViewAddresses, ViewOptions};
 
     use super::{TopCommand, ViewCommand};
-    use crate::command::{domain, open_session, start_log, stop_on_signals};
+    use crate::command::{domain, open_session, start_log, stop_on_signals, usage};
     use crate::{Ended, Failure};
 
     /// Runs the command.
     pub fn view(args: &ViewCommand) -> Result<Ended, Failure> {
+        args.record.iter().try_for_each(|file| prepare_file(file)).map_err(usage)?;
         start_log("info");
         let stop = stop_on_signals()?;
         let options = ViewOptions {
             address: SocketAddr::new(args.address, args.port),
             token: args.token.clone(),
             foxglove: args.foxglove,
+            record: args.record.clone(),
         };
         let (clock, transport) = open_session()?;
         let open = |at: &ViewAddresses| {

@@ -1,42 +1,113 @@
 """Drives the page of `modulo view` in Debian's Chromium, over a replay of the sample bag.
 
     apt-get install chromium && pip install playwright==1.56.0
-    python3 tests/peers/view.py target/debug/modulo [PICTURE.png]
+    python3 tests/peers/view.py target/debug/modulo
 
-Exit code 1 when the page shows no frame, a control does not reach its node, the console has an error, the page asks for
-anything outside of its origin, or a script without the token can connect. PICTURE gets a screenshot.
+Exit code 1 when the page shows no frame, shows images of two moments at once, lays one text over another, has a control that the
+keyboard does not reach, or does not go on after a loss; when a control does not reach its node, the console has an error, the page
+asks for anything outside of its origin, or a script without the token can connect.
 """
 
+import os
 import shutil
+import signal
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 from playwright.sync_api import sync_playwright
 
-from replay import address, check, viewer
+from replay import ROOT, address, check, viewer
 
 PATIENCE_MS = 60_000
+WIDTHS = {390: 844, 820: 1180, 1500: 1000, 2560: 1440}
 
-# Mean code of the canvas of a topic: 0 as long as nothing was drawn.
+# Mean code of the image of a topic: 0 as long as nothing was drawn.
 MEAN = """(topic) => {
-    const figure = [...document.querySelectorAll("figure")].find((f) => f.querySelector("strong").textContent === topic);
-    if (!figure) return 0;
-    const canvas = figure.querySelector("canvas");
+    const figure = [...document.querySelectorAll(".large figure")].find((f) => f.querySelector("strong").textContent === topic);
+    const canvas = figure?.querySelector("canvas.image");
+    if (!canvas || canvas.hidden) return 0;
     const data = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
     return data.reduce((sum, code, index) => sum + (index % 4 === 3 ? 0 : code), 0) / data.length;
 }"""
-CAPTION = """(topic) => [...document.querySelectorAll("figure")].find((f) => f.querySelector("strong").textContent === topic)
-    ?.querySelector("span").textContent ?? ''"""
+CAPTION = """(topic) => [...document.querySelectorAll(".large figure")].find((f) => f.querySelector("strong").textContent === topic)
+    ?.querySelector("figcaption span").textContent ?? ''"""
 WITHOUT_TOKEN = """() => new Promise((done) => {
     const socket = new WebSocket(`ws://${location.host}/socket?token=0123456789abcdef`);
     socket.onopen = () => done("opened");
     socket.onerror = () => done("refused");
 })"""
+# Looks at the stamps of all shown images whenever one of them changes, before the page is painted.
+MOMENTS = """() => {
+    window.moments = [];
+    const look = () => {
+        const stamps = [...document.querySelectorAll(".picture")].flatMap(({ dataset }) => dataset.stamps.split(" ")).filter((stamp) => stamp);
+        window.moments.push([...new Set(stamps)]);
+    };
+    new MutationObserver(look).observe(document.getElementById("stage"), { subtree: true, attributes: true, attributeFilter: ["data-stamps"] });
+}"""
+# The texts and the controls that lie over each other or outside of the page.
+CLASHES = """() => {
+    const boxes = [];
+    const clipped = (rect, element) => {
+        let { left, top, right, bottom } = rect;
+        for (let at = element; at && at !== document.body; at = at.parentElement) {
+            if (getComputedStyle(at).overflowX !== "hidden") continue;
+            const area = at.getBoundingClientRect();
+            [left, top, right, bottom] = [Math.max(left, area.left), Math.max(top, area.top), Math.min(right, area.right), Math.min(bottom, area.bottom)];
+        }
+        return { left, top, right, bottom };
+    };
+    const add = (owner, text, rects) => rects.map((rect) => clipped(rect, owner)).filter((r) => r.right - r.left > 1 && r.bottom - r.top > 1)
+        .forEach((rect) => boxes.push({ owner, text: text.trim().slice(0, 60), rect }));
+    const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+    for (let node = walker.nextNode(); node; node = walker.nextNode()) {
+        const parent = node.parentElement;
+        if (!node.textContent.trim() || parent.closest("script, option, svg") || !parent.checkVisibility()) continue;
+        const range = document.createRange();
+        range.selectNodeContents(node);
+        add(parent, node.textContent, [...range.getClientRects()]);
+    }
+    for (const control of document.querySelectorAll("input, select, button")) {
+        if (control.checkVisibility()) add(control, `<${control.id || control.type || control.tagName}>`, [control.getBoundingClientRect()]);
+    }
+    const found = boxes.filter(({ rect }) => rect.left < -1 || rect.right > innerWidth + 1).map(({ text }) => `outside: ${text}`);
+    boxes.forEach((a, index) => boxes.slice(index + 1).forEach((b) => {
+        if (a.owner.contains(b.owner) || b.owner.contains(a.owner)) return;
+        const width = Math.min(a.rect.right, b.rect.right) - Math.max(a.rect.left, b.rect.left);
+        const height = Math.min(a.rect.bottom, b.rect.bottom) - Math.max(a.rect.top, b.rect.top);
+        if (width > 1 && height > 2) found.push(`over each other: ${a.text} | ${b.text}`);
+    }));
+    if (document.documentElement.scrollWidth > innerWidth) found.push(`the page is ${document.documentElement.scrollWidth} px wide`);
+    return found;
+}"""
+CONTROLS = "button:enabled, input:enabled, select:enabled, summary, [tabindex='0']"
+MARK_CONTROLS = f"""() => [...document.querySelectorAll("{CONTROLS}")].filter((control) => control.checkVisibility())
+    .map((control, index) => {{ control.dataset.reach = index; return control.outerHTML.slice(0, 90); }})"""
+FOCUSED = "() => document.activeElement?.dataset?.reach ?? ''"
+# Labels of random boxes, placed by the page's own module.
+LABELS = """async () => {
+    const { place } = await import("/plates.js");
+    let seed = 1;
+    const random = (most) => { seed = (seed * 48271) % 2147483647; return (seed / 2147483647) * most; };
+    for (let round = 0; round < 50; round += 1) {
+        const boxes = Array.from({ length: 40 }, () => { const [x, y] = [random(600), random(180)]; return [x, y, x + random(200), y + random(80)]; });
+        const placed = place(boxes, boxes.map(() => [70, 14]), [640, 192]).filter((area) => area);
+        const apart = placed.every((a, i) => placed.slice(i + 1).every((b) => a[2] <= b[0] || b[2] <= a[0] || a[3] <= b[1] || b[3] <= a[1]));
+        const inside = placed.every(([left, top, right, bottom]) => left >= 0 && top >= 0 && right <= 640 && bottom <= 192);
+        if (!apart || !inside || placed.length < 12) return `round ${round}: ${placed.length} labels`;
+    }
+    return "";
+}"""
 
 
-def wait(page, script, argument):
+def wait(page, script, argument=None):
     page.wait_for_function(script, arg=argument, timeout=PATIENCE_MS)
+
+
+def wait_text(page, id, part):
+    wait(page, "([id, part]) => document.getElementById(id).checkVisibility() && document.getElementById(id).textContent.includes(part)", [id, part])
 
 
 class Relay:
@@ -58,23 +129,21 @@ class Relay:
         page.wait_for_timeout(500)
         self.deaf = False
         self.sockets[-1].close()
+        wait_text(page, "notice", "The viewer has gone")
         while len(self.sockets) == before:
             page.wait_for_timeout(100)
 
 
-def drive(page, address, picture):
-    errors, places = [], set()
-    relay = Relay(page)
-    page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
-    page.on("pageerror", lambda why: errors.append(str(why)))
-    page.on("request", lambda request: places.add(request.url.split("/")[2]))
-    page.goto(address)
-    for topic in ["/modulo", "/recovered"]:
-        wait(page, f"(topic) => ({MEAN})(topic) > 5", topic)
-        check(True, f"the page shows {topic}")
-    wait(page, f"(topic) => /[1-9][0-9]* boxes/.test(({CAPTION})(topic))", "/recovered")
-    check(True, "boxes are drawn on /recovered")
+def stamps_agree(page, frames):
+    """Follows the page over so many moments, all images of which must have one stamp."""
+    page.evaluate(MOMENTS)
+    wait(page, f"() => window.moments.length >= {frames}")
+    moments = page.evaluate("() => window.moments")
+    mixed = [stamps for stamps in moments if len(stamps) != 1]
+    check(not mixed, f"all images of a moment have one stamp, over {len(moments)} changes of the page: {mixed[:3]}")
 
+
+def follow_the_input(page):
     page.select_option("#input", "modulo")
     wait(page, f"(topic) => /boxes/.test(({CAPTION})(topic))", "/modulo")
     read = subprocess.run([MODULO, "param", "get", "/detector", "input"], capture_output=True, text=True, check=True)
@@ -84,45 +153,184 @@ def drive(page, address, picture):
     wait(page, f"(topic) => !/boxes/.test(({CAPTION})(topic))", "/modulo")
     check(True, "no boxes are drawn on the stream that the detector has left")
 
-    box = page.locator("figure canvas").first.bounding_box()
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-    wait(page, "() => document.querySelectorAll('#pixel tbody tr').length >= 2", None)
-    check(True, "the pixel under the pointer is shown in each stream")
 
+def look_at_pixels(page, relay):
+    box = page.locator(".large .picture").first.bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    wait(page, "() => document.querySelectorAll('#pixel tbody tr').length >= 2")
+    check(True, "the pixel under the pointer is shown in each stream")
     relay.lose(page, lambda: page.mouse.move(box["x"] + 3, box["y"] + 3))
     wait(page, f"(topic) => ({MEAN})(topic) > 5", "/recovered")
     page.evaluate("() => document.querySelector('#pixel tbody').replaceChildren()")
     page.mouse.move(box["x"] + box["width"] / 3, box["y"] + box["height"] / 3)
-    wait(page, "() => document.querySelectorAll('#pixel tbody tr').length >= 2", None)
-    check(True, "the pixel is shown again after a connection that was lost with a question on its way")
+    wait(page, "() => document.querySelectorAll('#pixel tbody tr').length >= 2")
+    check(True, "the page says that the connection is lost, and goes on with the next one")
 
-    if picture:
-        page.screenshot(path=picture, clip={"x": 0, "y": 0, "width": 1400, "height": 568})
-    page.click("#toggle")
-    wait(page, "() => document.getElementById('player-state').textContent.startsWith('paused')", None)
+
+def stop_in_the_strip(page):
+    """A click in the strip shows the frame of that time with its boxes."""
+    wait(page, "() => document.querySelector('.kept').clientWidth > 8")
+    kept, plots = page.locator(".kept").bounding_box(), page.locator(".plots").bounding_box()
+    page.mouse.click(kept["x"] + kept["width"] / 2, plots["y"] + 60)
+    wait(page, "() => document.getElementById('live').textContent === 'Go on'")
+    page.mouse.move(5, 5)
+    page.wait_for_timeout(500)
+    shown = page.evaluate(CAPTION, "/recovered")
+    told = page.evaluate("() => document.querySelector('.readout').textContent")
+    # The detector may have answered the other stream then.
+    captions = [page.evaluate(CAPTION, topic) for topic in ["/modulo", "/recovered"]]
+    count = sum(int(caption.split(" boxes")[0]) for caption in captions if " boxes" in caption)
+    counts = [int(word) for word in told.split(";")[-1].replace(",", " ").split() if word.isdigit()]
+    check(shown.split(", ")[-1] in told and sum(counts) == count, f"a click in the strip shows that frame and its boxes: {captions} | {told}")
+    page.wait_for_timeout(1500)
+    check(page.evaluate(CAPTION, "/recovered") == shown, "the page stays at that frame")
+    page.keyboard.press("ArrowLeft")
+    wait(page, f"(before) => ({CAPTION})('/recovered') !== before", shown)
+    page.keyboard.press("Escape")
+    wait(page, "() => document.getElementById('live').textContent === 'Live'")
+    check(True, "an arrow key shows the frame before, escape goes on")
+
+
+def set_parameters(page):
+    page.fill("#search", "score_threshold")
+    field = page.locator(".field:visible", has=page.locator("label", has_text="score_threshold"))
+    check(field.count() == 1, "the search finds the parameter")
+    value = field.locator("input[type='text']")
+    value.fill("7")
+    value.press("Enter")
+    refusal = field.locator(".refused")
+    wait(page, "() => [...document.querySelectorAll('.refused')].some((text) => text.textContent)")
+    check("score_threshold" in refusal.text_content() and value.input_value() == "0.25", f"a refused value shows the node's sentence: {refusal.text_content()}")
+    value.fill("0.4")
+    value.press("Enter")
+    reset = field.locator(".reset")
+    reset.wait_for(state="visible", timeout=PATIENCE_MS)
+    check(refusal.text_content() == "", "an accepted value takes the sentence away")
+    reset.click()
+    reset.wait_for(state="hidden", timeout=PATIENCE_MS)
+    read = subprocess.run([MODULO, "param", "get", "/detector", "score_threshold"], capture_output=True, text=True, check=True)
+    check("0.25" in read.stdout, "the default is set again")
+    page.fill("#search", "")
+
+
+def fit_each_window(page, folder):
+    check(page.evaluate(LABELS) == "", "labels of boxes never cover each other")
+    for scheme in ["light", "dark"]:
+        page.emulate_media(color_scheme=scheme)
+        for width, height in WIDTHS.items():
+            page.set_viewport_size({"width": width, "height": height})
+            page.wait_for_timeout(900)
+            page.evaluate("() => window.scrollTo(0, 0)")
+            if folder:
+                page.screenshot(path=f"{folder}/{scheme}_{width}.png")
+            # With everything unfolded there is the most that can collide.
+            page.evaluate("() => document.querySelectorAll('details').forEach((details) => { details.open = true; })")
+            page.wait_for_timeout(900)
+            clashes = page.evaluate(CLASHES)
+            check(not clashes, f"{width} px, {scheme}: no text over another one, nothing outside of the page: {clashes[:5]}")
+            page.evaluate("() => document.querySelectorAll('details').forEach((details) => { details.open = false; })")
+            if scheme == "dark":
+                reach_by_keyboard(page, width)
+    page.set_viewport_size({"width": 1500, "height": 1000})
+
+
+def reach_by_keyboard(page, width):
+    page.click("#live")
+    page.evaluate("() => { document.activeElement.blur(); window.scrollTo(0, 0); }")
+    wanted = page.evaluate(MARK_CONTROLS)
+    reached = set()
+    for _ in range(len(wanted) + 8):
+        page.keyboard.press("Tab")
+        reached.add(page.evaluate(FOCUSED))
+    missed = [control for index, control in enumerate(wanted) if str(index) not in reached]
+    check(not missed, f"{width} px: the keyboard reaches all {len(wanted)} controls: {missed[:3]}")
+    page.evaluate("() => document.activeElement.blur()")
+    page.keyboard.press("Escape")
+
+
+def drive_the_replay(page):
+    page.get_by_role("button", name="Pause").click()
+    wait_text(page, "notice", "The replay is paused")
     # What was on its way when the player paused.
     page.wait_for_timeout(1500)
     before = page.evaluate(CAPTION, "/recovered")
-    page.fill("#seek", "0.5")
+    page.get_by_label("Go to, s").fill("0.5")
     page.keyboard.press("Enter")
     for _ in range(3):
-        page.click("#next")
+        page.get_by_role("button", name="Next message").click()
         page.wait_for_timeout(500)
     wait(page, f"(before) => ({CAPTION})('/recovered') !== before", before)
-    check(True, "a paused replay seeks and plays single messages")
+    check(True, "a paused replay says so, seeks and plays single messages")
+    page.get_by_role("button", name="Play").click()
+    wait(page, "() => document.getElementById('notice').hidden")
 
+
+def lose_a_node(page):
+    """A node that is killed is told, and the page goes on when it is back."""
+    found = subprocess.run(["pgrep", "-f", f"^{MODULO} run detector"], capture_output=True, text=True, check=True)
+    for pid in found.stdout.split():
+        if f"ROS_DOMAIN_ID={os.environ['ROS_DOMAIN_ID']}" in Path(f"/proc/{pid}/environ").read_text().split("\0"):
+            os.kill(int(pid), signal.SIGKILL)
+    wait_text(page, "notice", "Gone: detector")
+    wait(page, "() => document.querySelectorAll('article.gone').length === 1")
+    check(True, "a killed node is told and red")
+    again = subprocess.Popen([MODULO, "run", "detector", "--ros-args", "-p", "engine:=rten"], cwd=ROOT, start_new_session=True)
+    try:
+        wait(page, "() => !document.querySelector('article.gone')")
+        wait(page, f"(topic) => /[1-9][0-9]* boxes/.test(({CAPTION})(topic))", "/recovered")
+        check(True, "the page goes on with its boxes when it is back")
+    finally:
+        os.killpg(again.pid, signal.SIGTERM)
+
+
+def drive(page, address, folder):
+    errors, places = [], set()
+    relay = Relay(page)
+    page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
+    page.on("pageerror", lambda why: errors.append(str(why)))
+    page.on("request", lambda request: places.add(request.url.split("/")[2]) if request.url.startswith("http") else None)
+    page.goto(address)
+    for topic in ["/modulo", "/recovered"]:
+        wait(page, f"(topic) => ({MEAN})(topic) > 5", topic)
+        check(True, f"the page shows {topic}")
+    wait(page, f"(topic) => /[1-9][0-9]* boxes/.test(({CAPTION})(topic))", "/recovered")
+    check(True, "boxes are drawn on /recovered")
+    stamps_agree(page, 20)
+    follow_the_input(page)
+    look_at_pixels(page, relay)
+    stop_in_the_strip(page)
+    set_parameters(page)
+    fit_each_window(page, folder)
+    drive_the_replay(page)
+    lose_a_node(page)
     check(not errors, f"no error on the console: {errors}")
     check(places == {address.split("/")[2]}, f"no request outside of the page's origin: {places}")
     # The refusal itself is an error on the console.
     check(page.evaluate(WITHOUT_TOKEN) == "refused", "a script without the token cannot connect")
 
 
+def open_the_recording(page, file):
+    errors = []
+    page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
+    page.on("pageerror", lambda why: errors.append(str(why)))
+    page.goto(f"file://{file}")
+    wait(page, f"(topic) => ({MEAN})(topic) > 5", "/recovered")
+    before = page.evaluate(CAPTION, "/recovered")
+    page.keyboard.press("ArrowLeft")
+    wait(page, f"(before) => ({CAPTION})('/recovered') !== before", before)
+    clashes = page.evaluate(CLASHES)
+    check(not clashes and not errors, f"a recording of {file.stat().st_size >> 10} KiB shows its frames without a viewer: {clashes[:3]} {errors}")
+
+
 def main():
     global MODULO
-    MODULO, picture = str(Path(sys.argv[1]).resolve()), (sys.argv[2:] or [None])[0]
-    with viewer(MODULO, "139") as process, sync_playwright() as playwright:
+    MODULO, folder = str(Path(sys.argv[1]).resolve()), (sys.argv[2:] or [None])[0]
+    with tempfile.TemporaryDirectory() as scratch, sync_playwright() as playwright:
+        recording = Path(scratch) / "recording.html"
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
-        drive(browser.new_page(viewport={"width": 1400, "height": 900}), address(process, "http://"), picture)
+        with viewer(MODULO, "139", "--record", str(recording)) as process:
+            drive(browser.new_page(viewport={"width": 1500, "height": 1000}), address(process, "http://"), folder)
+        open_the_recording(browser.new_page(viewport={"width": 1500, "height": 1000}), recording)
         browser.close()
 
 

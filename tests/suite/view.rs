@@ -1,5 +1,6 @@
 //! `modulo view`: the page and its socket, used as a browser uses them.
 
+use std::collections::BTreeSet;
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::TcpStream;
 use std::process::Stdio;
@@ -65,10 +66,13 @@ impl Page {
                     }
                 }
                 Message::Binary(bytes) => {
-                    let header = header(&bytes);
-                    self.ask(&json!({ "drawn": header["topic"] }));
-                    if kind == "image" && accept(&header) {
-                        return header;
+                    let images = images(&bytes);
+                    let topics: Vec<&Value> = images.iter().map(|image| &image["topic"]).collect();
+                    self.ask(&json!({ "drawn": topics }));
+                    let together = images.iter().all(|image| image["stamp"] == images[0]["stamp"]);
+                    assert!(together, "images of one moment: {images:?}");
+                    if let Some(image) = images.into_iter().find(|image| kind == "image" && accept(image)) {
+                        return image;
                     }
                 }
                 _ => {}
@@ -77,12 +81,25 @@ impl Page {
     }
 }
 
-/// The header of an image, behind which a JPEG file must follow.
-fn header(bytes: &[u8]) -> Value {
+/// What a message tells of its images, whose JPEG files must follow.
+fn images(bytes: &[u8]) -> Vec<Value> {
     let (length, rest) = bytes.split_first_chunk().expect("a length");
-    let (header, file) = rest.split_at(u32::from_le_bytes(*length) as usize);
-    assert!(file.starts_with(&[0xff, 0xd8]), "a JPEG file");
-    serde_json::from_slice(header).expect("JSON")
+    let (header, mut files) = rest.split_at(u32::from_le_bytes(*length) as usize);
+    let header: Value = serde_json::from_slice(header).expect("JSON");
+    let images = header["images"].as_array().expect("a list").clone();
+    for image in &images {
+        let (file, others) = files.split_at(image["bytes"].as_u64().expect("a length") as usize);
+        assert!(file.starts_with(&[0xff, 0xd8]) && file.ends_with(&[0xff, 0xd9]), "a JPEG file");
+        files = others;
+    }
+    assert!(files.is_empty(), "bytes behind the files");
+    images
+}
+
+/// The kind of the step that a notice tells.
+fn step(notice: &Value) -> String {
+    let body = || notice["step"].as_object().and_then(|step| step.keys().next()).expect("a step");
+    notice["step"].as_str().map_or_else(|| body().clone(), str::to_owned)
 }
 
 #[test]
@@ -100,7 +117,13 @@ fn a_page_shows_images_with_their_boxes_and_sets_parameters() {
     ]);
     let (_viewer, address) = viewer(&bench);
     let mut page = Page::open(&address);
-    let graph = page.event("graph", |graph| !graph["detectors"].as_array().is_none_or(Vec::is_empty));
+    let link =
+        |from, to, topic| json!({ "from": from, "to": to, "topic": topic, "qos": "best effort, keep 5" });
+    let links = [link("/modulo_camera", "/unwrap", "/modulo"), link("/unwrap", "/detector", "/recovered")];
+    let graph = page.event("graph", |graph| {
+        let all = graph["links"].as_array().expect("a list");
+        links.iter().all(|link| all.contains(link))
+    });
     assert_eq!(graph["detectors"][0]["inputs"], json!(["/recovered"]), "{graph}");
     let offers = graph["detectors"][0]["offers"].as_array().expect("a list");
     assert!(
@@ -109,10 +132,22 @@ fn a_page_shows_images_with_their_boxes_and_sets_parameters() {
             && !offers.contains(&json!("/hdr")),
         "{graph}"
     );
+    let mut steps = BTreeSet::new();
+    while steps.len() < 3 {
+        let notices = page.event("notices", |_| true);
+        steps.extend(notices.as_array().expect("a list").iter().map(step));
+    }
+    assert_eq!(
+        steps,
+        ["detected", "sensed", "unwrapped"].map(str::to_owned).into(),
+        "each node tells its step"
+    );
     page.ask(&json!({ "watch": ["/modulo", "/recovered"] }));
     let image = page.event("image", |image| image["topic"] == "/recovered" && image["boxes"] != json!([]));
     assert_eq!((&image["width"], &image["height"]), (&json!(96), &json!(64)), "{image}");
     assert_eq!(image["boxes"][0][0], "/detector/detections");
+    let peaks = image["peaks"].as_f64().expect("an image of radiance");
+    assert!((peaks - 0.97 * 4.0).abs() < 1e-9, "headroom and alpha of the camera: {peaks}");
     page.event("image", |image| image["topic"] == "/modulo");
     page.ask(&json!({ "pixel": { "u": 3, "v": 2 } }));
     let pixel = page.event("pixel", |_| true);
@@ -137,6 +172,7 @@ fn a_page_shows_images_with_their_boxes_and_sets_parameters() {
     assert_eq!(parameter("input")["value"], "modulo");
     assert!(parameter("engine")["words"].as_array().is_some_and(|words| words.contains(&json!("rten"))));
     assert_eq!(parameter("score_threshold")["range"], json!([0.0, 1.0]));
+    assert_eq!(parameter("score_threshold")["default"], "0.25");
 
     for bad in [json!({ "watch": 5 }), json!({ "steer": "left" }), json!("nothing")] {
         page.ask(&bad);
@@ -188,6 +224,35 @@ fn only_the_holder_of_the_token_is_served() {
     assert_eq!(taken.status.code(), Some(1));
     assert_eq!(bench.run(&["view", "--token", "short"]).status.code(), Some(2));
     assert_eq!(viewer.interrupt(), Some(0), "SIGINT ends it");
+}
+
+#[test]
+fn a_recording_is_a_page_with_the_images_and_what_was_told() {
+    let bench = Bench::new();
+    let (source, model) = (arg("source", bench.images(4)), arg("model", model()));
+    let file = "launch/recovered.launch.yaml";
+    let _suite = bench.start(&["launch", file, &source, &model, "engine:=rten", "rate:=5.0", "loop:=true"]);
+    let out = bench.path("out.html");
+    let (viewer, [address]) = viewer_with(&bench, &["--record", out.to_str().expect("UTF-8")], ["http://"]);
+    // A browser at the same time sees when there is something to record.
+    let mut page = Page::open(&address);
+    page.event("graph", |graph| !graph["detectors"].as_array().is_none_or(Vec::is_empty));
+    page.ask(&json!({ "watch": ["/recovered"] }));
+    for _ in 0..3 {
+        page.event("image", |image| image["boxes"] != json!([]));
+        page.event("status", |_| true);
+    }
+    assert_eq!(viewer.interrupt(), Some(0), "SIGINT ends it");
+    let text = std::fs::read_to_string(&out).expect("a file");
+    let recording = text.split("id=\"recording\">").nth(1).and_then(|rest| rest.split("</script>").next());
+    let recording: Vec<(f64, Value)> = serde_json::from_str(recording.expect("a recording")).expect("JSON");
+    let told = |kind: &str| recording.iter().filter(|(_, body)| body.get(kind).is_some()).count();
+    assert_eq!(told("graph"), 1, "the last one");
+    assert!(told("parameters") >= 3 && told("notices") > 0 && told("status") > 0);
+    assert!(recording.iter().any(|(_, body)| body.is_string()), "images");
+    assert!(!text.contains("src=\"") && !text.contains("href=\"page.css"), "it loads nothing");
+    let bad = bench.run(&["view", "--record", "/no/folder/out.html"]);
+    assert_eq!(bad.status.code(), Some(2), "told at once");
 }
 
 /// A client of the Foxglove WebSocket protocol.

@@ -1,4 +1,4 @@
-//! The connection of one browser: its subscriptions, the images that are sent, and the requests that are carried out.
+//! The connection of one browser: the images and events that are sent, and the requests that are carried out.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -16,8 +16,9 @@ use tokio::task::spawn_blocking;
 
 use crate::Viewer;
 use crate::feed::PLAYER;
-use crate::protocol::{Event, GraphView, PageRequest, ParameterView, PlayerCall, image_message};
-use crate::watch::{JpegImage, LOOK, Watch};
+use crate::protocol::{Event, GraphView, PageRequest, ParameterView, PlayerCall};
+use crate::streams::Pace;
+use crate::watch::{Audience, LOOK, Watch};
 
 /// Requests of a browser that wait for the services of nodes.
 const REQUESTS: usize = 32;
@@ -26,7 +27,7 @@ const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Serves one browser until it goes.
 pub(crate) async fn serve(viewer: Arc<Viewer>, mut socket: WebSocket) {
-    let client = Arc::new(Client { watch: Watch::new(viewer.session.clone()), viewer });
+    let client = Arc::new(Client { watch: Watch::new(viewer.session.clone(), Audience::Page), viewer });
     let (requests, waiting) = mpsc::channel(REQUESTS);
     let (answers, mut answered) = mpsc::channel(REQUESTS);
     let caller = client.clone();
@@ -42,11 +43,12 @@ pub(crate) async fn serve(viewer: Arc<Viewer>, mut socket: WebSocket) {
                 Some(Ok(_)) => Ok(()),
             },
             Some(event) = answered.recv() => send(&mut socket, &event).await,
-            () = client.watch.news.notified() => Ok(()),
+            () = client.watch.news.notified() => send_all(&mut socket, client.watch.notices()).await,
             _ = look.tick() => {
                 let (kept, seen, errors) = client.watch.look(feed).await;
                 feed = kept;
-                client.report(&mut graph, seen, errors, &mut socket).await
+                let events = client.watch.events(&mut graph, seen);
+                send_all(&mut socket, events.into_iter().chain(errors.into_iter().map(Event::Error))).await
             }
         };
         if sent.is_err() || client.send_images(&graph, &mut socket).await.is_err() {
@@ -58,6 +60,16 @@ pub(crate) async fn serve(viewer: Arc<Viewer>, mut socket: WebSocket) {
 async fn send(socket: &mut WebSocket, event: &Event) -> Result<(), axum::Error> {
     let text = serde_json::to_string(event).expect("strings and numbers are JSON");
     socket.send(Frame::Text(text.into())).await
+}
+
+async fn send_all(
+    socket: &mut WebSocket,
+    events: impl IntoIterator<Item = Event>,
+) -> Result<(), axum::Error> {
+    for event in events {
+        send(socket, &event).await?;
+    }
+    Ok(())
 }
 
 struct Client {
@@ -79,7 +91,13 @@ impl Client {
         };
         match request {
             PageRequest::Watch(topics) => self.watch.inbox().streams.watch(&topics),
-            PageRequest::Drawn(topic) => self.watch.inbox().streams.drawn(&topic),
+            PageRequest::Drawn(topics) => {
+                let mut inbox = self.watch.inbox();
+                topics.iter().for_each(|topic| inbox.streams.drawn(topic));
+            }
+            PageRequest::Together(together) => {
+                self.watch.inbox().pace = if together { Pace::Together } else { Pace::Newest };
+            }
             PageRequest::Pixel { u, v } => {
                 let samples = self.watch.inbox().streams.pixel(u, v);
                 return send(socket, &Event::Pixel { u, v, samples }).await;
@@ -94,42 +112,18 @@ impl Client {
         Ok(())
     }
 
-    /// Sends the graph and the statuses if they have changed.
-    async fn report(
-        &self,
-        graph: &mut GraphView,
-        seen: GraphView,
-        errors: Vec<String>,
-        socket: &mut WebSocket,
-    ) -> Result<(), axum::Error> {
-        if *graph != seen {
-            *graph = seen;
-            send(socket, &Event::Graph(graph.clone())).await?;
-        }
-        let statuses = {
-            let mut inbox = self.watch.inbox();
-            std::mem::take(&mut inbox.statuses_changed).then(|| inbox.statuses.all())
-        };
-        if let Some(statuses) = statuses {
-            send(socket, &Event::Status(statuses)).await?;
-        }
-        for why in errors {
-            send(socket, &Event::Error(why)).await?;
-        }
-        Ok(())
-    }
-
     /// Sends the images that are due.
     async fn send_images(&self, graph: &GraphView, socket: &mut WebSocket) -> Result<(), axum::Error> {
-        while let Some(next) = self.watch.next(graph).await {
-            match next {
-                Ok(JpegImage { image, header, jpeg }) => {
-                    let message = image_message(&header, &jpeg);
-                    self.watch.inbox().streams.sent(&header.topic, image);
-                    socket.send(Frame::Binary(Bytes::from(message))).await?;
-                }
-                Err(why) => send(socket, &Event::Error(why)).await?,
+        while let Some(moment) = self.watch.next(graph).await {
+            let message = moment.message();
+            let is_empty = moment.images.is_empty();
+            for image in moment.images {
+                self.watch.inbox().streams.sent(&image.header.topic, image.image);
             }
+            if !is_empty {
+                socket.send(Frame::Binary(Bytes::from(message))).await?;
+            }
+            send_all(socket, moment.errors.into_iter().map(Event::Error)).await?;
         }
         Ok(())
     }
@@ -149,9 +143,7 @@ impl Client {
         let transport = &self.viewer.session.transport;
         Ok(match request {
             PageRequest::Parameters(node) => {
-                let client = ParameterClient::new(transport, &node);
-                let mut parameters = ParameterView::read(&client, &client.names()?)?;
-                parameters.sort_by(|a, b| a.name.cmp(&b.name));
+                let parameters = ParameterView::read_all(&ParameterClient::new(transport, &node))?;
                 Event::Parameters { node, parameters }
             }
             PageRequest::Set { node, name, value } => {
@@ -159,7 +151,10 @@ impl Client {
                 Event::Set { node, name, error: set.err().map(|why| why.to_string()) }
             }
             PageRequest::Player(call) => self.play(call)?,
-            PageRequest::Watch(_) | PageRequest::Drawn(_) | PageRequest::Pixel { .. } => {
+            PageRequest::Watch(_)
+            | PageRequest::Drawn(_)
+            | PageRequest::Together(_)
+            | PageRequest::Pixel { .. } => {
                 unreachable!("requests without a node are answered at once")
             }
         })

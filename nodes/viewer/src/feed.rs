@@ -9,17 +9,18 @@ use modulo_middleware::transport::{Guard, Payload, RawSample, TransportError};
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_msgs::ros_name;
 use modulo_msgs::vision_msgs::Detection2DArray;
-use modulo_runtime::wire::keys::{Endpoint, EntityKind};
+use modulo_runtime::topic::{Durability, Profile, Reliability};
+use modulo_runtime::wire::keys::{Endpoint, EntityKind, Token};
 use modulo_runtime::{Clock, Message, MessageKind, NodeName};
 
-use crate::protocol::{DetectorView, GraphView, StatusView};
+use crate::protocol::{DetectorView, GraphView, LinkView, StatusView};
 
 /// Name of the player of ROS 2, and of the suite.
 pub(crate) const PLAYER: &str = "/rosbag2_player";
 /// The input that follows the trust of the unwrapper.
 const AUTO: &str = "auto";
 /// The streams that a detector reads by a short name.
-const STREAMS: [&str; 4] = ["modulo", "recovered", "saturated", "ideal"];
+pub(crate) const STREAMS: [&str; 4] = ["modulo", "recovered", "saturated", "ideal"];
 /// Names of statuses that are kept; a publisher may invent more.
 const STATUSES: usize = 256;
 
@@ -112,24 +113,31 @@ impl Heard {
 
 /// The newest status of each name.
 #[derive(Default)]
-pub(crate) struct Statuses(BTreeMap<String, StatusView>);
+pub(crate) struct Statuses {
+    by_name: BTreeMap<String, StatusView>,
+    /// The names of those that have come since they were taken last.
+    fresh: BTreeSet<String>,
+}
 
 impl Statuses {
     /// Takes the statuses of `array`; names beyond the first 256 are left out.
     pub fn note(&mut self, array: &DiagnosticArray) {
         for status in &array.status {
-            if self.0.len() < STATUSES || self.0.contains_key(&status.name) {
-                self.0.insert(status.name.clone(), status.into());
+            if self.by_name.len() < STATUSES || self.by_name.contains_key(&status.name) {
+                self.by_name.insert(status.name.clone(), status.into());
+                self.fresh.insert(status.name.clone());
             }
         }
     }
 
     pub fn get(&self, name: &str) -> Option<&StatusView> {
-        self.0.get(name)
+        self.by_name.get(name)
     }
 
-    pub fn all(&self) -> Vec<StatusView> {
-        self.0.values().cloned().collect()
+    /// Returns those that have come since the last call.
+    pub fn take_fresh(&mut self) -> Vec<StatusView> {
+        let fresh = std::mem::take(&mut self.fresh);
+        fresh.iter().filter_map(|name| self.by_name.get(name).cloned()).collect()
     }
 }
 
@@ -152,18 +160,49 @@ impl GraphView {
             DetectorView { inputs, offers: offers(&node, &images), node, topic }
         });
         // Labels are published with the type of boxes as well, by a node that reads no image.
-        let detectors = detectors.filter(|detector| !detector.inputs.is_empty()).collect();
-        let states = published(MessageKind::Diagnostics).filter(|(node, topic)| *topic == state_topic(node));
+        let (detectors, labels): (Vec<_>, Vec<_>) =
+            detectors.partition(|detector| !detector.inputs.is_empty());
+        let statuses: BTreeSet<String> =
+            published(MessageKind::Diagnostics).map(|(_, topic)| topic).collect();
         let mut nodes = graph.nodes_with_parameters();
         nodes.remove(own);
         Self {
             detectors,
-            states: states.map(|(_, topic)| topic).collect(),
+            truths: labels.into_iter().map(|labels| labels.topic).collect(),
+            links: links(graph, own),
+            statuses: statuses.into_iter().collect(),
             player: nodes.contains(PLAYER),
             nodes: nodes.into_iter().collect(),
             images,
         }
     }
+}
+
+/// Returns the ways that images and boxes take between nodes other than `own`.
+fn links(graph: &Graph, own: &str) -> Vec<LinkView> {
+    let carried = [MessageKind::Image, MessageKind::CompressedImage, MessageKind::Detections];
+    let carries =
+        |endpoint: &Endpoint| carried.iter().any(|kind| ros_name(&endpoint.dds_type) == kind.type_name());
+    let readers = graph.tokens().filter(|token| token.kind == EntityKind::Subscription);
+    let readers = readers.filter_map(|token| Some((token.node_name(), token.endpoint.as_ref()?)));
+    let readers = readers.filter(|(node, endpoint)| node != own && carries(endpoint));
+    let links: BTreeSet<LinkView> = readers
+        .flat_map(|(to, read)| {
+            graph.endpoints(EntityKind::Publisher, &read.topic).map(move |token: &Token| {
+                let qos = token.endpoint.as_ref().map_or("", |endpoint| &endpoint.qos);
+                let (from, to, topic) = (token.node_name(), to.clone(), read.topic.clone());
+                LinkView { from, to, topic, qos: qos_text(Profile::parse(qos)) }
+            })
+        })
+        .collect();
+    links.into_iter().collect()
+}
+
+fn qos_text(Profile { reliability, durability, depth }: Profile) -> String {
+    let reliability = if reliability == Reliability::Reliable { "reliable" } else { "best effort" };
+    let durability = if durability == Durability::TransientLocal { ", transient local" } else { "" };
+    let depth = if depth == usize::MAX { "all".to_owned() } else { depth.to_string() };
+    format!("{reliability}{durability}, keep {depth}")
 }
 
 /// Returns the topic of the values that `node` uses.

@@ -22,7 +22,7 @@ use tokio::task::spawn_blocking;
 
 use crate::feed::Session;
 use crate::protocol::{BoxView, GraphView};
-use crate::watch::{JpegImage, LOOK, Watch};
+use crate::watch::{Audience, JpegImage, LOOK, Watch};
 
 /// Messages that wait for a client; the oldest one is dropped when there are more.
 const BACKLOG: usize = 32;
@@ -74,7 +74,7 @@ impl FoxgloveServer {
 
     /// Sends what clients have subscribed to, without an end.
     pub async fn serve(self) {
-        let watch = Watch::new(self.session);
+        let watch = Watch::new(self.session, Audience::Foxglove);
         let (mut feed, mut graph) = (watch.feed(), GraphView::default());
         let (mut channels, mut look) = (StreamChannels::default(), tokio::time::interval(LOOK));
         loop {
@@ -89,14 +89,12 @@ impl FoxgloveServer {
                 }
             }
             while let Some(next) = watch.next(&graph).await {
-                match next {
-                    Ok(next) => {
-                        // A client does not tell when it has drawn an image; its backlog is bounded.
-                        watch.inbox().streams.drawn(&next.header.topic);
-                        channels.send(next);
-                    }
-                    Err(why) => tracing::warn!("{why}"),
+                for image in next.images {
+                    // A client does not tell when it has drawn an image; its backlog is bounded.
+                    watch.inbox().streams.drawn(&image.header.topic);
+                    channels.send(image);
                 }
+                next.errors.iter().for_each(|why| tracing::warn!("{why}"));
             }
         }
     }

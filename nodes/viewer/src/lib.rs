@@ -2,27 +2,32 @@
 //! set the real parameters.
 //!
 //! ```text
-//! topics -> Streams (newest few images, boxes by stamp) -> one WebSocket for each browser -> page
+//! topics -> Streams (newest few images, boxes by stamp) -> moments -> one WebSocket for each browser -> page
 //! page -> PageRequest -> parameter and player services
+//! topics -> Streams -> moments -> Recording -> a page as one file
 //! topics -> Streams -> channels of the Foxglove protocol -> Foxglove, Lichtblick
 //! ```
 //!
 //! The viewer is a reader as any other: nodes never wait for it, it keeps at most [`streams::KEPT_BYTES`] of images for each
-//! topic and browser, and sends the next image of a topic only when the browser has drawn the last one. A token, which is part of
+//! topic and browser, and sends the next images only when the browser has drawn the last ones. A token, which is part of
 //! the printed address, is needed for everything but the empty page.
 
 mod client;
 mod feed;
 #[cfg(feature = "foxglove")]
 mod foxglove;
+mod page;
 pub mod protocol;
+mod record;
+mod shown;
 pub mod streams;
 pub mod top;
 mod watch;
 
 use std::io;
 use std::net::{SocketAddr, TcpListener};
-use std::sync::Arc;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use axum::Router;
 use axum::extract::ws::WebSocketUpgrade;
@@ -39,6 +44,8 @@ use rand::rngs::{SysError, SysRng};
 use tokio::sync::{Notify, Semaphore};
 
 use crate::feed::Session;
+use crate::page::PageFile;
+use crate::record::Recording;
 
 /// Name of the node in the graph.
 const NODE: &str = "viewer";
@@ -52,6 +59,8 @@ pub struct ViewOptions {
     pub token: Option<String>,
     /// The port for Foxglove, on the same address, if it is served; port 0 takes a free one.
     pub foxglove: Option<u16>,
+    /// The file that gets a page with the last minute at the end.
+    pub record: Option<PathBuf>,
 }
 
 /// The addresses of a viewer that is ready.
@@ -80,6 +89,14 @@ pub enum ViewError {
     /// The operating system gives no random numbers for the token.
     #[error("no random numbers for the token: {0}; give one with --token")]
     Random(SysError),
+    /// The recording cannot be written.
+    #[error("{}: {why}; the recording is lost", file.display())]
+    Record {
+        /// The file.
+        file: PathBuf,
+        /// The reason.
+        why: io::Error,
+    },
     /// The server failed.
     #[error("web server: {0}")]
     Serve(#[from] io::Error),
@@ -112,6 +129,7 @@ pub fn run(
     let _announced = transport.announce(&node_name)?;
     let session = Arc::new(Session { transport, node_name, clock });
     // Two threads: zenoh may not be called from a runtime of one.
+    let recording = Arc::new(Mutex::new(Recording::default()));
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()?;
     runtime.block_on(async {
         if let Some(port) = options.foxglove {
@@ -119,11 +137,18 @@ pub fn run(
             let port = serve_foxglove(session.clone(), address, token.clone()).await?;
             addresses.foxglove = Some(format!("ws://{}", SocketAddr::new(address.ip(), port)));
         }
+        if options.record.is_some() {
+            tokio::spawn(record::record(session.clone(), recording.clone()));
+        }
         ready(&addresses);
         serve(Viewer::new(session, token), listener, stop).await
     })?;
     // A call that still waits for its node must not hold up the end.
     runtime.shutdown_background();
+    if let Some(file) = &options.record {
+        let page = recording.lock().unwrap_or_else(PoisonError::into_inner).page();
+        std::fs::write(file, page).map_err(|why| ViewError::Record { file: file.clone(), why })?;
+    }
     Ok(())
 }
 
@@ -174,12 +199,13 @@ impl Viewer {
 pub(crate) async fn serve(viewer: Arc<Viewer>, listener: TcpListener, stop: &Stop) -> Result<(), ViewError> {
     listener.set_nonblocking(true)?;
     let listener = tokio::net::TcpListener::from_std(listener)?;
-    let routes = Router::new()
-        .route("/", get(|| file("text/html; charset=utf-8", include_str!("page/index.html"))))
-        .route("/viewer.js", get(|| file("text/javascript; charset=utf-8", include_str!("page/viewer.js"))))
-        .route("/viewer.css", get(|| file("text/css; charset=utf-8", include_str!("page/viewer.css"))))
+    let mut routes = Router::new()
+        .route("/", get(|| file("text/html; charset=utf-8", page::DOCUMENT)))
         .route("/socket", get(socket))
         .with_state(viewer);
+    for &PageFile { path, kind, text } in page::FILES {
+        routes = routes.route(path, get(move || file(kind, text)));
+    }
     let end = Arc::new(End(Notify::new()));
     stop.wakes(&end);
     tokio::select! {

@@ -1,5 +1,7 @@
-//! The messages between the page and the viewer: JSON texts both ways, and images as binary messages of a JSON [`ImageHeader`]
-//! behind its length (`u32`, little endian), followed by a JPEG file.
+//! The messages between the page and the viewer: JSON texts both ways, and images as binary messages of a JSON [`MomentHeader`]
+//! behind its length (`u32`, little endian), followed by a JPEG file for each image.
+
+use std::collections::BTreeMap;
 
 use modulo_middleware::parameter::client::{ClientError, ParameterClient};
 use modulo_msgs::diagnostic_msgs::DiagnosticStatus;
@@ -14,8 +16,10 @@ use serde::{Deserialize, Serialize};
 pub enum PageRequest {
     /// Show exactly these image topics.
     Watch(Vec<String>),
-    /// The last image of this topic has been drawn: the next one may come.
-    Drawn(String),
+    /// The last images of these topics have been drawn: the next ones may come.
+    Drawn(Vec<String>),
+    /// Show the images of one stamp together (true), or the newest one of each topic.
+    Together(bool),
     /// Send the samples of the shown images at column `u` and row `v`.
     Pixel {
         /// Column from 0.
@@ -60,8 +64,10 @@ pub enum PlayerCall {
 pub enum Event {
     /// The graph, at the start and when it has changed.
     Graph(GraphView),
-    /// The newest status of each name on `/diagnostics` and `/sensor_info`.
+    /// The newest status of each name on which one has come since the last message.
     Status(Vec<StatusView>),
+    /// What nodes have told of frames since the last message.
+    Notices(Vec<Notice>),
     /// The parameters of a node.
     Parameters {
         /// Fully qualified name of the node.
@@ -105,11 +111,15 @@ pub struct GraphView {
     pub images: Vec<String>,
     /// The detectors.
     pub detectors: Vec<DetectorView>,
+    /// Topics of labels: boxes of a node that reads no image.
+    pub truths: Vec<String>,
     /// All nodes with parameters.
     pub nodes: Vec<String>,
-    /// The topics `~/state` of all nodes.
+    /// The ways that images and boxes take.
+    pub links: Vec<LinkView>,
+    /// The topics of statuses.
     #[serde(skip)]
-    pub states: Vec<String>,
+    pub statuses: Vec<String>,
     /// Whether a bag is being replayed.
     pub player: bool,
 }
@@ -125,6 +135,50 @@ pub struct DetectorView {
     pub inputs: Vec<String>,
     /// The values of its parameter `input` for which there is an image topic now, and `auto`.
     pub offers: Vec<String>,
+}
+
+/// A topic from one node to another one.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+pub struct LinkView {
+    /// Fully qualified name of the node that publishes.
+    pub from: String,
+    /// Fully qualified name of the node that reads.
+    pub to: String,
+    /// The topic.
+    pub topic: String,
+    /// The quality of service of the publisher, such as `best effort, keep 5`.
+    pub qos: String,
+}
+
+/// What a node has told of one frame.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Notice {
+    /// When it arrived here, ms since the epoch.
+    pub at_ms: f64,
+    /// Stamp of the frame, seconds and nanoseconds.
+    pub stamp: (i32, u32),
+    /// Fully qualified name of the node.
+    pub node: String,
+    /// What has become of the frame.
+    pub step: Step,
+}
+
+/// A step of a frame through the suite.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Step {
+    /// The camera has described it, which it does right before it sends the images.
+    Sensed,
+    /// It was unwrapped.
+    Unwrapped {
+        /// Whether the result is trusted, where the method makes a claim.
+        trusted: Option<bool>,
+    },
+    /// Objects were looked for.
+    Detected {
+        /// The number of boxes of each class.
+        classes: BTreeMap<String, usize>,
+    },
 }
 
 /// One status of `diagnostic_msgs/DiagnosticArray`.
@@ -168,8 +222,10 @@ pub struct ParameterView {
     pub r#type: &'static str,
     /// The value.
     pub value: String,
-    /// One sentence.
+    /// A few sentences.
     pub description: String,
+    /// The default, if the description ends with it, as that of this suite does: `(default 0.25)`.
+    pub default: Option<String>,
     /// Whether it can never be set.
     pub read_only: bool,
     /// Smallest and largest value of a number.
@@ -188,17 +244,30 @@ impl ParameterView {
         Ok(descriptors.iter().zip(&values).map(|(descriptor, value)| Self::new(descriptor, value)).collect())
     }
 
+    /// Asks a node for all its parameters, in the order of their names.
+    ///
+    /// # Errors
+    /// [`ClientError`] when the node does not answer.
+    pub fn read_all(client: &ParameterClient<'_>) -> Result<Vec<Self>, ClientError> {
+        let mut parameters = Self::read(client, &client.names()?)?;
+        parameters.sort_by(|a, b| a.name.cmp(&b.name));
+        Ok(parameters)
+    }
+
     /// Returns the view of the parameter of `descriptor` with `value`.
     pub fn new(descriptor: &ParameterDescriptor, value: &ParameterValue) -> Self {
         let doubles = descriptor.floating_point_range.first().map(|range| (range.from_value, range.to_value));
         let integers =
             descriptor.integer_range.first().map(|range| (range.from_value as f64, range.to_value as f64));
         let words = descriptor.additional_constraints.strip_prefix("one of ");
+        let told = descriptor.description.strip_suffix(')');
+        let (description, default) = told.and_then(|text| text.rsplit_once(" (default ")).unzip();
         Self {
             name: descriptor.name.clone(),
             r#type: type_name(descriptor.r#type),
             value: bare(value),
-            description: descriptor.description.clone(),
+            description: description.unwrap_or(&descriptor.description).to_owned(),
+            default: default.map(str::to_owned),
             read_only: descriptor.read_only,
             range: doubles.or(integers),
             words: words.map_or_else(Vec::new, |words| words.split(", ").map(str::to_owned).collect()),
@@ -217,7 +286,18 @@ pub struct PixelView {
     pub samples: Vec<f32>,
 }
 
-/// The header of a binary message, in front of the JPEG file of an image.
+/// The header of a binary message, in front of the JPEG files of its images.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MomentHeader {
+    /// When the message was made, ms since the epoch.
+    pub at_ms: f64,
+    /// Whether these are all images of this moment, of one stamp, or single ones of topics that are shown as they come.
+    pub together: bool,
+    /// The images, in the order of their files.
+    pub images: Vec<ImageHeader>,
+}
+
+/// What the page knows of an image.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ImageHeader {
     /// Topic of the image.
@@ -228,10 +308,18 @@ pub struct ImageHeader {
     pub width: usize,
     /// Height in pixels.
     pub height: usize,
-    /// The code that is shown as white, for an image of more than 8 bits.
+    /// Length of its JPEG file in bytes.
+    pub bytes: usize,
+    /// The sample that has the code 255 in the file, for an image of more than 8 bits.
     pub white: Option<f32>,
+    /// The radiance of the code 255, in peaks of the sensor, of a file with sRGB's codes of radiance; `None` for any other image.
+    pub peaks: Option<f64>,
+    /// The share of the samples in each half stop of radiance from 8 stops below the peak on; empty for any other image.
+    pub stops: Vec<f32>,
     /// The boxes of this very image, by the topic of the detector.
     pub boxes: Vec<(String, Vec<BoxView>)>,
+    /// The labels of its frame.
+    pub truth: Vec<BoxView>,
 }
 
 /// A box in pixels of the image.
@@ -258,9 +346,11 @@ impl BoxView {
     }
 }
 
-/// Returns the binary message of an image.
-pub fn image_message(header: &ImageHeader, jpeg: &[u8]) -> Vec<u8> {
+/// Returns the binary message of a moment with the `files` of its images.
+pub fn moment_message<'a>(header: &MomentHeader, files: impl Iterator<Item = &'a [u8]>) -> Vec<u8> {
     let header = serde_json::to_vec(header).expect("strings and finite numbers are JSON");
     let length = u32::try_from(header.len()).expect("a header is short");
-    [&length.to_le_bytes()[..], &header, jpeg].concat()
+    let mut message = [&length.to_le_bytes()[..], &header].concat();
+    files.for_each(|file| message.extend_from_slice(file));
+    message
 }

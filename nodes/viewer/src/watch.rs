@@ -1,25 +1,42 @@
-//! [`Watch`]: the newest messages of the topics that one client is shown, and its next image as a JPEG file.
+//! [`Watch`]: the newest messages of the topics that one client is shown, its next images as JPEG files, and what has changed.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use modulo_core::Samples;
 use modulo_images::FileFormat;
-use modulo_runtime::{Message, MessageKind, StampedFrame};
+use modulo_msgs::diagnostic_msgs::DiagnosticArray;
+use modulo_msgs::std_msgs::Time;
+use modulo_msgs::vision_msgs::Detection2DArray;
+use modulo_runtime::sensor_info::{self, SensorHistory};
+use modulo_runtime::topic::RECOVERY_TOPIC;
+use modulo_runtime::{Message, MessageKind, StampedFrame, StreamScale};
 use tokio::sync::Notify;
 use tokio::task::spawn_blocking;
 
 use crate::feed::{Feed, Heard, MessageOrigin, Session, Statuses, state_topic};
-use crate::protocol::{BoxView, GraphView, ImageHeader};
-use crate::streams::{NextImage, Streams};
+use crate::protocol::{BoxView, Event, GraphView, ImageHeader, MomentHeader, Notice, Step, moment_message};
+use crate::shown::ShownImage;
+use crate::streams::{NextImage, Pace, Streams, namespace};
 
 /// Interval at which the graph and the statuses are looked at.
 pub(crate) const LOOK: Duration = Duration::from_millis(500);
+/// Notices that wait for a client: those of 2 s of 8 cameras at 30 Hz, each with two nodes behind it.
+const NOTICES: usize = 1440;
+
+/// Who is shown the images.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Audience {
+    /// A page, which chooses the exposure itself, and is told what becomes of each frame.
+    Page,
+    /// Foxglove, which shows images as they are.
+    Foxglove,
+}
 
 /// The messages that wait for one client; the callbacks of the transport fill it.
 pub(crate) struct Watch {
     session: Arc<Session>,
+    audience: Audience,
     inbox: Mutex<Inbox>,
     /// Told of each message.
     pub news: Notify,
@@ -29,8 +46,12 @@ pub(crate) struct Watch {
 #[derive(Default)]
 pub(crate) struct Inbox {
     pub streams: Streams,
+    pub pace: Pace,
     pub statuses: Statuses,
-    pub statuses_changed: bool,
+    notices: VecDeque<Notice>,
+    lost_notices: usize,
+    /// The sensors of the cameras, by their namespace.
+    sensors: BTreeMap<String, SensorHistory>,
 }
 
 /// An image that can be sent now.
@@ -40,9 +61,28 @@ pub(crate) struct JpegImage {
     pub jpeg: Vec<u8>,
 }
 
+/// The images that can be sent now, and why others of them cannot be shown.
+pub(crate) struct Moment {
+    pub at_ms: f64,
+    pub together: bool,
+    pub images: Vec<JpegImage>,
+    pub errors: Vec<String>,
+}
+
+impl Moment {
+    /// Returns the binary message for the page.
+    pub fn message(&self) -> Vec<u8> {
+        let images = self.images.iter().map(|image| image.header.clone()).collect();
+        let header = MomentHeader { at_ms: self.at_ms, together: self.together, images };
+        moment_message(&header, self.images.iter().map(|image| &*image.jpeg))
+    }
+}
+
 impl Watch {
-    pub fn new(session: Arc<Session>) -> Arc<Self> {
-        Arc::new(Self { session, inbox: Mutex::default(), news: Notify::new() })
+    pub fn new(session: Arc<Session>, audience: Audience) -> Arc<Self> {
+        let pace = if audience == Audience::Page { Pace::Together } else { Pace::Newest };
+        let inbox = Inbox { pace, ..Inbox::default() };
+        Arc::new(Self { session, audience, inbox: Mutex::new(inbox), news: Notify::new() })
     }
 
     pub fn inbox(&self) -> MutexGuard<'_, Inbox> {
@@ -53,7 +93,7 @@ impl Watch {
         let watch = Arc::downgrade(self);
         Feed::new(self.session.clone(), move |origin, heard| {
             let Some(watch) = watch.upgrade() else { return };
-            watch.inbox().hear(origin, heard, watch.session.clock.ticks_ns());
+            watch.inbox().hear(origin, heard, &watch);
             watch.news.notify_one();
         })
     }
@@ -61,12 +101,15 @@ impl Watch {
     /// Looks at the graph, and subscribes `feed` to what the client is shown. Returns the feed, the graph and what failed.
     pub async fn look(&self, mut feed: Feed) -> (Feed, GraphView, Vec<String>) {
         let watched: BTreeSet<String> = self.inbox().streams.watched().cloned().collect();
+        let all = self.audience == Audience::Page;
         let wanted = move |graph: &GraphView| {
             let reads = |input| watched.contains(input);
-            let detectors = graph.detectors.iter().filter(|detector| detector.inputs.iter().any(reads));
+            let detectors = graph.detectors.iter().filter(|d| all || d.inputs.iter().any(reads));
             let topics = detectors.flat_map(|detector| [detector.topic.clone(), state_topic(&detector.node)]);
-            let statuses = ["/diagnostics", "/sensor_info"].map(str::to_owned);
-            topics.chain(statuses).chain(watched.iter().cloned()).collect()
+            let labels = graph.truths.iter().filter(|_| all).cloned();
+            let is_needed = |topic: &&String| all || sensor_info::is_topic(topic);
+            let statuses = graph.statuses.iter().filter(is_needed).cloned();
+            topics.chain(labels).chain(statuses).chain(watched.iter().cloned()).collect()
         };
         let looked = spawn_blocking(move || {
             let (graph, errors) = feed.look(wanted);
@@ -75,62 +118,147 @@ impl Watch {
         looked.await.expect("a look at the graph does not panic")
     }
 
-    /// Returns the next image that is due, or why it cannot be shown.
-    pub async fn next(&self, graph: &GraphView) -> Option<Result<JpegImage, String>> {
+    /// Returns what is new for the page: the graph if it is no longer `known`, the statuses and the notices.
+    pub fn events(&self, known: &mut GraphView, seen: GraphView) -> Vec<Event> {
+        let mut events = Vec::new();
+        if *known != seen {
+            known.clone_from(&seen);
+            events.push(Event::Graph(seen));
+        }
+        let fresh = self.inbox().statuses.take_fresh();
+        if !fresh.is_empty() {
+            events.push(Event::Status(fresh));
+        }
+        events.extend(self.notices());
+        events
+    }
+
+    /// Returns what nodes have told of frames since the last call.
+    pub fn notices(&self) -> Vec<Event> {
+        let mut inbox = self.inbox();
+        let lost = std::mem::take(&mut inbox.lost_notices);
+        let lost = (lost > 0).then(|| Event::Error(format!("{lost} notices of frames found no room")));
+        let notices: Vec<Notice> = inbox.notices.drain(..).collect();
+        let notices = (!notices.is_empty()).then_some(Event::Notices(notices));
+        notices.into_iter().chain(lost).collect()
+    }
+
+    /// Returns the next images that are due; `None` if there are none.
+    pub async fn next(&self, graph: &GraphView) -> Option<Moment> {
         let now = self.session.clock.ticks_ns();
-        let next = self.inbox().streams.next(graph, now)?;
-        let topic = next.topic.clone();
-        let encoded = spawn_blocking(move || encode(&next)).await.expect("encoding does not panic");
-        Some(encoded.map_err(|why| {
-            self.inbox().streams.drawn(&topic);
-            format!("{topic}: {why}")
-        }))
+        let (next, pace) = {
+            let mut inbox = self.inbox();
+            let pace = inbox.pace;
+            let next = inbox.streams.next(graph, pace, now);
+            let with_scale = |image| (inbox.scale_of(&image), image);
+            (next.into_iter().map(with_scale).collect::<Vec<_>>(), pace)
+        };
+        if next.is_empty() {
+            return None;
+        }
+        let audience = self.audience;
+        let encode_all = move || -> Vec<_> {
+            next.iter().map(|(scale, image)| (image.topic.clone(), encode(image, *scale, audience))).collect()
+        };
+        let encoded = spawn_blocking(encode_all).await.expect("encoding does not panic");
+        let (mut images, mut errors) = (Vec::new(), Vec::new());
+        for (topic, encoded) in encoded {
+            match encoded {
+                Ok(image) => images.push(image),
+                Err(why) => {
+                    self.inbox().streams.drawn(&topic);
+                    errors.push(format!("{topic}: {why}"));
+                }
+            }
+        }
+        let at_ms = self.session.clock.now_ns() as f64 / 1e6;
+        Some(Moment { at_ms, together: pace == Pace::Together, images, errors })
     }
 }
 
 impl Inbox {
-    fn hear(&mut self, origin: &MessageOrigin, heard: Heard, now_ns: u64) {
+    fn hear(&mut self, origin: &MessageOrigin, heard: Heard, watch: &Watch) {
+        let now_ns = watch.session.clock.ticks_ns();
         match heard {
             Heard::Image(payload) => self.streams.image(&origin.topic, payload, now_ns),
-            Heard::Boxes(boxes) => self.streams.boxes(origin, boxes, now_ns),
-            Heard::Statuses(array) if origin.topic == state_topic(&origin.node) => {
-                self.streams.state(&origin.node, &array);
+            Heard::Boxes(boxes) => {
+                self.note(watch, origin, boxes.header.stamp, Step::Detected { classes: classes(&boxes) });
+                self.streams.boxes(origin, boxes, now_ns);
             }
-            Heard::Statuses(array) => {
-                self.statuses.note(&array);
-                self.statuses_changed = true;
-            }
+            Heard::Statuses(array) => self.hear_statuses(origin, &array, watch),
         }
+    }
+
+    fn hear_statuses(&mut self, origin: &MessageOrigin, array: &DiagnosticArray, watch: &Watch) {
+        if origin.topic == state_topic(&origin.node) {
+            return self.streams.state(&origin.node, array);
+        }
+        let step = if sensor_info::is_topic(&origin.topic) {
+            // A description that cannot be read is counted by its readers in the suite.
+            let _ = self.sensors.entry(namespace(&origin.topic).to_owned()).or_default().note(array);
+            Some(Step::Sensed)
+        } else if origin.topic.rsplit('/').next() == Some(RECOVERY_TOPIC) {
+            let trusted = array.status.iter().flat_map(|status| &status.values);
+            let trusted = trusted.filter(|value| value.key == "trusted").map(|value| value.value == "true");
+            Some(Step::Unwrapped { trusted: { trusted }.next() })
+        } else {
+            None
+        };
+        if let Some(step) = step {
+            self.note(watch, origin, array.header.stamp, step);
+        }
+        self.statuses.note(array);
+    }
+
+    /// Keeps a notice for a page; the oldest one is left out when too many wait.
+    fn note(&mut self, watch: &Watch, origin: &MessageOrigin, stamp: Time, step: Step) {
+        if watch.audience != Audience::Page {
+            return;
+        }
+        if self.notices.len() == NOTICES {
+            self.notices.pop_front();
+            self.lost_notices += 1;
+        }
+        let at_ms = watch.session.clock.now_ns() as f64 / 1e6;
+        let (stamp, node) = ((stamp.sec, stamp.nanosec), origin.node.clone());
+        self.notices.push_back(Notice { at_ms, stamp, node, step });
+    }
+
+    /// Returns how the samples of an image stand for radiance, if its camera has described its sensor.
+    fn scale_of(&self, image: &NextImage) -> Option<StreamScale> {
+        let sensor = self.sensors.get(namespace(&image.topic))?.latest()?;
+        StreamScale::of(&image.topic, sensor)
     }
 }
 
-fn encode(next: &NextImage) -> Result<JpegImage, String> {
+fn classes(boxes: &Detection2DArray) -> BTreeMap<String, usize> {
+    let mut classes = BTreeMap::new();
+    for found in BoxView::of(boxes) {
+        *classes.entry(found.class).or_default() += 1;
+    }
+    classes
+}
+
+fn encode(next: &NextImage, scale: Option<StreamScale>, audience: Audience) -> Result<JpegImage, String> {
     let Message::Image(image) =
         Message::decode(MessageKind::Image, &next.payload).map_err(|why| why.to_string())?
     else {
         return Err("is no image".to_owned());
     };
-    let (shown, white) = eight_bits(&image.frame);
-    let jpeg = modulo_images::encode(&shown, FileFormat::Jpeg).map_err(|why| why.to_string())?;
+    let shown = ShownImage::of(&image.frame, scale, audience);
+    let jpeg = modulo_images::encode(&shown.frame, FileFormat::Jpeg).map_err(|why| why.to_string())?;
     let boxes = next.boxes.iter().map(|(detector, boxes)| (detector.clone(), BoxView::of(boxes)));
     let header = ImageHeader {
         topic: next.topic.clone(),
         stamp: (image.header.stamp.sec, image.header.stamp.nanosec),
         width: image.frame.width(),
         height: image.frame.height(),
-        white,
+        bytes: jpeg.len(),
+        white: shown.white,
+        peaks: shown.peaks,
+        stops: shown.stops,
         boxes: boxes.collect(),
+        truth: next.truth.iter().flat_map(|(_, labels)| BoxView::of(labels)).collect(),
     };
     Ok(JpegImage { image, header, jpeg })
-}
-
-/// Returns the image with 8 bits, and the value that became white if it had more. Values in between keep their ratio.
-fn eight_bits(frame: &modulo_core::Frame) -> (modulo_core::Frame, Option<f32>) {
-    if let Samples::U8(_) = frame.samples() {
-        return (frame.clone(), None);
-    }
-    let values = frame.to_f32();
-    let white = values.iter().copied().fold(1.0, f32::max);
-    let scaled = values.mapv(|value| (255.0 * value / white).round() as u8);
-    (modulo_core::Frame::from_u8(scaled).expect("the shape is that of a frame"), Some(white))
 }

@@ -109,6 +109,7 @@ mod tests {
             r#type: "string",
             value: value.into(),
             description: String::new(),
+            default: None,
             read_only: false,
             range: Some((0.0, 8.0)),
             words: ["auto", "tree"].map(str::to_owned).into(),

@@ -20,7 +20,7 @@ use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_runtime::name::is_hidden_node;
 use modulo_runtime::{Clock, NodeName};
 
-use crate::feed::{Feed, Heard, Session, Statuses};
+use crate::feed::{Feed, Heard, Session, Statuses, state_topic};
 use crate::protocol::GraphView;
 use change::Change;
 
@@ -95,7 +95,8 @@ impl Top {
     /// Looks for nodes that have come or gone.
     fn look(&mut self) {
         let wanted = |graph: &GraphView| {
-            graph.states.iter().cloned().chain([DIAGNOSTICS.to_owned()]).collect::<BTreeSet<_>>()
+            let states = graph.nodes.iter().map(|node| state_topic(node));
+            states.chain([DIAGNOSTICS.to_owned()]).collect::<BTreeSet<_>>()
         };
         // A subscription that fails is tried again at the next look.
         (self.graph, _) = self.feed.look(wanted);
@@ -285,6 +286,6 @@ mod tests {
         for number in 0..1000 {
             nodes.note(&array(&format!("node{number}"), &[("age_ms", "1")]));
         }
-        assert_eq!((nodes.ages.len(), nodes.statuses.all().len()), (256, 256));
+        assert_eq!((nodes.ages.len(), nodes.statuses.take_fresh().len()), (256, 256));
     }
 }

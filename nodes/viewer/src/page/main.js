@@ -1,0 +1,254 @@
+// The page: messages change the one state, and all parts of the page are drawn from it. A control changes the choices of the user or
+// asks for a change of the suite, and shows what the node has answered.
+
+import { byId, write } from "./dom.js";
+import { Display } from "./display.js";
+import { Graph } from "./graph.js";
+import { listenToKeys } from "./keys.js";
+import { Parameters } from "./parameters.js";
+import { Quick, Replay } from "./replay.js";
+import { openSocket, playRecording, recordingText } from "./source.js";
+import { Stage } from "./stage.js";
+import { find, hear, hearImages, momentOf, namespaceOf, newState, noticeOf, now } from "./state.js";
+import { Timeline, nearest } from "./timeline.js";
+
+const TICK_MS = 500;
+const PLAYER_MS = 2000;
+const recording = recordingText();
+const state = newState(recording !== null);
+
+// ---- drawing ----
+
+let isDue = false;
+
+function redraw() {
+  if (isDue) return;
+  isDue = true;
+  requestAnimationFrame(() => {
+    isDue = false;
+    views.forEach((view) => view.draw(state));
+  });
+}
+
+const header = {
+  draw() {
+    write(byId("link"), state.link.text);
+    byId("link").className = state.link.level;
+    write(byId("live"), state.stopped ? "Go on" : "Live");
+    byId("live").setAttribute("aria-pressed", String(!state.stopped));
+    const notice = noticeOf(state);
+    write(byId("notice"), notice);
+    byId("notice").hidden = !notice;
+  },
+};
+
+// ---- requests ----
+
+let ask = () => {};
+let watched = "";
+let known = new Set(); // the nodes whose parameters were asked for
+let pixelAsked = false;
+let pointed = null; // where the pointer was last on an image
+
+// The confidence of each camera that is shown is needed for its overlay.
+function watch() {
+  const { topics, confidence } = state.choice;
+  const overlays = (topics ?? [])
+    .map((topic) => `${namespaceOf(topic)}/confidence`)
+    .filter((topic) => confidence && state.graph.images.includes(topic));
+  const all = [...new Set([...(topics ?? []), ...overlays])];
+  if (all.join() === watched) return;
+  watched = all.join();
+  ask({ watch: all });
+}
+
+// The pixel under the pointer, again with each new frame.
+function askPixel() {
+  const image = state.shown?.moment.images.get(pointed?.topic);
+  if (!image || pixelAsked) return;
+  pixelAsked = true;
+  const at = (share, size) => Math.min(size - 1, Math.max(0, Math.floor(share * size)));
+  ask({ pixel: { u: at(pointed.share[0], image.width), v: at(pointed.share[1], image.height) } });
+}
+
+// ---- images ----
+
+let decoding = Promise.resolve();
+
+// Decodes all images of a moment before any of them is drawn, so that the page shows one moment at a time. Images that are drawn
+// already are not decoded again.
+async function show(moment) {
+  const known = state.shown?.bitmaps ?? new Map();
+  const bitmaps = new Map();
+  for (const image of moment.images.values()) {
+    try {
+      bitmaps.set(image, known.get(image) ?? (await createImageBitmap(image.file)));
+    } catch (why) {
+      state.error = `${image.topic}: the browser cannot show the image: ${why.message}`;
+    }
+  }
+  state.shown = { moment, bitmaps };
+  for (const [image, bitmap] of known) if (!bitmaps.has(image)) bitmap.close();
+}
+
+function queue(moment, done) {
+  decoding = decoding
+    .then(() => show(moment))
+    .then(() => {
+      redraw();
+      askPixel();
+      if (done) requestAnimationFrame(done);
+    });
+}
+
+// While the page is stopped it takes no more images: the viewer makes none, and the kept ones stay.
+let held = null;
+
+function takeImages(header, files) {
+  const moment = hearImages(state, header, files);
+  const drawn = () => ask({ drawn: header.images.map(({ topic }) => topic) });
+  if (state.recorded) return;
+  if (!moment) drawn();
+  else if (state.stopped) held = drawn;
+  else
+    queue(moment, () => {
+      if (state.stopped) held = drawn;
+      else drawn();
+    });
+}
+
+const actions = {
+  choose(change) {
+    Object.assign(state.choice, change);
+    if ("together" in change) {
+      state.newest.clear();
+      ask({ together: state.choice.together });
+    }
+    watch();
+    redraw();
+  },
+  turn(topic) {
+    const shown = state.choice.topics ?? [];
+    actions.choose({ topics: shown.includes(topic) ? shown.filter((other) => other !== topic) : [...shown, topic] });
+  },
+  select: (topic) => actions.choose(state.choice.layout === "grid" ? { selected: topic } : { selected: topic, left: topic }),
+  open: (topic) => actions.choose({ layout: state.choice.layout === "one" ? "grid" : "one", left: topic, selected: topic }),
+  wipe: (share) => actions.choose({ wipe: Math.round(100 * Math.min(1, Math.max(0, share))) }),
+  point(topic, share) {
+    pointed = { topic, share };
+    askPixel();
+  },
+  hover(at) {
+    state.hover = at;
+    redraw();
+  },
+  stop(stopped) {
+    if (state.recorded) return;
+    state.stopped = stopped;
+    if (!stopped) {
+      held?.();
+      held = null;
+      if (state.moments.length) queue(state.moments.at(-1));
+    }
+    redraw();
+  },
+  stopAt(at) {
+    const moment = nearestKept(at);
+    if (!moment) return;
+    state.stopped = true;
+    queue(moment);
+  },
+  step(by) {
+    const place = state.moments.indexOf(state.shown?.moment);
+    const moment =
+      state.moments[Math.min(state.moments.length - 1, Math.max(0, (place < 0 ? state.moments.length - 1 : place) + by))];
+    if (!moment) return;
+    state.stopped = true;
+    queue(moment);
+  },
+  set: (node, name, value) => ask({ set: { node, name, value: String(value) } }),
+  player: (call) => ask({ player: call }),
+  nextInput() {
+    const found = find(state, "input");
+    const offers = found ? (state.graph.detectors.find(({ node }) => node === found.node)?.offers ?? []) : [];
+    if (offers.length) actions.set(found.node, "input", offers[(offers.indexOf(found.parameter.value) + 1) % offers.length]);
+  },
+};
+
+// The kept moment of the frame at a time of the strip, else the kept one that is nearest to it.
+function nearestKept(at) {
+  const frame = nearest(state.frames, at);
+  return (
+    (frame && momentOf(state, frame)) ??
+    state.moments.reduce((best, moment) => (best && Math.abs(best.at - at) <= Math.abs(moment.at - at) ? best : moment), null)
+  );
+}
+
+// ---- messages ----
+
+function takeEvent(event, at) {
+  const kind = hear(state, event, at);
+  if (kind === "graph") {
+    for (const node of state.graph.nodes.filter((node) => !known.has(node))) ask({ parameters: node });
+    known = new Set(state.graph.nodes);
+    watch();
+  }
+  // Shown is what the node has now, whether it took the value or not.
+  if (kind === "set") ask({ parameters: event.set.node });
+  if (kind === "pixel") pixelAsked = false;
+  redraw();
+}
+
+const listen = {
+  event: takeEvent,
+  images: takeImages,
+  opened() {
+    // The answers to what was asked before are lost, and the parameters may have changed: all nodes are new to this socket.
+    [watched, known, pixelAsked, held] = ["", new Set(), false, null];
+    state.link = { text: "connected", level: "on" };
+    ask({ together: state.choice.together });
+    watch();
+    redraw();
+  },
+  closed(opened) {
+    state.link = {
+      text:
+        opened || state.nowAt
+          ? "The viewer has gone; trying again."
+          : "No connection: open the address that modulo view has printed.",
+      level: "off",
+    };
+    redraw();
+  },
+};
+
+const views = [
+  header,
+  new Stage(actions),
+  new Display(actions),
+  new Timeline(actions),
+  new Graph(),
+  new Parameters(actions),
+  new Quick(actions),
+  new Replay(actions),
+];
+listenToKeys(state, actions);
+byId("live").onclick = () => actions.stop(!state.stopped);
+addEventListener("resize", redraw);
+
+if (state.recorded) {
+  document.documentElement.classList.add("recorded");
+  playRecording(recording, listen);
+  state.stopped = true;
+  if (state.moments.length) queue(state.moments.at(-1));
+  redraw();
+} else {
+  ask = openSocket(listen);
+  // The strip moves on, and what is missing is told, when no message comes.
+  setInterval(() => {
+    if (now(state)) redraw();
+  }, TICK_MS);
+  setInterval(() => {
+    if (state.graph.player) ask({ player: "state" });
+  }, PLAYER_MS);
+}

@@ -1,0 +1,75 @@
+// The transport of a replayed bag, and the parameters that are changed most.
+
+import { byId, labelled, make, offer, write } from "./dom.js";
+import { find } from "./state.js";
+
+export class Replay {
+  constructor(actions) {
+    this.toggle = make("button", { type: "button", title: "Key: p", onclick: () => actions.player("toggle") });
+    this.next = make("button", {
+      type: "button",
+      title: "Key: n",
+      textContent: "Next message",
+      onclick: () => actions.player("next"),
+    });
+    const number = (name, least) =>
+      make("input", {
+        type: "number",
+        min: least,
+        step: "any",
+        onchange: (event) => actions.player({ [name]: Number(event.target.value) }),
+      });
+    [this.rate, this.seek] = [number("rate", 0.01), number("seek", 0)];
+    this.state = make("span", { role: "status" });
+    byId("replay").append(this.toggle, this.next, labelled("Speed", this.rate), labelled("Go to, s", this.seek), this.state);
+  }
+
+  draw({ graph, player }) {
+    byId("replay").hidden = !graph.player;
+    write(this.toggle, player.paused ? "Play" : "Pause");
+    this.next.disabled = !player.paused;
+    write(this.state, `${player.paused ? "paused" : "playing"} at speed ${player.rate}`);
+    if (document.activeElement !== this.rate) this.rate.value = player.rate;
+  }
+}
+
+export class Quick {
+  constructor(actions) {
+    this.actions = actions;
+    this.input = make("select", { id: "input" });
+    this.method = make("select", { id: "method" });
+    this.alpha = make("input", { id: "alpha", type: "range", step: 0.1 });
+    this.value = make("output");
+    this.controls = [
+      labelled("Detector input", this.input),
+      labelled("Method", this.method),
+      make("label", { className: "control" }, make("span", { textContent: "Alpha" }), this.alpha, this.value),
+    ];
+    byId("quick").append(...this.controls);
+  }
+
+  draw(state) {
+    const [input, method] = [find(state, "input"), find(state, "method")];
+    // The value that is set stays in the list, even if there is no such topic now.
+    const offers = input && state.graph.detectors.find(({ node }) => node === input.node)?.offers;
+    this.drawList(this.input, this.controls[0], input, offers ?? []);
+    this.drawList(this.method, this.controls[1], method, method?.parameter.words ?? []);
+    // Only the camera's alpha changes the image; of the others, 0 means that of the camera.
+    const camera = state.graph.nodes.find((node) => state.parameters.get(node)?.some(({ name }) => name === "source"));
+    const alpha = camera && state.parameters.get(camera).find(({ name }) => name === "alpha");
+    this.controls[2].hidden = !alpha;
+    if (!alpha) return;
+    const [least, most] = alpha.range ?? [1, 16];
+    Object.assign(this.alpha, { min: Math.max(1, least), max: Math.min(16, most) });
+    if (document.activeElement !== this.alpha) this.alpha.value = alpha.value;
+    write(this.value, alpha.value);
+    this.alpha.onchange = () => this.actions.set(camera, "alpha", this.alpha.value);
+  }
+
+  drawList(select, control, found, words) {
+    control.hidden = !found || words.length === 0;
+    if (control.hidden) return;
+    offer(select, words, found.parameter.value);
+    select.onchange = () => this.actions.set(found.node, found.parameter.name, select.value);
+  }
+}

@@ -1,0 +1,251 @@
+// All that the page knows, and the one place where messages change it. Nothing here touches an element of the page.
+
+export const KEPT_MOMENTS = 60;
+export const STRIP_MS = 120_000;
+const FIRST = ["modulo", "recovered", "saturated", "ideal"];
+const GONE_MS = 30_000;
+
+export function newState(recorded) {
+  return {
+    recorded,
+    link: { text: recorded ? "a recording" : "connecting", level: recorded ? "on" : "wait" },
+    error: "",
+    graph: { images: [], detectors: [], truths: [], nodes: [], links: [], player: false },
+    nodes: new Map(), // name -> { since, goneAt, restarts, history: [{ at, values }] }
+    statuses: new Map(), // name -> status
+    parameters: new Map(), // node -> list of parameters
+    refusals: new Map(), // "node name" -> the node's sentence
+    frames: [], // in the order of their arrival
+    moments: [], // the newest ones, with their files
+    stopped: false,
+    shown: null, // the moment that is drawn, with its decoded images
+    newest: new Map(), // topic -> its newest image
+    nowAt: 0, // time of the newest message, ms
+    heardAt: 0, // the same instant on the clock of the page
+    hover: null, // the time under the pointer in the strip
+    pixel: null,
+    player: { paused: false, rate: 1 },
+    choice: {
+      topics: null,
+      layout: "grid",
+      left: "",
+      right: "",
+      wipe: 50,
+      together: true,
+      exposure: 0,
+      curve: "film",
+      score: 0.5,
+      boxes: true,
+      truth: false,
+      confidence: false,
+      selected: "",
+      search: "",
+    },
+  };
+}
+
+export const stampKey = ([seconds, nanos]) => `${seconds}.${String(nanos).padStart(9, "0")}`;
+export const stampMs = ([seconds, nanos]) => seconds * 1000 + nanos / 1e6;
+export const namespaceOf = (topic) => topic.slice(0, topic.lastIndexOf("/"));
+export const shortName = (node) => node.replace(/^\//, "");
+
+// The time on the axis: it goes on between two messages.
+export function now(state) {
+  return state.recorded || state.nowAt === 0 ? state.nowAt : state.nowAt + Math.min(5000, performance.now() - state.heardAt);
+}
+
+function advance(state, at) {
+  if (at <= state.nowAt) return;
+  state.nowAt = at;
+  state.heardAt = performance.now();
+}
+
+// ---- messages ----
+
+export function hear(state, event, at) {
+  const [kind, body] = Object.entries(event)[0];
+  if (at) advance(state, at);
+  if (kind === "graph") hearGraph(state, body);
+  else if (kind === "status") body.forEach((status) => hearStatus(state, status));
+  else if (kind === "notices") body.forEach((notice) => hearNotice(state, notice));
+  else if (kind === "parameters") state.parameters.set(body.node, body.parameters);
+  else if (kind === "set") hearSet(state, body);
+  else if (kind === "player") state.player = body;
+  else if (kind === "pixel") state.pixel = body;
+  else if (kind === "error") state.error = body;
+  return kind;
+}
+
+function hearGraph(state, graph) {
+  const at = now(state);
+  for (const node of graph.nodes) {
+    const known = state.nodes.get(node);
+    if (!known) state.nodes.set(node, { since: at, goneAt: null, restarts: 0, history: [] });
+    else if (known.goneAt !== null) Object.assign(known, { since: at, goneAt: null, restarts: known.restarts + 1, history: [] });
+  }
+  for (const [node, known] of state.nodes) {
+    if (!graph.nodes.includes(node) && known.goneAt === null) known.goneAt = at;
+  }
+  state.graph = { ...graph, images: inOrder(graph.images) };
+  const { choice } = state;
+  if (choice.topics === null && graph.images.length) {
+    const first = FIRST.map((name) => `/${name}`).filter((topic) => graph.images.includes(topic));
+    choice.topics = first.length ? first : graph.images.slice(0, 1);
+  }
+}
+
+function hearStatus(state, status) {
+  state.statuses.set(status.name, status);
+  const node = state.nodes.get(`/${status.name}`);
+  if (!node) return;
+  node.history.push({ at: now(state), level: status.level, message: status.message, values: Object.fromEntries(status.values) });
+  node.history = node.history.filter(({ at }) => at > now(state) - STRIP_MS);
+}
+
+function hearNotice(state, { at_ms: at, stamp, node, step }) {
+  advance(state, at);
+  const [kind, body] = typeof step === "string" ? [step, {}] : Object.entries(step)[0];
+  if (kind === "detected" && !state.graph.detectors.some((detector) => detector.node === node)) return;
+  const key = stampKey(stamp);
+  let frame = state.frames.findLast((frame) => frame.key === key);
+  // A replay in a loop repeats its stamps: a step that was taken before belongs to a frame of an earlier round. Several cameras take
+  // the same step of the same stamp one right after the other.
+  const taken =
+    frame && { sensed: frame.sensed !== null, unwrapped: frame.unwrapped !== null, detected: frame.detected.has(node) }[kind];
+  if (!frame || (taken && at - frame.at > 500)) {
+    frame = { key, stamp, at, sensed: null, unwrapped: null, detected: new Map(), trusted: null, classes: {} };
+    state.frames.push(frame);
+    while (state.frames[0].at < at - STRIP_MS) state.frames.shift();
+  }
+  if (kind === "sensed") frame.sensed ??= at;
+  else if (kind === "unwrapped") Object.assign(frame, { unwrapped: at, trusted: body.trusted });
+  else if (kind === "detected") {
+    frame.detected.set(node, at);
+    for (const [name, count] of Object.entries(body.classes)) frame.classes[name] = (frame.classes[name] ?? 0) + count;
+  }
+}
+
+function hearSet(state, { node, name, error }) {
+  if (error) state.refusals.set(`${node} ${name}`, error);
+  else state.refusals.delete(`${node} ${name}`);
+}
+
+// Takes the images of a binary message. Returns the moment that they are a part of.
+export function hearImages(state, header, files) {
+  advance(state, header.at_ms);
+  const images = header.images.map((image, index) => ({ ...image, key: stampKey(image.stamp), file: files[index] }));
+  for (const image of images) state.newest.set(image.topic, image);
+  const isShown = ({ topic }) => state.choice.topics?.includes(topic) || topic.endsWith("/confidence");
+  const all = header.together ? images : [...state.newest.values()].filter(isShown);
+  if (all.length === 0) return null;
+  const latest = all.reduce((best, image) => (stampMs(image.stamp) > stampMs(best.stamp) ? image : best), all[0]);
+  const moment = {
+    key: latest.key,
+    stamp: latest.stamp,
+    at: header.at_ms,
+    images: new Map(all.map((image) => [image.topic, image])),
+  };
+  state.moments.push(moment);
+  if (!state.recorded && state.moments.length > KEPT_MOMENTS) state.moments.shift();
+  return moment;
+}
+
+// ---- what follows from it ----
+
+export function frameOf(state, moment) {
+  return state.frames.findLast((frame) => frame.key === moment.key && frame.at <= moment.at);
+}
+
+export function momentOf(state, frame) {
+  return state.moments.find((moment) => moment.key === frame.key && moment.at >= frame.at);
+}
+
+// How long a frame took to each step, ms; null: not known. Stamps of a recording are no time of this clock.
+export function stagesOf(frame) {
+  const made = frame.sensed === null ? null : frame.sensed - stampMs(frame.stamp);
+  const detected = frame.detected.size ? Math.max(...frame.detected.values()) : null;
+  const before = frame.unwrapped ?? frame.sensed;
+  return {
+    camera: made !== null && made >= -5 && made < 60_000 ? Math.max(0, made) : null,
+    unwrap: frame.unwrapped !== null && frame.sensed !== null ? Math.max(0, frame.unwrapped - frame.sensed) : null,
+    detector: detected !== null && before !== null ? Math.max(0, detected - before) : null,
+  };
+}
+
+export function quantile(values, share) {
+  if (values.length === 0) return null;
+  const sorted = [...values].sort((a, b) => a - b);
+  return sorted[Math.min(sorted.length - 1, Math.floor(share * sorted.length))];
+}
+
+// Messages that a node has left out up to an entry of its history.
+export function droppedOf({ values }) {
+  return Number(values.dropped_frames ?? 0);
+}
+
+// The counts of the last seconds per second: of `key` in the history of a node.
+export function rateOf(history, key) {
+  const [last, first] = [history.at(-1), history.at(-4) ?? history[0]];
+  if (!last || last === first || !(key in last.values)) return null;
+  return Math.max(0, (Number(last.values[key]) - Number(first.values[key] ?? 0)) / ((last.at - first.at) / 1000));
+}
+
+// What a node is worth a look for: "gone" after a crash, "skips" when it leaves frames out, "warns", or "runs".
+export function healthOf(state, name) {
+  const node = state.nodes.get(name);
+  if (!node || node.goneAt !== null) return "gone";
+  const last = node.history.at(-1);
+  if (!last) return "starts";
+  if (last.level >= 2) return "fails";
+  const before = node.history.findLast(({ at }) => at < last.at - 5000) ?? node.history[0];
+  if (droppedOf(last) > droppedOf(before)) return "skips";
+  return last.level === 1 ? "warns" : "runs";
+}
+
+// All nodes that were seen, from the camera on: those that read nothing, those between, and those that nobody reads.
+export function nodesInOrder(state) {
+  const { links } = state.graph;
+  const rank = (name) => (links.some(({ to }) => to === name) ? 1 : 0) + (links.some(({ from }) => from === name) ? 0 : 1);
+  return [...state.nodes.keys()].sort((a, b) => rank(a) - rank(b) || (a < b ? -1 : 1));
+}
+
+// Nodes that are there, and those that went away a short time ago.
+export function visibleNodes(state) {
+  const isSeen = ([, { goneAt }]) => goneAt === null || (now(state) - goneAt < GONE_MS && state.graph.nodes.length > 0);
+  return [...state.nodes]
+    .filter(isSeen)
+    .map(([name]) => name)
+    .sort();
+}
+
+// One sentence when something is not as it should be, else "".
+export function noticeOf(state) {
+  const gone = visibleNodes(state)
+    .filter((name) => state.nodes.get(name).goneAt !== null)
+    .map(shortName);
+  if (state.link.level === "off") return state.link.text;
+  if (state.nodes.size > 0 && state.graph.nodes.length === 0)
+    return "The suite has ended. This page goes on when one starts again.";
+  if (gone.length) return `Gone: ${gone.join(", ")}. The page goes on as soon as it is back.`;
+  if (state.graph.player && state.player.paused) return "The replay is paused.";
+  return state.error;
+}
+
+// Topics in the order in which they are shown: the streams of the suite first.
+export function inOrder(topics) {
+  const rank = (topic) => (FIRST.includes(topic.slice(1)) ? FIRST.indexOf(topic.slice(1)) : FIRST.length);
+  return [...topics].sort((a, b) => rank(a) - rank(b) || (a < b ? -1 : 1));
+}
+
+// The camera, its alpha and its sensor, if one has described itself.
+export function sensorOf(state) {
+  return Object.fromEntries(state.statuses.get("sensor")?.values ?? []);
+}
+
+export function find(state, name) {
+  for (const node of state.graph.nodes) {
+    const parameter = state.parameters.get(node)?.find((parameter) => parameter.name === name && !parameter.read_only);
+    if (parameter) return { node, parameter };
+  }
+  return null;
+}

@@ -1,0 +1,126 @@
+// A tile: an image of the shown moment with its overlays and its caption. In a wiped tile, a second image lies over the right part.
+
+import { filterOf, veilFilter } from "./curve.js";
+import { make, write } from "./dom.js";
+import { drawMarks } from "./marks.js";
+import { namespaceOf, stampMs } from "./state.js";
+
+export class Tile {
+  constructor(actions) {
+    this.layers = [this.layer(), this.layer()];
+    this.veil = make("canvas", { className: "veil" });
+    this.edge = make("div", { className: "edge" });
+    this.none = make("p", { className: "none" });
+    this.picture = make(
+      "div",
+      { className: "picture", tabIndex: 0, role: "img" },
+      ...this.layers.flatMap(({ image, marks }) => [image, marks]),
+      this.veil,
+      this.edge,
+      this.none,
+    );
+    this.title = make("strong");
+    this.facts = make("span");
+    this.figure = make("figure", {}, this.picture, make("figcaption", {}, this.title, this.facts));
+    this.actions = actions;
+    this.listen();
+  }
+
+  layer() {
+    return { image: make("canvas", { className: "image" }), marks: make("canvas", { className: "marks" }), drawn: null };
+  }
+
+  listen() {
+    const point = (event) => {
+      const area = this.picture.getBoundingClientRect();
+      const share = [(event.clientX - area.left) / area.width, (event.clientY - area.top) / area.height];
+      this.actions.point(this.topics[0], share);
+    };
+    this.picture.onpointermove = (event) => {
+      point(event);
+      if (event.buttons && this.topics.length > 1) this.actions.wipe(event.offsetX / this.picture.clientWidth);
+    };
+    this.picture.onpointerdown = point;
+    this.picture.onclick = () => this.actions.select(this.topics[0]);
+    this.picture.onkeydown = (event) => {
+      if (event.key === "Enter") this.actions.open(this.topics[0]);
+    };
+    this.picture.ondblclick = () => this.actions.open(this.topics[0]);
+  }
+
+  // Draws the images of `topics` (the second one, if there is one, right of the wipe), `width` px wide.
+  draw(state, topics, width, small) {
+    this.topics = topics;
+    const { shown, choice } = state;
+    const images = topics.map((topic) => shown?.moment.images.get(topic) ?? null);
+    const [first] = images;
+    const aspect = first ?? images[1] ?? state.newest.get(topics[0]);
+    const size = [width, Math.round((width * (aspect?.height ?? 3)) / (aspect?.width ?? 10))];
+    Object.assign(this.picture.style, { width: `${size[0]}px`, height: `${size[1]}px` });
+    this.layers.forEach((layer, index) => this.drawLayer(layer, images[index] ?? null, state, size, small));
+    this.drawVeil(state, first, size);
+    const wiped = topics.length > 1;
+    const right = `inset(0 0 0 ${choice.wipe}%)`;
+    for (const canvas of [this.layers[1].image, this.layers[1].marks]) canvas.style.clipPath = right;
+    this.layers[0].marks.style.clipPath = wiped ? `inset(0 ${100 - choice.wipe}% 0 0)` : "none";
+    this.edge.hidden = !wiped;
+    this.edge.style.left = `${choice.wipe}%`;
+    this.picture.dataset.stamps = images.map((image) => image?.key ?? "").join(" ");
+    this.figure.classList.toggle("selected", !small && choice.selected === topics[0]);
+    this.describe(state, images, small);
+  }
+
+  drawLayer(layer, image, state, size, small) {
+    const bitmap = image && state.shown.bitmaps.get(image);
+    layer.image.hidden = layer.marks.hidden = !bitmap;
+    if (!bitmap) return;
+    if (layer.drawn !== image) {
+      if (layer.image.width !== image.width || layer.image.height !== image.height)
+        Object.assign(layer.image, { width: image.width, height: image.height });
+      layer.image.getContext("2d").drawImage(bitmap, 0, 0);
+    }
+    layer.image.style.filter = filterOf(image.peaks, state.choice);
+    // Marks are drawn anew only when something about them has changed.
+    const { boxes, truth, score } = state.choice;
+    const marks = `${size} ${small} ${boxes} ${truth} ${score} ${window.devicePixelRatio}`;
+    if (layer.drawn !== image || layer.marksAre !== marks) drawMarks(layer.marks, image, size, state.choice, !small);
+    Object.assign(layer, { drawn: image, marksAre: marks });
+  }
+
+  drawVeil(state, image, size) {
+    const veil =
+      state.choice.confidence && image ? state.shown.moment.images.get(`${namespaceOf(image.topic)}/confidence`) : null;
+    const bitmap = veil && veil.topic !== image.topic ? state.shown.bitmaps.get(veil) : null;
+    this.veil.hidden = !bitmap;
+    if (!bitmap || this.veiled === veil) return;
+    Object.assign(this.veil, { width: veil.width, height: veil.height });
+    this.veil.getContext("2d").drawImage(bitmap, 0, 0);
+    this.veil.style.filter = veilFilter();
+    this.veiled = veil;
+  }
+
+  describe(state, images, small) {
+    const names = this.topics.join(" | ");
+    write(this.title, names);
+    const missing = images[0] ? "" : missingText(state, this.topics[0]);
+    write(this.none, missing);
+    this.none.hidden = !missing;
+    const count = images.reduce((sum, image) => sum + (image?.boxes ?? []).reduce((all, [, boxes]) => all + boxes.length, 0), 0);
+    const answered = images.some((image) => image?.boxes.length);
+    const behind = images[0] ? stampMs(state.shown.moment.stamp) - stampMs(images[0].stamp) : 0;
+    const facts = [
+      answered ? `${count} boxes` : "",
+      behind > 0 ? `${behind.toFixed(0)} ms behind` : "",
+      small || !images[0] ? "" : images[0].key,
+    ];
+    write(this.facts, facts.filter((fact) => fact).join(", "));
+    this.picture.setAttribute("aria-label", `${names}: ${[missing, ...facts].filter((fact) => fact).join(", ")}`);
+  }
+}
+
+function missingText(state, topic) {
+  if (!state.graph.images.includes(topic)) return "no publisher";
+  const last = state.newest.get(topic);
+  if (!last) return "no image has come yet";
+  return "no image of this moment";
+}

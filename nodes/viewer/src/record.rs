@@ -1,0 +1,145 @@
+//! [`Recording`]: the last minute of a suite, as the messages that a browser would have got.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use modulo_middleware::parameter::client::ParameterClient;
+use tokio::task::spawn_blocking;
+
+use crate::feed::{STREAMS, Session};
+use crate::page;
+use crate::protocol::{Event, GraphView, ParameterView};
+use crate::watch::{Audience, LOOK, Watch};
+
+/// Time that is kept.
+const KEPT_MS: f64 = 60_000.0;
+/// Bytes that are kept: fewer seconds of large images.
+const KEPT_BYTES: usize = 64 << 20;
+
+/// The messages of the last minute.
+#[derive(Default)]
+pub(crate) struct Recording {
+    /// Messages that hold until the next one of their kind: the graph, and the parameters of each node.
+    lasting: BTreeMap<String, String>,
+    passing: VecDeque<(f64, String)>,
+    bytes: usize,
+}
+
+impl Recording {
+    fn note(&mut self, at_ms: f64, event: &Event) {
+        let text = serde_json::to_string(event).expect("strings and numbers are JSON");
+        match event {
+            Event::Graph(_) => drop(self.lasting.insert(String::new(), text)),
+            Event::Parameters { node, .. } => drop(self.lasting.insert(node.clone(), text)),
+            _ => self.keep(at_ms, text),
+        }
+    }
+
+    fn note_images(&mut self, at_ms: f64, message: &[u8]) {
+        self.keep(at_ms, format!("\"{}\"", base64(message)));
+    }
+
+    fn keep(&mut self, at_ms: f64, text: String) {
+        self.bytes += text.len();
+        self.passing.push_back((at_ms, text));
+        while let Some((first_ms, first)) = self.passing.front()
+            && (at_ms - first_ms > KEPT_MS || self.bytes > KEPT_BYTES)
+        {
+            self.bytes -= first.len();
+            self.passing.pop_front();
+        }
+    }
+
+    /// Returns the page that shows the recording.
+    pub fn page(&self) -> String {
+        let lasting = self.lasting.values().map(|text| format!("[0,{text}]"));
+        let passing = self.passing.iter().map(|(at_ms, text)| format!("[{at_ms:.3},{text}]"));
+        page::with_recording(&format!("[{}]", lasting.chain(passing).collect::<Vec<_>>().join(",\n")))
+    }
+}
+
+/// Records without an end. Images are taken twice a second.
+pub(crate) async fn record(session: Arc<Session>, recording: Arc<Mutex<Recording>>) {
+    let watch = Watch::new(session.clone(), Audience::Page);
+    let (mut feed, mut graph) = (watch.feed(), GraphView::default());
+    let mut look = tokio::time::interval(LOOK);
+    let now_ms = || session.clock.now_ns() as f64 / 1e6;
+    let lock = || recording.lock().unwrap_or_else(PoisonError::into_inner);
+    let note = |events: Vec<Event>| events.iter().for_each(|event| lock().note(now_ms(), event));
+    loop {
+        tokio::select! {
+            () = watch.news.notified() => note(watch.notices()),
+            _ = look.tick() => {
+                let (kept, seen, _) = watch.look(feed).await;
+                feed = kept;
+                let joined: Vec<String> =
+                    seen.nodes.iter().filter(|node| !graph.nodes.contains(node)).cloned().collect();
+                note(watch.events(&mut graph, seen));
+                note(parameters(session.clone(), joined).await);
+                let shown = first_streams(&graph);
+                watch.inbox().streams.watch(&shown);
+                if let Some(moment) = watch.next(&graph).await {
+                    lock().note_images(moment.at_ms, &moment.message());
+                    shown.iter().for_each(|topic| watch.inbox().streams.drawn(topic));
+                }
+            }
+        }
+    }
+}
+
+/// Returns the image topics that a page shows first: those of the suite's streams, else any one.
+fn first_streams(graph: &GraphView) -> Vec<String> {
+    let streams = STREAMS.iter().map(|stream| format!("/{stream}"));
+    let streams: Vec<String> = streams.filter(|topic| graph.images.contains(topic)).collect();
+    if streams.is_empty() { graph.images.iter().take(1).cloned().collect() } else { streams }
+}
+
+/// Returns the parameters of nodes; those of a node that does not answer are left out.
+async fn parameters(session: Arc<Session>, nodes: Vec<String>) -> Vec<Event> {
+    let read = move |node: String| {
+        let parameters = ParameterView::read_all(&ParameterClient::new(&session.transport, &node)).ok()?;
+        Some(Event::Parameters { node, parameters })
+    };
+    let all = spawn_blocking(move || nodes.into_iter().filter_map(read).collect());
+    all.await.expect("reading parameters does not panic")
+}
+
+/// Returns `bytes` in base64 (RFC 4648), which a text can hold.
+fn base64(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for three in bytes.chunks(3) {
+        let at = |index: usize| u32::from(three.get(index).copied().unwrap_or(0));
+        let bits = at(0) << 16 | at(1) << 8 | at(2);
+        for digit in 0..4 {
+            let six = (bits >> (18 - 6 * digit)) as usize & 63;
+            text.push(if digit > three.len() { '=' } else { DIGITS[six].into() });
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn base64_is_that_of_its_definition() {
+        let texts = ["", "f", "fo", "foo", "foob", "fooba", "foobar"].map(|text| base64(text.as_bytes()));
+        assert_eq!(texts, ["", "Zg==", "Zm8=", "Zm9v", "Zm9vYg==", "Zm9vYmE=", "Zm9vYmFy"]);
+    }
+
+    #[test]
+    fn a_minute_is_kept_and_what_lasts() {
+        let mut recording = Recording::default();
+        recording.note(0.0, &Event::Graph(GraphView::default()));
+        for second in 0..100 {
+            recording.note(f64::from(second) * 1000.0, &Event::Error(format!("second {second}")));
+        }
+        let page = recording.page();
+        assert!(page.contains("\"graph\"") && page.contains("second 99") && page.contains("second 39\""));
+        assert!(!page.contains("second 38\""));
+        recording.note_images(100_000.0, &vec![0; KEPT_BYTES * 3 / 4]);
+        assert!(recording.passing.is_empty(), "more than fits");
+    }
+}
