@@ -31,7 +31,7 @@ pub struct Summary {
     pub engine: Option<String>,
     /// What unwrapping took, such as `lines 58, gradient_tree 2; trusted 60 of 60 frames`, by node.
     pub unwrapped: BTreeMap<String, String>,
-    /// What came from live cameras, such as `300 frames arrived, 2 replaced, 1 connections`, by node.
+    /// The counts of live cameras, such as `300 frames arrived, 2 replaced, 1 connections`, by node.
     pub live: BTreeMap<String, String>,
     /// Messages by topic.
     pub topics: BTreeMap<String, TopicCounts>,

@@ -1,4 +1,4 @@
-//! What a comparison of methods in Python takes from the suite: the scenes of the stability suite, SSIM, charts and page.
+//! The parts of the suite that a comparison of methods in Python uses: the scenes of the stability suite, SSIM, charts and page.
 
 use modulo_bench::field;
 use modulo_bench::stability::{self, Case};

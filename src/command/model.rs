@@ -1,5 +1,5 @@
 //! `modulo model`: fetch an official export, check any model. `modulo doctor`: the engine, ffmpeg, the transport and the environment on
-//! this machine; it changes nothing and always ends with exit code 0, since a person judges the result.
+//! this machine; it changes nothing, and ends with exit code 0, since a person judges the result, unless it cannot read the sensor file.
 
 use std::net::TcpListener;
 use std::num::NonZeroUsize;

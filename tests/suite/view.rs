@@ -81,7 +81,7 @@ impl Page {
     }
 }
 
-/// What a message tells of its images, whose JPEG files must follow.
+/// The facts that a message tells of its images, whose JPEG files must follow.
 fn images(bytes: &[u8]) -> Vec<Value> {
     let (length, rest) = bytes.split_first_chunk().expect("a length");
     let (header, mut files) = rest.split_at(u32::from_le_bytes(*length) as usize);

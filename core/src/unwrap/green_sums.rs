@@ -17,7 +17,7 @@ pub(super) struct GreenSums {
     levels: Vec<usize>,
 }
 
-/// What speaks against a result.
+/// The measures that speak against a result.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Doubts {
     /// The share of the differences between neighbours that contradict the counts.

@@ -9,7 +9,7 @@ use super::mosaic::{MosaicImage, frame};
 use super::{Auto, Options, Range, Recovered, Report, Trust, Unwrap, UnwrapError, congruence};
 use crate::mosaic::mirrored;
 
-/// What speaks against a result.
+/// The measures that speak against a result.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct OtherDoubts {
     /// The share of the pixels whose counts were out of range.

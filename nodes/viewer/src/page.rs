@@ -88,7 +88,7 @@ mod tests {
         assert_eq!(seen, before, "files that nothing loads, or that are missing");
     }
 
-    /// As one script, the modules share their names.
+    /// The modules share their names in one script.
     #[test]
     fn modules_declare_each_name_once() {
         let mut names = BTreeSet::new();

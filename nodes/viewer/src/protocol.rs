@@ -66,7 +66,7 @@ pub enum Event {
     Graph(GraphView),
     /// The newest status of each name on which one has come since the last message.
     Status(Vec<StatusView>),
-    /// What nodes have told of frames since the last message.
+    /// The news that nodes have told of frames since the last message.
     Notices(Vec<Notice>),
     /// The parameters of a node.
     Parameters {
@@ -150,7 +150,7 @@ pub struct LinkView {
     pub qos: String,
 }
 
-/// What a node has told of one frame.
+/// The news that a node has told of one frame.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Notice {
     /// When it arrived here, ms since the epoch.
@@ -159,7 +159,7 @@ pub struct Notice {
     pub stamp: (i32, u32),
     /// Fully qualified name of the node.
     pub node: String,
-    /// What has become of the frame.
+    /// The fate of the frame.
     pub step: Step,
 }
 
@@ -297,7 +297,7 @@ pub struct MomentHeader {
     pub images: Vec<ImageHeader>,
 }
 
-/// What the page knows of an image.
+/// The facts that the page knows of an image.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ImageHeader {
     /// Topic of the image.

@@ -24,7 +24,7 @@ pub(crate) const LOOK: Duration = Duration::from_millis(500);
 /// Notices that wait for a client: those of 2 s of 8 cameras at 30 Hz, each with two nodes behind it.
 const NOTICES: usize = 1440;
 
-/// Who is shown the images.
+/// The reader of the images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Audience {
     /// A page, which chooses the exposure itself, and is told what becomes of each frame.

@@ -104,7 +104,7 @@ pub fn report(results: &str) -> Result<FieldReport, BenchError> {
 /// A share of exact counts of a cell.
 type Share = fn(&FieldCell) -> f64;
 
-/// What a chart varies: its axis, its name, and its value in a cell.
+/// The quantity that a chart varies: its axis, its name, and its value in a cell.
 type Setting = (&'static str, &'static str, fn(&FieldCell) -> f64);
 
 const SETTINGS: [Setting; 3] = [
