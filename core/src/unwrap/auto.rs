@@ -172,9 +172,9 @@ impl Auto {
         };
         let mut trust =
             if is_sound(&out.report) { self.trust_in_offset(out, range) } else { Trust::Untrusted };
-        // Wrong regions must not raise the whole image. Where the result contradicts itself, or where y has hard edges, behind which a
-        // region may be wrong without a trace, more samples may be out of range.
-        if trust != Trust::Trusted && (!agrees || (is_steep && range.black() == 0)) {
+        // Where the offset is sought here, wrong regions must not raise the whole image. Where the result contradicts itself, or where y has
+        // hard edges, behind which a region may be wrong without a trace, more samples may be out of range.
+        if self.needs_offset && trust != Trust::Trusted && (!agrees || (is_steep && range.black() == 0)) {
             self.gradient_tree.place(y, range, out)?;
             quality.jumps = jumps::share(&out.x, range);
             trust = if is_sound(&out.report) { trust } else { Trust::Untrusted };
@@ -226,6 +226,11 @@ impl Unwrap for Auto {
         let Some(rows) = self.lines.scan_to_steep(y, range)? else {
             return self.unwrap_scanned(y, 0.0, range, out);
         };
+        // The colours between which a difference was taken have no defects any more.
+        if !self.needs_offset {
+            self.lines.scan_from(rows, y, range)?;
+            return self.unwrap_scanned(y, 0.0, range, out);
+        }
         let codes = Integers::of(y)?;
         let mut defects = std::mem::take(&mut self.defects);
         let done = match defects.remove(y, codes, range) {

@@ -15,6 +15,7 @@ use super::wrapped::{Word, biased, exceeds};
 use super::{Integers, Range, Recovered};
 use crate::Mosaic;
 use crate::frame::{Frame, Samples};
+use crate::mosaic::mirrored;
 use crate::simd::widest;
 
 /// The largest share of the samples that are taken for defects. The count of every second defect differs from that of its neighbours,
@@ -52,12 +53,42 @@ pub(super) struct Defects {
     sound: Option<Frame>,
     bytes: Rows<u8>,
     words: Rows<u16>,
-    /// The samples of some colours of a mosaic.
-    plane: Vec<u16>,
+    /// The samples of green in a mosaic, and the differences of the others from it.
+    planes: [Vec<u16>; 2],
 }
 
 /// The last rows of an image: row i lies at i modulo 3.
 type Rows<W> = [Vec<W>; 3];
+
+/// The green samples beside one of another colour: to the left and to the right, above and below.
+#[derive(Clone, Copy)]
+struct Beside([i32; 4]);
+
+impl Beside {
+    /// Returns the mean of the two to both sides, or of those above and below, whichever differ less.
+    #[inline(always)]
+    fn mean(self, range: Range) -> u16 {
+        let Self([left, right, above, below]) = self;
+        let (along, across) = (wrapped(right - left, range), wrapped(below - above, range));
+        let mean = if across.abs() < along.abs() { above + across / 2 } else { left + along / 2 };
+        (mean & ((1 << range.bits()) - 1)) as u16
+    }
+
+    /// Returns whether all four are so near to each other that the mean cannot be half a peak off.
+    fn is_clear(self, range: Range) -> bool {
+        let from_first = self.0.map(|code| wrapped(code - self.0[0], range));
+        let [least, most] = [i32::min, i32::max].map(|pick| from_first.into_iter().fold(0, pick));
+        16 * (most - least) <= CLEAR << range.bits()
+    }
+}
+
+/// Wraps a difference to half a peak on both sides of 0. The peak is a power of two, so that a mask gives the remainder, also that of
+/// negative numbers.
+#[inline(always)]
+fn wrapped(difference: i32, range: Range) -> i32 {
+    let peak = 1 << range.bits();
+    ((difference + peak / 2) & (peak - 1)) - peak / 2
+}
 
 /// The layout of the samples of an image.
 #[derive(Clone, Copy)]
@@ -126,33 +157,35 @@ impl Defects {
     /// Searches a colour mosaic: green, and then red and blue by their differences from green. Other samples are set to 0, which makes their
     /// loops flat.
     fn search_mosaic(&mut self, codes: Integers<'_>, mosaic: Mosaic, grid: Grid, most: usize) -> bool {
-        let is_green = |at: usize| mosaic.channel(at / grid.width, at % grid.width) == 1;
-        let peak_mask = ((1u32 << grid.range.bits()) - 1) as u16;
-        let mut plane = std::mem::take(&mut self.plane);
-        let samples = 0..grid.height * grid.width;
-        plane.clear();
-        plane.extend(samples.clone().map(|at| if is_green(at) { codes.at(at) } else { 0 }));
-        let mut few = self.search(Integers::U16(&plane), Grid { steps: DIAGONALLY, ..grid }, most);
-        self.found.iter().for_each(|&(at, code)| plane[at] = code);
-        // Green is read until all differences are known.
-        let beside: Vec<(u16, bool)> = samples
-            .clone()
-            .map(|at| if is_green(at) { (0, true) } else { grid.mean_beside(&plane, at) })
-            .collect();
-        for at in samples {
-            plane[at] = if is_green(at) { 0 } else { codes.at(at).wrapping_sub(beside[at].0) & peak_mask };
+        let (width, range) = (grid.width, grid.range);
+        let peak_mask = ((1u32 << range.bits()) - 1) as u16;
+        // Every second sample of a row is green.
+        let is_green = |at: usize| mosaic.channel(at / width, at % width) == 1;
+        let of_green = |row: usize| usize::from(!is_green(row * width));
+        let [mut green, mut colour] = std::mem::take(&mut self.planes);
+        codes.widen(&mut green);
+        for (row, codes) in green.chunks_exact_mut(width).enumerate() {
+            codes.iter_mut().skip(1 - of_green(row)).step_by(2).for_each(|code| *code = 0);
         }
-        let of_green = self.found.len();
+        let mut few = self.search(Integers::U16(&green), Grid { steps: DIAGONALLY, ..grid }, most);
+        self.found.iter().for_each(|&(at, code)| green[at] = code);
+        let greens = self.found.len();
+        codes.widen(&mut colour);
+        for (row, codes) in colour.chunks_exact_mut(width).enumerate() {
+            grid.take_from(codes, &green, row);
+            codes.iter_mut().skip(of_green(row)).step_by(2).for_each(|code| *code = 0);
+        }
         let of_colour = Grid { steps: TWO_APART, ..grid };
-        few &= self.search(Integers::U16(&plane), of_colour, most);
-        for (at, code) in &mut self.found[of_green..] {
-            *code = code.wrapping_add(beside[*at].0) & peak_mask;
+        few &= self.search(Integers::U16(&colour), of_colour, most);
+        for (at, code) in &mut self.found[greens..] {
+            *code = code.wrapping_add(grid.beside(&green, *at).mean(range)) & peak_mask;
         }
         // Where green changes by more than half a peak, a mean is half a peak off, as a defect would be, and so it looks from beside.
         let around = |at: usize| (0..9).filter_map(move |n| of_colour.place(at, n % 3 - 1, n / 3 - 1));
-        self.found.retain(|&(at, _)| is_green(at) || around(at).all(|at| beside[at].1));
+        let is_clear = |at| grid.beside(&green, at).is_clear(range);
+        self.found.retain(|&(at, _)| is_green(at) || around(at).all(is_clear));
         self.found.sort_unstable();
-        self.plane = plane;
+        self.planes = [green, colour];
         few
     }
 
@@ -281,27 +314,44 @@ impl Grid {
         Some((row * width + column) * channels + channel)
     }
 
-    /// Returns the mean of the neighbours of a sample to both sides, or of those above and below, whichever differ less; and whether all four
-    /// are so near to each other that the mean cannot be half a peak off.
-    fn mean_beside(self, codes: &[u16], at: usize) -> (u16, bool) {
-        let code = |right, down| self.place(at, right, down).map(|at| i32::from(codes[at]));
-        let peak = 1 << self.range.bits();
-        let wrapped = |difference: i32| ((difference + peak / 2) & (peak - 1)) - peak / 2;
-        let pairs = [[code(-1, 0), code(1, 0)], [code(0, -1), code(0, 1)]]
-            .map(|[a, b]| a.or(b).zip(b.or(a)).expect("a mosaic has two rows and columns"));
-        let [along, across] = pairs.map(|(a, b)| wrapped(b - a));
-        let (a, difference) =
-            if across.abs() < along.abs() { (pairs[1].0, across) } else { (pairs[0].0, along) };
-        let from_first = [0, along, wrapped(pairs[1].0 - pairs[0].0), wrapped(pairs[1].1 - pairs[0].0)];
-        let [least, most] = [i32::min, i32::max].map(|pick| from_first.into_iter().fold(0, pick));
-        (((a + difference / 2) & (peak - 1)) as u16, 16 * (most - least) <= CLEAR * peak)
+    /// Takes the mean of `green` beside it from each code of a row of a mosaic.
+    fn take_from(self, codes: &mut [u16], green: &[u16], row: usize) {
+        let (range, last) = (self.range, self.width - 1);
+        let mask = ((1u32 << range.bits()) - 1) as u16;
+        let line = |row: usize| &green[row * self.width..][..self.width];
+        let [above, below] = self.rows_beside(row).map(line);
+        let neighbours =
+            line(row).iter().zip(&line(row)[2..]).zip(above[1..last].iter().zip(&below[1..last]));
+        widest!(codes[1..last].iter_mut().zip(neighbours).for_each(
+            |(code, ((left, right), (above, below)))| {
+                let beside = Beside([*left, *right, *above, *below].map(i32::from));
+                *code = code.wrapping_sub(beside.mean(range)) & mask;
+            }
+        ));
+        for column in [0, last] {
+            let mean = self.beside(green, row * self.width + column).mean(range);
+            codes[column] = codes[column].wrapping_sub(mean) & mask;
+        }
+    }
+
+    /// Returns the codes beside a sample of a mosaic. Beyond the border lies the mirror image without the border pixel.
+    fn beside(self, codes: &[u16], at: usize) -> Beside {
+        let (row, column) = (at / self.width, at % self.width);
+        let code = |row: usize, column: usize| i32::from(codes[row * self.width + column]);
+        let [left, right] = [-1, 1].map(|right| mirrored(column.cast_signed() + right, self.width));
+        let [above, below] = self.rows_beside(row);
+        Beside([code(row, left), code(row, right), code(above, column), code(below, column)])
+    }
+
+    /// Returns the rows above and below a row of a mosaic.
+    fn rows_beside(self, row: usize) -> [usize; 2] {
+        [-1, 1].map(|down| mirrored(row.cast_signed() + down, self.height))
     }
 
     /// Returns the code that a sample should have, if it is a defect.
     fn sound_code(self, codes: Integers<'_>, at: usize) -> Option<u16> {
         let peak = 1 << self.range.bits();
-        // The peak is a power of two, so that a mask gives the remainder, also that of negative numbers.
-        let wrapped = |difference: i32| ((difference + peak / 2) & (peak - 1)) - peak / 2;
+        let wrapped = |difference: i32| wrapped(difference, self.range);
         let loops = self.loops(codes, at);
         // The difference of each pair, and how much of a deviation of the sample it contains; beyond the border there is none.
         let (mut pairs, mut count) = ([(0, 0); PAIRS.len()], 0);
@@ -328,13 +378,13 @@ impl Grid {
         }
         let sound = i32::from(codes.at(at)) - best;
         // Near an end of the range, the sound value may be a little beyond it. That of a neighbour is not.
-        let nearest = self.beside(codes, at).min_by_key(|code| wrapped(code - sound).abs());
+        let nearest = self.four_around(codes, at).min_by_key(|code| wrapped(code - sound).abs());
         let code = nearest.filter(|code| NEIGHBOUR * wrapped(code - sound).abs() <= peak).unwrap_or(sound);
         Some((code & (peak - 1)) as u16)
     }
 
     /// Returns the codes of the four neighbours of a sample.
-    fn beside(self, codes: Integers<'_>, at: usize) -> impl Iterator<Item = i32> {
+    fn four_around(self, codes: Integers<'_>, at: usize) -> impl Iterator<Item = i32> {
         let places = [(-1, 0), (1, 0), (0, -1), (0, 1)].map(|(right, down)| self.place(at, right, down));
         places.into_iter().flatten().map(move |at| i32::from(codes.at(at)))
     }

@@ -15,6 +15,8 @@ pub(super) struct GreenSums {
     sums: GradientSums,
     tree: MarginTree,
     levels: Vec<usize>,
+    /// The codes with a peak of 2^16, of which the noise is found.
+    words: Vec<u16>,
 }
 
 /// The measures that speak against a result.
@@ -33,20 +35,21 @@ impl GreenSums {
     /// [`UnwrapError::Workers`] when the threads are not available.
     pub fn new(threads: usize) -> Result<Self, UnwrapError> {
         let (codes, tree) = (GreenCodes::default(), MarginTree::default());
-        Ok(Self { codes, sums: GradientSums::new(threads)?, tree, levels: Vec::new() })
+        Ok(Self { codes, sums: GradientSums::new(threads)?, tree, levels: Vec::new(), words: Vec::new() })
     }
 
     /// Reads an image, and returns the standard deviation of its noise in peaks, at most 0.19.
     pub fn read(&mut self, image: &MosaicImage, range: Range) -> f32 {
         self.codes.read(image, range.bits());
         let (codes, dim) = self.codes.padded();
-        let codes: Vec<u16> = codes.iter().map(|&code| u16::from(code) << 8).collect();
-        noise(&codes, dim) / (u32::from(u16::MAX) + 1) as f32
+        self.words.clear();
+        self.words.extend(codes.iter().map(|&code| u16::from(code) << 8));
+        noise(&self.words, dim) / (u32::from(u16::MAX) + 1) as f32
     }
 
     /// Writes green of the image that was read to `out`, which must be prepared.
     pub fn unwrap(&mut self, image: &MosaicImage, range: Range, out: &mut Recovered) -> Doubts {
-        let Self { codes, sums, tree, levels } = self;
+        let Self { codes, sums, tree, levels, .. } = self;
         sums.find(codes);
         tree.grow(codes, sums, range.max_wraps());
         let contradictions = tree.contradictions(codes, sums);

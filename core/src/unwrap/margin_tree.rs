@@ -44,6 +44,40 @@ struct Edge {
     margin: u8,
 }
 
+/// The edges of one direction between the row above and a row.
+#[derive(Clone, Copy)]
+struct EdgesAbove<'a> {
+    steps: &'a [i8],
+    margins: &'a [u8],
+    /// How much greater the index of the lower end is, plus one.
+    ahead: usize,
+    /// The pixels before the row above, and those of a row.
+    first: usize,
+    width: usize,
+}
+
+impl<'a> EdgesAbove<'a> {
+    fn new(codes: &GreenCodes, sums: &'a GradientSums, direction: usize, row: usize) -> Self {
+        let ((steps, margins), width) = (sums.row(direction, row - 1), codes.width);
+        let ahead = codes.ahead(direction, row - 1);
+        Self { steps: &steps[..width], margins: &margins[..width], ahead, first: (row - 1) * width, width }
+    }
+
+    /// Returns the edge down to a pixel; `None` if it comes from beyond the border.
+    fn down_to(self, at: usize) -> Option<Edge> {
+        let from = (at + 1).checked_sub(self.ahead)?;
+        (from < self.width).then(|| self.down_to_inner(at))
+    }
+
+    /// Returns the edge down to a pixel that is not the first or the last one of its row.
+    #[inline]
+    fn down_to_inner(self, at: usize) -> Edge {
+        let from = at + 1 - self.ahead;
+        let (step, margin) = (self.steps[from], self.margins[from]);
+        Edge { from: (self.first + from) as u32, to: (self.first + self.width + at) as u32, step, margin }
+    }
+}
+
 impl MarginTree {
     /// Finds the counts of the pixels, up to a constant. They differ by at most `most`.
     pub fn grow(&mut self, codes: &GreenCodes, sums: &GradientSums, most: u8) {
@@ -55,15 +89,14 @@ impl MarginTree {
         self.doubtful.clear();
         (0..width).for_each(|_| self.append([None; 2]));
         for row in 1..codes.height {
-            let above = [0, 1].map(|direction| {
-                (sums.row(direction, row - 1), codes.ahead(direction, row - 1), ((row - 1) * width) as u32)
-            });
-            for at in 0..width {
-                let to = (row * width + at) as u32;
-                self.append(above.map(|((steps, margins), ahead, first)| {
-                    let from = (at + 1).checked_sub(ahead).filter(|&from| from < width)?;
-                    Some(Edge { from: first + from as u32, to, step: steps[from], margin: margins[from] })
-                }));
+            let edges = [0, 1].map(|direction| EdgesAbove::new(codes, sums, direction, row));
+            self.append(edges.map(|edges| edges.down_to(0)));
+            // All but those at both ends have two edges.
+            for at in 1..width.saturating_sub(1) {
+                self.append(edges.map(|edges| Some(edges.down_to_inner(at))));
+            }
+            if width > 1 {
+                self.append(edges.map(|edges| edges.down_to(width - 1)));
             }
         }
         let mut doubtful = std::mem::take(&mut self.doubtful);
@@ -98,22 +131,35 @@ impl MarginTree {
     fn append(&mut self, [left, right]: [Option<Edge>; 2]) {
         let margin = |edge: Option<Edge>| edge.map_or(0, |edge| edge.margin);
         let (first, second) = if margin(right) > margin(left) { (right, left) } else { (left, right) };
-        let part = self.tree.len() as u32;
-        self.tree.push(Part { parent: part, offset: 0, least: 0, largest: 0 });
-        self.parts.push(part);
-        self.counts.push(0);
-        for edge in [first, second].into_iter().flatten() {
-            if edge.margin < SURE || !self.join(edge, false) {
-                self.doubtful.push(edge);
-            }
+        if !first.is_some_and(|edge| edge.margin >= SURE && self.extend(edge)) {
+            let part = self.tree.len() as u32;
+            self.tree.push(Part { parent: part, offset: 0, least: 0, largest: 0 });
+            self.parts.push(part);
+            self.counts.push(0);
+            self.doubtful.extend(first);
         }
-        // A part of one pixel that was joined is not needed any more.
-        let Part { parent, offset, .. } = self.tree[part as usize];
-        if parent != part {
-            self.tree.pop();
-            let at = self.parts.len() - 1;
-            (self.parts[at], self.counts[at]) = (parent, offset);
+        if let Some(edge) = second
+            && (edge.margin < SURE || !self.join(edge, false))
+        {
+            self.doubtful.push(edge);
         }
+    }
+
+    /// Appends a pixel to the part at the other end of its edge, if its count fits into the range. Returns whether it does.
+    #[inline]
+    fn extend(&mut self, edge: Edge) -> bool {
+        let from = edge.from as usize;
+        let (part, offset) = self.root(self.parts[from]);
+        let count = self.counts[from] + offset + i32::from(edge.step);
+        let root = &mut self.tree[part as usize];
+        let (least, largest) = (root.least.min(count), root.largest.max(count));
+        let fits = largest - least <= self.most;
+        if fits {
+            (root.least, root.largest) = (least, largest);
+            self.parts.push(part);
+            self.counts.push(count);
+        }
+        fits
     }
 
     /// Returns the root of a part, and the count of the part, less that of the root. The part then belongs to its root.

@@ -387,6 +387,15 @@ impl<'a> Integers<'a> {
         }
     }
 
+    /// Writes all samples to `words`.
+    fn widen(self, words: &mut Vec<u16>) {
+        words.clear();
+        match self {
+            Self::U8(samples) => words.extend(samples.iter().map(|&code| u16::from(code))),
+            Self::U16(samples) => words.extend_from_slice(samples),
+        }
+    }
+
     /// Copies one of `channels` into `plane`, row-major.
     fn take(self, channels: usize, channel: usize, plane: &mut Vec<f32>) {
         match self {

@@ -57,6 +57,8 @@ pub(super) struct MosaicUnwrap {
     others: [OtherColour; 2],
     limits: TrustLimits,
     defects: Defects,
+    /// The codes of the image without them, as a buffer.
+    codes: Vec<u16>,
     /// The result for the lattice, as a buffer.
     green: Recovered,
     /// The result of a further pass.
@@ -80,6 +82,7 @@ impl MosaicUnwrap {
             others: [other()?, other()?],
             limits: options.trust,
             defects: Defects::default(),
+            codes: Vec::new(),
             green: Recovered::default(),
             next: Recovered::default(),
             offset: OffsetFinder::new(options.successive),
@@ -198,22 +201,21 @@ impl MosaicUnwrap {
         out: &mut Recovered,
     ) -> Result<(), UnwrapError> {
         let codes = Integers::checked(y, range)?;
-        if !self.judges {
-            return self.unwrap_sound(&MosaicImage::new(codes, y, mosaic), range, out);
-        }
         let mut defects = std::mem::take(&mut self.defects);
-        let done = match defects.remove(y, codes, range) {
-            None => self.unwrap_sound(&MosaicImage::new(codes, y, mosaic), range, out),
-            Some((sound, share)) => Integers::of(sound).and_then(|codes| {
-                self.unwrap_sound(&MosaicImage::new(codes, y, mosaic), range, out)?;
-                if let Some(quality) = &mut out.report.quality {
-                    quality.defects = share;
-                }
-                Ok(())
-            }),
-        };
+        let sound = if self.judges { defects.remove(y, codes, range) } else { None };
+        let mut words = std::mem::take(&mut self.codes);
+        match sound {
+            Some((sound, _)) => Integers::of(sound)?.widen(&mut words),
+            None => codes.widen(&mut words),
+        }
+        let share = sound.map_or(0.0, |(_, share)| share);
+        let image = MosaicImage { codes: words, height: y.height(), width: y.width(), mosaic };
+        let done = self.unwrap_sound(&image, range, out);
+        if let Some(quality) = &mut out.report.quality {
+            quality.defects = share;
+        }
         defects.restore(codes, range, out);
-        self.defects = defects;
+        (self.defects, self.codes) = (defects, image.codes);
         done
     }
 
@@ -264,15 +266,6 @@ pub(super) struct MosaicImage {
 }
 
 impl MosaicImage {
-    /// Takes the `codes` of an image of the size of `y`.
-    fn new(codes: Integers<'_>, y: &Frame, mosaic: Mosaic) -> Self {
-        let codes = match codes {
-            Integers::U8(codes) => codes.iter().map(|&code| code.into()).collect(),
-            Integers::U16(codes) => codes.to_vec(),
-        };
-        Self { codes, height: y.height(), width: y.width(), mosaic }
-    }
-
     /// Writes counts to every second pixel of a row from (row, column) on; returns how many were out of range.
     pub(super) fn write_row(
         &self,

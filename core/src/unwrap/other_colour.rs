@@ -8,6 +8,7 @@ use ndarray::Array3;
 use super::mosaic::{MosaicImage, frame};
 use super::{Auto, Options, Range, Recovered, Report, Trust, Unwrap, UnwrapError, congruence};
 use crate::mosaic::mirrored;
+use crate::simd::widest;
 
 /// The measures that speak against a result.
 #[derive(Clone, Copy, Debug)]
@@ -58,11 +59,7 @@ impl OtherColour {
         for row in (first..height).step_by(2) {
             let line = |row: usize| &x[row * width..][..width];
             let [above, below] = [-1, 1].map(|down| line(mirrored(row.cast_signed() + down, height)));
-            let here = line(row);
-            self.green.extend((column..width).step_by(2).map(|column| {
-                let [left, right] = [-1, 1].map(|right| here[mirrored(column.cast_signed() + right, width)]);
-                green_between([left, right, above[column], below[column]], soft)
-            }));
+            self.add_green(above, line(row), below, column, soft);
         }
         // Whole numbers from here on, so that each count follows without rounding.
         let codes = (first..height)
@@ -78,6 +75,27 @@ impl OtherColour {
         self.counts.clear();
         self.counts.extend(known.map(|((&x, green), code)| (x as i32 + green - code) >> range.bits()));
         Ok(())
+    }
+
+    /// Adds green at every second pixel of a row from `column` on.
+    fn add_green(&mut self, above: &[f32], here: &[f32], below: &[f32], column: usize, soft: f32) {
+        let (from, width) = (self.green.len(), here.len());
+        self.green.resize(from + (width - column).div_ceil(2), 0);
+        let green = &mut self.green[from..];
+        let at_end = |column: usize| {
+            let [left, right] = [-1, 1].map(|right| here[mirrored(column.cast_signed() + right, width)]);
+            green_between([left, right, above[column], below[column]], soft)
+        };
+        let last = green.len() - 1;
+        green[0] = at_end(column);
+        green[last] = at_end(column + 2 * last);
+        if let Some(inner) = green.get_mut(1..last) {
+            widest!(for (at, green) in inner.iter_mut().enumerate() {
+                let column = column + 2 * at + 2;
+                *green =
+                    green_between([here[column - 1], here[column + 1], above[column], below[column]], soft);
+            });
+        }
     }
 
     /// Writes the counts that were found to `out`; returns what speaks against them.
@@ -103,8 +121,12 @@ impl OtherColour {
 
 /// Returns green, rounded, at a pixel of another colour from its neighbours to the left and right, above and below: their mean, with
 /// more weight on the two opposite ones that agree.
+#[inline(always)]
 fn green_between([left, right, above, below]: [f32; 4], soft: f32) -> i32 {
-    let weight = |a: f32, b: f32| ((a - b).abs() + soft).powi(-2);
+    let weight = |a: f32, b: f32| {
+        let difference = (a - b).abs() + soft;
+        1.0 / (difference * difference)
+    };
     let (along, across) = (weight(left, right), weight(above, below));
     let mean = (along * (left + right) + across * (above + below)) / (2.0 * (along + across));
     (mean + 0.5) as i32
