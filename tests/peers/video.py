@@ -25,8 +25,8 @@ from zenoh_peer import DOMAIN, ROOT, SENSOR_DATA, Peer
 
 RATE, WIDTH, HEIGHT, BLOCK, BITS = 30, 320, 192, 16, 16
 PASSWORD = "s3cr3t"
-# A new frame must be there so soon after ffmpeg was killed.
-BACK_S = 2.0
+# A new frame must be there so soon after ffmpeg was killed: in 2 s on a machine without other work, where the run is long.
+BACK_S, BACK_BUSY_S, LONG_S = 2.0, 4.0, 20.0
 # No other test uses them: tests take the domains 100 to 232.
 DOMAINS = ["91", "92", "93", "94"]
 ENCODER = ["ffmpeg", "-v", "error", "-f", "rawvideo", "-pix_fmt", "gray", "-s", f"{WIDTH}x{HEIGHT}", "-r", str(RATE), "-i", "-",
@@ -256,7 +256,7 @@ def main():
             os.kill(suite.ffmpeg(), signal.SIGKILL)
             while not watch.images.empty():
                 watch.age(watch.images, 0)
-            print(f"  ffmpeg killed: a new frame after {watch.next(BACK_S):.1f} s")
+            print(f"  ffmpeg killed: a new frame after {watch.next(BACK_S if seconds >= LONG_S else BACK_BUSY_S):.1f} s")
             camera.stop()
             time.sleep(10)
             camera.serve()

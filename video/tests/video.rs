@@ -194,6 +194,33 @@ fn frames_that_are_cut_off_are_counted() {
 }
 
 #[test]
+fn a_damaged_frame_within_a_file_is_counted_and_the_others_keep_their_times() {
+    const DAMAGED: usize = 10;
+    let Some(bench) = bench() else { return };
+    let path = video(bench.path(), "a.avi", "-c:v mjpeg -q:v 2 -pix_fmt yuvj420p");
+    let whole = all(&mut open(&path));
+    let mut bytes = std::fs::read(&path).expect("readable");
+    // Each frame of this codec is a JPEG image.
+    let starts: Vec<usize> =
+        (0..bytes.len() - 2).filter(|&at| bytes[at..].starts_with(&[0xff, 0xd8, 0xff])).collect();
+    assert_eq!(starts.len(), whole.len());
+    bytes[starts[DAMAGED]..starts[DAMAGED + 1] - 8].fill(0);
+    std::fs::write(&path, bytes).expect("written");
+    let mut video = open(&path);
+    let read: Vec<_> = std::iter::from_fn(|| video.next_frame()).collect();
+    let (good, bad): (Vec<_>, Vec<_>) = read.into_iter().partition(Result::is_ok);
+    let good: Vec<VideoFrame> = good.into_iter().map(|frame| frame.expect("a frame")).collect();
+    let sound: Vec<VideoFrame> = whole
+        .into_iter()
+        .enumerate()
+        .filter(|(number, _)| *number != DAMAGED)
+        .map(|(_, frame)| frame)
+        .collect();
+    assert!(good == sound, "{} of {} frames", good.len(), sound.len());
+    assert_eq!(bad.len(), 1, "{bad:?}");
+}
+
+#[test]
 fn a_killed_ffmpeg_is_started_again_behind_the_last_frame() {
     let Some(bench) = bench() else { return };
     // Larger than the pipe, so that ffmpeg is still there.
