@@ -74,9 +74,12 @@ impl Diagnostics {
     pub fn is_due(&mut self, clock: &dyn Clock) -> bool {
         let now = clock.ticks_ns();
         let wanted = self.publisher.wanted();
-        // The first message for a new reader is not about the hours before it.
-        if !wanted && now.saturating_sub(self.window.since) >= PERIOD_NS {
-            self.window = Window { since: now, ..Window::default() };
+        if !wanted {
+            // The first message for a new reader is not about the hours before it, nor about the last milliseconds.
+            if now.saturating_sub(self.window.since) >= PERIOD_NS {
+                self.window = Window { since: now, ..Window::default() };
+            }
+            self.due = self.window.since + PERIOD_NS / 2;
         }
         wanted && now >= self.due
     }
@@ -260,6 +263,34 @@ mod tests {
         fn step(&mut self, _: Trigger, _: &mut Context<'_>) -> Result<Flow, StepError> {
             Ok(Flow::Done)
         }
+    }
+
+    #[test]
+    fn the_first_message_for_a_new_reader_is_about_half_a_second_at_least() {
+        let transport = LocalTransport::default();
+        let node_name = NodeName::new("unwrap", "/", &[]).expect("names");
+        let address = Address::resolve(&node_name, &modulo_runtime::topic::diagnostics()).expect("a name");
+        let mut diagnostics =
+            Diagnostics::new(transport.advertise(&node_name, &address).expect("local").into());
+        let clock = ManualClock::at(0);
+        clock.set(7 * PERIOD_NS);
+        assert!(!diagnostics.is_due(&clock), "nobody reads");
+        let (sender, arrived) = channel();
+        let deliver = Box::new(move |incoming| sender.send(incoming).expect("the test listens"));
+        let _subscription = transport.subscribe(&node_name, &address, deliver).expect("local");
+        for _ in 0..6 {
+            clock.set(clock.now_ns() + PERIOD_NS / 10);
+            diagnostics.book(&[], Some(Time::from_ns(clock.now_ns())));
+            if diagnostics.is_due(&clock) {
+                diagnostics.publish(&clock, &NodeReport::new("/unwrap"), &Idle, &NodeCondition::Running);
+            }
+        }
+        let Ok(Incoming::Message(Message::Diagnostics(array))) = arrived.try_recv() else {
+            panic!("a message")
+        };
+        let rate = array.status[0].values.iter().find(|pair| pair.key == "rate_hz").expect("a rate");
+        assert_eq!(rate.value, "10.00");
+        assert!(arrived.try_recv().is_err(), "once a second");
     }
 
     #[test]
