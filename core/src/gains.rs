@@ -5,6 +5,8 @@
 //! guess falls with the square of the difference within its pair, here and at the pixels of full gain around, since a pair along an
 //! edge knows more than one across it. The wrap count is the one that brings `y + k 2^b` nearest to this prediction.
 //!
+//! On a colour mosaic, pixels of one colour are farther apart, and all colours predict together: `gains_mosaic.rs`.
+//!
 //! With a gain per colour, red and blue have the lower one; see [`ColourGains`](crate::unwrap::ColourGains).
 //!
 //! The layout is that of spatially varying exposure (Nayar and Mitsunaga 2000, *CVPR*), whose pixels of full gain saturate; see

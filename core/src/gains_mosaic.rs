@@ -327,3 +327,160 @@ fn predict(
         widest!(predicted.iter_mut().zip(line).for_each(|(sum, sample)| *sum += weight * sample));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use ndarray::{Array3, s};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::unwrap::{Recovered, Trust, Unwrap as _};
+    use crate::{Exposure, Frame, Gains, Psf, Range, Sensor, SensorConfig, TwoGains};
+
+    const PATTERNS: [GainPattern; 2] = [GainPattern::Checkerboard, GainPattern::Rows];
+
+    fn expose(
+        radiance: &Array3<f32>,
+        pattern: GainPattern,
+        alpha: f64,
+        mosaic: Mosaic,
+        sigma: f64,
+    ) -> Exposure {
+        let gains = Gains::Two { pattern, ratio: alpha.recip() };
+        let (mosaic, psf) = (Some(mosaic), Psf::of_sigma(sigma));
+        let config = SensorConfig { alpha, gains, mosaic, psf, ..SensorConfig::PLAIN };
+        Sensor::new(config).unwrap().expose(radiance.view(), 0).unwrap()
+    }
+
+    fn unwrapped(gains: Gains, y: &Frame, range: Range) -> Recovered {
+        let mut out = Recovered::default();
+        TwoGains::new(gains).unwrap().unwrap(y, range, &mut out).unwrap();
+        out
+    }
+
+    fn recovered(exposure: &Exposure) -> (f64, Recovered) {
+        let out = unwrapped(exposure.gains(), &exposure.modulo(), exposure.range());
+        (exposure.exact_share(&out.k).unwrap(), out)
+    }
+
+    /// Discs of one colour before a background of the same colour.
+    fn discs(seed: u64, colour: [f32; 3]) -> Array3<f32> {
+        let mut random = seed | 1;
+        let mut next = || {
+            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (random >> 40) as f32 / (1u64 << 24) as f32
+        };
+        let discs: Vec<[f32; 4]> =
+            (0..14).map(|_| [120.0 * next(), 160.0 * next(), 5.0 + 20.0 * next(), next()]).collect();
+        Array3::from_shape_fn((120, 160, 3), |(i, j, c)| {
+            let covers = |disc: &&[f32; 4]| (i as f32 - disc[0]).hypot(j as f32 - disc[1]) < disc[2];
+            discs.iter().rfind(covers).map_or(0.05, |disc| disc[3]) * colour[c]
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn any_codes_of_any_size_give_a_congruent_result_in_range(
+            (height, width) in (2usize..12, 2usize..12), bits in 1u8..=16, alpha in 0.6f64..200.0, which in 1usize..5, rows in any::<bool>(),
+            seed in any::<u64>(),
+        ) {
+            let (pattern, range) = (PATTERNS[usize::from(rows)], Range::new(bits, alpha).unwrap());
+            let gains = Gains::Two { pattern, ratio: alpha.recip().min(1.0) };
+            let mut random = seed | 1;
+            let codes = Array3::from_shape_simple_fn((height, width, 1), || {
+                random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                // Only codes that x below the limit can have.
+                ((random >> 40) % f64::from(range.peak()).min(range.limit()).floor().max(1.0) as u64) as u16
+            });
+            let mosaic = Mosaic::WORDS[which].1;
+            let y = Frame::from_u16(codes.clone()).unwrap().with_mosaic(mosaic.unwrap()).unwrap();
+            let out = unwrapped(gains, &y, range);
+            for ((at, &x), &y) in out.x.indexed_iter().zip(&codes) {
+                prop_assert!(f64::from(x) < range.limit());
+                if gains.behind(mosaic, at) < 1.0 {
+                    prop_assert_eq!(out.k[at], 0);
+                } else if alpha > 1.0 {
+                    prop_assert_eq!(x, f32::from(y) + f32::from(out.k[at]) * range.peak());
+                    prop_assert!(out.k[at] <= range.max_wraps());
+                }
+            }
+        }
+
+        /// The weights of each filter add up to 1 for its own colour and to 0 for the others.
+        #[test]
+        fn an_equal_scene_of_any_colour_is_exact_and_trusted(
+            dim in (4usize..20, 4usize..20), alpha in 1.1f64..16.0, which in 1usize..5, rows in any::<bool>(),
+            colour in prop_oneof![(0f32..1.0).prop_map(|grey| [grey; 3]), [0f32..1.0, 0f32..1.0, 0f32..1.0]],
+        ) {
+            let radiance = Array3::from_shape_fn((dim.0, dim.1, 3), |(.., c)| colour[c]);
+            let exposure = expose(&radiance, PATTERNS[usize::from(rows)], alpha, Mosaic::WORDS[which].1.unwrap(), 0.0);
+            let (exact, out) = recovered(&exposure);
+            prop_assert_eq!((exact, out.report.trust), (1.0, Trust::Trusted));
+        }
+
+        #[test]
+        fn a_smooth_scene_is_exact_and_trusted(
+            dim in (60usize..90, 60usize..90), alpha in 1.5f64..6.0, which in 1usize..5, rows in any::<bool>(),
+        ) {
+            let radiance = Array3::from_shape_fn((dim.0, dim.1, 3), |(i, j, c)| {
+                0.5 + 0.45 * ((i as f32 / 30.0).sin() * (j as f32 / 40.0 + c as f32).cos())
+            });
+            let exposure = expose(&radiance, PATTERNS[usize::from(rows)], alpha, Mosaic::WORDS[which].1.unwrap(), 0.0);
+            let (exact, out) = recovered(&exposure);
+            prop_assert_eq!((exact, out.report.trust), (1.0, Trust::Trusted));
+        }
+    }
+
+    #[test]
+    fn edges_of_an_object_of_one_colour_are_found_by_all_colours_together() {
+        for pattern in PATTERNS {
+            for (seed, colour) in [(1, [0.96, 1.0, 0.93]), (2, [1.0, 0.7, 0.4])] {
+                let exposure = expose(&discs(seed, colour), pattern, 4.0, Mosaic::Grbg, 1.0);
+                let (exact, _) = recovered(&exposure);
+                // Each colour by itself, whose pixels are two apart.
+                let (y, mut alone) = (exposure.modulo(), exposure.wraps());
+                let codes = y.as_u8().unwrap();
+                for (row, column) in PLACES {
+                    let place = s![row..;2, column..;2, ..];
+                    let colour =
+                        Frame::from_u8(codes.slice(place).as_standard_layout().into_owned()).unwrap();
+                    alone.slice_mut(place).assign(&unwrapped(exposure.gains(), &colour, exposure.range()).k);
+                }
+                let alone = exposure.exact_share(&alone).unwrap();
+                assert!(exact > 0.999 && 1.0 - exact < 0.25 * (1.0 - alone), "{pattern:?}: {exact} {alone}");
+            }
+        }
+    }
+
+    /// Lamps of one pixel are the worst case: most of them are wrong without being doubtful.
+    #[test]
+    fn what_is_trusted_is_exact() {
+        let mut verdicts = [0, 0];
+        for pattern in PATTERNS {
+            let mut check = |exposure: &Exposure, what: &str| {
+                let (exact, out) = recovered(exposure);
+                let is_trusted = out.report.trust == Trust::Trusted;
+                assert!(exact >= 0.999 || !is_trusted, "{pattern:?}, {what}: {exact}");
+                verdicts[usize::from(is_trusted)] += 1;
+            };
+            for lamps in [0, 10, 40, 80, 120, 200, 400] {
+                let mut radiance = Array3::from_elem((400, 400, 3), 0.1f32);
+                for lamp in 0..lamps {
+                    // The lamps lie at pixels of full gain of all colours, and their brightness takes all values from 0.3 to 1.
+                    let block = [(lamp * 89) % 100, (lamp * 57) % 100].map(|at| 4 * at);
+                    let (row, column) = (block[0] + lamp % 2, block[1] + lamp / 2 % 2);
+                    let light = 0.3 + 0.7 * ((lamp * 37) % 101) as f32 / 101.0;
+                    radiance.slice_mut(s![row, column, ..]).fill(light);
+                }
+                check(&expose(&radiance, pattern, 4.0, Mosaic::Rggb, 0.0), &format!("{lamps} lamps"));
+            }
+            for (seed, sigma) in (0..6).flat_map(|seed| [0.0, 0.8, 1.4, 2.0].map(|sigma| (seed, sigma))) {
+                for alpha in [1.5, 4.0, 8.0] {
+                    let exposure = expose(&discs(seed, [0.9, 1.0, 0.8]), pattern, alpha, Mosaic::Gbrg, sigma);
+                    check(&exposure, &format!("discs {seed}, alpha {alpha}, {sigma} px"));
+                }
+            }
+        }
+        assert!(verdicts.iter().all(|count| *count > 20), "both verdicts are met: {verdicts:?}");
+    }
+}
