@@ -5,16 +5,20 @@
 //! guess falls with the square of the difference within its pair, here and at the pixels of full gain around, since a pair along an
 //! edge knows more than one across it. The wrap count is the one that brings `y + k 2^b` nearest to this prediction.
 //!
+//! On a colour mosaic, pixels of one colour are farther apart, and all colours predict together: `gains_mosaic.rs`.
+//!
 //! With a gain per colour, red and blue have the lower one; see [`ColourGains`](crate::unwrap::ColourGains).
 //!
 //! The layout is that of spatially varying exposure (Nayar and Mitsunaga 2000, *CVPR*), whose pixels of full gain saturate; see
 //! [`Exposure::saturated`](crate::Exposure::saturated).
 
-use ndarray::{Array3, s};
+use ndarray::Array3;
 
-use crate::frame::{Frame, in_order};
+use crate::frame::Frame;
+use crate::gains_mosaic::{MosaicGains, MosaicRadiance};
+use crate::green_rows::radiance_of_low;
 use crate::mosaic::{GREEN, Mosaic, PLACES};
-use crate::range::{HALF_A_CODE, Range};
+use crate::range::Range;
 use crate::simd::widest;
 use crate::unwrap::{Integers, Recovered, Trust, Unwrap, UnwrapError};
 
@@ -149,6 +153,44 @@ impl GainPattern {
 pub struct TwoGains {
     pattern: GainPattern,
     prediction: Prediction,
+    mosaic: MosaicRadiance,
+}
+
+/// The counts that bring samples nearest to their predictions.
+#[derive(Clone, Copy)]
+struct NearestCount {
+    peak: f32,
+    per_peak: f32,
+    /// The largest count.
+    most: f32,
+    /// The end of the range.
+    limit: f32,
+}
+
+impl NearestCount {
+    fn new(range: Range) -> Self {
+        let (peak, most) = (range.peak(), f32::from(range.max_wraps()));
+        Self { peak, per_peak: peak.recip(), most, limit: range.limit() as f32 }
+    }
+
+    /// Returns the radiance of a code, and its count.
+    #[inline(always)]
+    fn nearest(self, y: f32, predicted: f32) -> (f32, u8) {
+        /// The floats from here on are whole numbers.
+        const WHOLE: f32 = (1 << 23) as f32;
+        // The last period of the range need not be a whole one.
+        let most =
+            if y + self.most * self.peak < self.limit { self.most } else { (self.most - 1.0).max(0.0) };
+        // The sum is rounded to the nearest whole number, which its low bits hold.
+        let nearest = ((predicted - y) * self.per_peak).max(0.0).min(most) + WHOLE;
+        (y + (nearest - WHOLE) * self.peak, nearest.to_bits() as u8)
+    }
+
+    /// Returns whether the radiance is far from its prediction.
+    #[inline(always)]
+    fn is_doubtful(self, full: f32, predicted: f32) -> bool {
+        (full - predicted).abs() > 0.375 * self.peak
+    }
 }
 
 impl TwoGains {
@@ -156,34 +198,61 @@ impl TwoGains {
     pub fn new(gains: Gains) -> Option<Self> {
         let Gains::Two { pattern, ratio } = gains else { return None };
         let prediction = Prediction { ratio: ratio as f32, ..Prediction::default() };
-        (pattern != GainPattern::Colours).then_some(Self { pattern, prediction })
-    }
-
-    /// Writes radiance and wrap counts of a mosaic into `out`: the pixels of each colour have the pattern by themselves.
-    fn recover_mosaic(&mut self, y: &Array3<f32>, range: Range, out: &mut Recovered) {
-        let (mut colour, mut trust) = (Recovered::default(), Trust::Trusted);
-        for (row, column) in PLACES {
-            let place = s![row..;2, column..;2, ..];
-            let codes = y.slice(place);
-            colour.prepare(codes.dim(), self.pattern.method());
-            self.recover(in_order(codes.as_standard_layout().view()), range, &mut colour);
-            out.x.slice_mut(place).assign(&colour.x);
-            out.k.slice_mut(place).assign(&colour.k);
-            // One colour that is not trusted makes the whole image so.
-            if colour.report.trust != Trust::Trusted {
-                trust = colour.report.trust;
-            }
-        }
-        out.report.trust = trust;
+        let made = Self { pattern, prediction, mosaic: MosaicRadiance::default() };
+        (pattern != GainPattern::Colours).then_some(made)
     }
 
     /// Writes radiance and wrap counts of the codes `y` into `out`.
+    fn recover_any<T>(&mut self, y: &[T], mosaic: Option<Mosaic>, range: Range, out: &mut Recovered)
+    where
+        T: Copy + Into<f32>,
+    {
+        match mosaic {
+            Some(mosaic) => self.recover_mosaic(y, mosaic, range, out),
+            None => self.recover(y, range, out),
+        }
+    }
+
+    /// Writes radiance and wrap counts of a mosaic into `out`.
+    fn recover_mosaic<T>(&mut self, y: &[T], mosaic: Mosaic, range: Range, out: &mut Recovered)
+    where
+        T: Copy + Into<f32>,
+    {
+        let ((height, width, _), counts) = (out.x.dim(), NearestCount::new(range));
+        let (pattern, ratio, peak) = (self.pattern, self.prediction.ratio, range.peak());
+        let mut doubtful = [0; PLACES.len()];
+        let gains = MosaicGains { pattern, ratio, mosaic, peak };
+        self.mosaic.fill(gains, y, (height, width), |place, samples, predicted, low| {
+            let samples = samples.iter_mut().zip(predicted.iter().zip(low));
+            doubtful[place] += widest!({
+                let mut doubtful = 0u32;
+                for (sample, (&predicted, &is_low)) in samples {
+                    let (full, _) = counts.nearest(*sample, predicted);
+                    doubtful += u32::from(!is_low & counts.is_doubtful(full, predicted));
+                    *sample = if is_low { *sample } else { full };
+                }
+                doubtful
+            });
+        });
+        let largest = (range.limit() as f32).next_down();
+        let (x, k) = out.buffers();
+        self.mosaic.each(gains, y, width, |at, is_low, radiance| {
+            x[at] = radiance.min(largest);
+            k[at] = if is_low { 0 } else { ((radiance - y[at].into()) / peak) as u8 };
+        });
+        // Along a short side, a colour has no pixels of low gain at both sides.
+        let has_neighbours = height >= 4 && (width >= 4 || pattern == GainPattern::Rows);
+        let most = self.mosaic.full().map(|full| MOST_DOUBTFUL * full as f64);
+        let vouched =
+            has_neighbours && doubtful.iter().zip(most).all(|(&count, most)| f64::from(count) <= most);
+        out.report.trust = if vouched { Trust::Trusted } else { Trust::Untrusted };
+    }
+
+    /// Writes radiance and wrap counts of codes without a mosaic into `out`.
     fn recover<T: Copy + Into<f32>>(&mut self, y: &[T], range: Range, out: &mut Recovered) {
-        /// The floats from here on are whole numbers.
-        const WHOLE: f32 = (1 << 23) as f32;
         let dim @ (height, width, channels) = out.x.dim();
-        let (stride, peak, limit) = (width * channels, range.peak(), range.limit() as f32);
-        let (most, largest, per_peak) = (f32::from(range.max_wraps()), limit.next_down(), peak.recip());
+        let (stride, counts, largest) =
+            (width * channels, NearestCount::new(range), (range.limit() as f32).next_down());
         let low_at = |row| low_samples(self.pattern, row, width, channels);
         let low_rows = [low_at(0), low_at(1)];
         let (x, k) = out.buffers();
@@ -196,15 +265,10 @@ impl TwoGains {
             doubtful += widest!({
                 let mut doubtful = 0u32;
                 for (((x, k), y), ((&low, &predicted), &is_low)) in samples.zip(known) {
-                    let y: f32 = (*y).into();
-                    // The last period of the range need not be a whole one.
-                    let most = if y + most * peak < limit { most } else { (most - 1.0).max(0.0) };
-                    // The sum is rounded to the nearest whole number, which its low bits hold.
-                    let nearest = ((predicted - y) * per_peak).max(0.0).min(most) + WHOLE;
-                    let full = y + (nearest - WHOLE) * peak;
-                    doubtful += u32::from(!is_low & ((full - predicted).abs() > 0.375 * peak));
+                    let (full, count) = counts.nearest((*y).into(), predicted);
+                    doubtful += u32::from(!is_low & counts.is_doubtful(full, predicted));
                     *x = if is_low { low.min(largest) } else { full };
-                    *k = if is_low { 0 } else { nearest.to_bits() as u8 };
+                    *k = if is_low { 0 } else { count };
                 }
                 doubtful
             });
@@ -226,9 +290,8 @@ impl Unwrap for TwoGains {
         let samples = Integers::checked(y, range)?;
         out.prepare(y.dim(), self.pattern.method());
         match samples {
-            _ if y.mosaic().is_some() => self.recover_mosaic(&y.to_f32(), range, out),
-            Integers::U8(y) => self.recover(y, range, out),
-            Integers::U16(y) => self.recover(y, range, out),
+            Integers::U8(codes) => self.recover_any(codes, y.mosaic(), range, out),
+            Integers::U16(codes) => self.recover_any(codes, y.mosaic(), range, out),
         }
         Ok(())
     }
@@ -262,6 +325,23 @@ pub(crate) fn merge_saturated(
 /// Returns for each sample of a row whether it has the lower gain.
 fn low_samples(pattern: GainPattern, row: usize, width: usize, channels: usize) -> Vec<bool> {
     (0..width * channels).map(|sample| pattern.is_low(row, sample / channels, sample % channels)).collect()
+}
+
+/// Returns the radiance of a mosaic as [`merge_saturated`] does.
+pub(crate) fn merge_saturated_mosaic(codes: &Array3<f32>, gains: MosaicGains) -> Array3<f32> {
+    let ((height, width, _), most) = (codes.dim(), gains.peak - 1.0);
+    let codes = codes.as_standard_layout();
+    let y = codes.as_slice().expect("the layout was made standard");
+    let (mut x, mut mosaic) = (vec![0.0; y.len()], MosaicRadiance::default());
+    mosaic.fill(gains, y, (height, width), |_, samples, predicted, low| {
+        for (sample, (&predicted, &is_low)) in samples.iter_mut().zip(predicted.iter().zip(low)) {
+            if !is_low && *sample >= most {
+                *sample = predicted.max(*sample);
+            }
+        }
+    });
+    mosaic.each(gains, y, width, |at, _, radiance| x[at] = radiance);
+    Array3::from_shape_vec(codes.dim(), x).expect("every code has its radiance")
 }
 
 /// Returns whether an image has neighbours at this step: along a side of one pixel there are none.
@@ -313,12 +393,11 @@ impl Prediction {
 
     /// Takes the codes of a row.
     fn read<T: Copy + Into<f32>>(&mut self, row: usize, y: &[T]) {
-        let (channels, scale) = (self.channels, 1.0 / self.ratio);
+        let (channels, ratio) = (self.channels, self.ratio);
         let radiance = &mut self.radiance[row % 4];
         radiance.resize(y.len() + 2 * channels, 0.0);
         let inner = radiance[channels..].iter_mut().zip(y);
-        // A code stands for the interval above it, and x_hat is a whole code too: the half codes cancel for a ratio of 1.
-        widest!(inner.for_each(|(x, &y)| *x = (y.into() + HALF_A_CODE) * scale - HALF_A_CODE));
+        widest!(inner.for_each(|(x, &y)| *x = radiance_of_low(y.into(), ratio)));
         mirror(radiance, self.width, channels);
     }
 

@@ -79,7 +79,8 @@ impl<'a, T: Copy + Into<f32>> GreenRows<'a, T> {
         let lines = out.red.iter_mut().zip(&mut out.green).zip(&mut out.blue);
         let ratio = self.ratio;
         widest!(pixels.zip(lines).for_each(|(&[r, g, b], ((red, green), blue))| {
-            (*red, *green, *blue) = (radiance(r.into(), ratio), g.into(), radiance(b.into(), ratio));
+            (*red, *green, *blue) =
+                (radiance_of_low(r.into(), ratio), g.into(), radiance_of_low(b.into(), ratio));
         }));
     }
 
@@ -103,7 +104,9 @@ impl<'a, T: Copy + Into<f32>> GreenRows<'a, T> {
     /// Writes the radiance of a row to `x`, whose green samples are `green`.
     pub fn write(&self, row: usize, green: &[f32], most: f32, x: &mut [f32]) {
         let (codes, ratio) = (self.line(row), self.ratio);
-        widest!(x.iter_mut().zip(codes).for_each(|(x, &code)| *x = radiance(code.into(), ratio).min(most)));
+        widest!(
+            x.iter_mut().zip(codes).for_each(|(x, &code)| *x = radiance_of_low(code.into(), ratio).min(most))
+        );
         let (first, step) = self.places(row);
         x[first..].iter_mut().step_by(step).zip(green).for_each(|(x, green)| *x = *green);
     }
@@ -129,15 +132,15 @@ fn interpolate(lines: &[Vec<f32>; 2 * REACH + 1], between: &mut [Vec<f32>; 2], w
     widest!(to.for_each(|((along, across), (((left, right), (above, below)), ((a, b), (c, d))))| {
         let bend_beside = a.0 + a.1 + b.0 + b.1 - 2.0 * (above + below);
         let bend_over = c.0 + c.1 + d.0 + d.1 - 2.0 * (left + right);
-        *along = radiance(((left + right) / 2.0 - bend_beside / 16.0).max(0.0), ratio);
-        *across = radiance(((above + below) / 2.0 - bend_over / 16.0).max(0.0), ratio);
+        *along = radiance_of_low(((left + right) / 2.0 - bend_beside / 16.0).max(0.0), ratio);
+        *across = radiance_of_low(((above + below) / 2.0 - bend_over / 16.0).max(0.0), ratio);
     }));
 }
 
 /// Returns the radiance of a code of low gain. A code stands for the interval above it, and the radiance of full gain is a whole code,
 /// too: the half codes cancel for a ratio of 1.
 #[inline(always)]
-fn radiance(code: f32, ratio: f32) -> f32 {
+pub(crate) fn radiance_of_low(code: f32, ratio: f32) -> f32 {
     (code + HALF_A_CODE) / ratio - HALF_A_CODE
 }
 

@@ -15,6 +15,7 @@ pub mod denoise;
 pub mod display;
 pub mod frame;
 pub mod gains;
+mod gains_mosaic;
 pub mod gradient;
 mod green_rows;
 pub mod letterbox;

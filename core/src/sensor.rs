@@ -10,9 +10,10 @@ use rand_distr::{Distribution, StandardNormal, StandardUniform};
 use rand_pcg::Pcg64Mcg;
 
 use crate::frame::{Frame, FrameError, SamplePosition, check_shape, position_of};
-use crate::gains::{GainPattern, Gains, merge_saturated};
+use crate::gains::{GainPattern, Gains, merge_saturated, merge_saturated_mosaic};
+use crate::gains_mosaic::MosaicGains;
 use crate::green_rows::fill_saturated;
-use crate::mosaic::{Mosaic, by_colour};
+use crate::mosaic::Mosaic;
 use crate::optics::{Border, MAX_SIGMA, Psf, RowFilter};
 use crate::range::{Range, RangeError};
 use crate::simd::{floor, mapped, widest};
@@ -441,11 +442,13 @@ impl Exposure {
         let most = self.most();
         let codes = mapped(&self.converted(), |x| whole(x).min(most) as f32);
         let Gains::Two { pattern, ratio } = self.layout.gains else { return codes };
-        let merge = |codes: &Array3<f32>| merge_saturated(codes, pattern, ratio, self.range);
         let x = match (pattern, self.layout.mosaic) {
             (GainPattern::Colours, mosaic) => fill_saturated(codes, mosaic, ratio, self.range),
-            (_, None) => merge(&codes),
-            (_, Some(_)) => by_colour(&codes, |_, codes| merge(codes)),
+            (_, None) => merge_saturated(&codes, pattern, ratio, self.range),
+            (_, Some(mosaic)) => {
+                let (ratio, peak) = (ratio as f32, self.range.peak());
+                merge_saturated_mosaic(&codes, MosaicGains { pattern, ratio, mosaic, peak })
+            }
         };
         x.mapv_into(|x| x.max(0.0))
     }

@@ -402,7 +402,7 @@ fn the_fixed_pattern_has_the_statistics_that_were_asked_for_and_stays() {
     assert!((sigma / 0.02 - 1.0).abs() < 0.02, "{sigma}");
 }
 
-/// 2 x 2 pixels of a mosaic have one gain, so that the pixels of each colour have the pattern by themselves.
+/// 2 x 2 pixels of a mosaic have one gain.
 #[test]
 fn two_gains_go_with_a_mosaic() {
     let radiance = Array3::from_shape_fn((64, 80, 3), |(i, j, c)| {
@@ -420,8 +420,11 @@ fn two_gains_go_with_a_mosaic() {
         assert_eq!((exposure.exact_share(&out.k), out.report.trust), (Some(1.0), Trust::Trusted));
         let saturated = exposure.saturated();
         let apart = (saturated.to_f32() - exposure.x().mapv(|x| x / 4.0)).mapv(f32::abs);
-        // At the border, the image is continued by its mirror image, whose slope is another one: two pixels of 5 codes.
-        assert!(apart.iter().all(|difference| *difference <= 12.0), "{apart}");
+        // Beyond the border lies the mirror image, whose slope is another one: up to three pixels of 5 codes.
+        for ((row, column, _), difference) in apart.indexed_iter() {
+            let is_inside = (4..60).contains(&row) && (4..76).contains(&column);
+            assert!(*difference <= if is_inside { 3.0 } else { 16.0 }, "({row}, {column}): {difference}");
+        }
     }
 }
 

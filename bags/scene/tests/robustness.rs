@@ -82,10 +82,13 @@ fn hot_samples_of_a_mosaic_are_found_and_cost_no_trust() {
 #[test]
 fn hot_samples_of_two_gains_change_no_count_beside_them() {
     for radiance in scenes() {
-        for pattern in [GainPattern::Checkerboard, GainPattern::Rows] {
+        let arrangements = [GainPattern::Checkerboard, GainPattern::Rows]
+            .into_iter()
+            .flat_map(|pattern| [(pattern, None), (pattern, Some(Mosaic::Gbrg))]);
+        for (pattern, mosaic) in arrangements {
             for alpha in [2.0, 4.0] {
                 let gains = Gains::Two { pattern, ratio: 1.0 / alpha };
-                let config = SensorConfig { alpha, gains, ..SensorConfig::default() };
+                let config = SensorConfig { alpha, gains, mosaic, ..SensorConfig::default() };
                 let outcomes = [0.0, 1e-4].map(|hot_pixels| {
                     let exposure = expose_by(&radiance, SensorConfig { hot_pixels, ..config });
                     let mut out = Recovered::default();
@@ -96,11 +99,10 @@ fn hot_samples_of_two_gains_change_no_count_beside_them() {
                 let [(clean, expected), (exposure, out)] = &outcomes;
                 let wrong =
                     [(expected, clean), (out, exposure)].map(|(out, e)| wrong_of_sound(out, e, clean));
-                assert!(
-                    wrong[1] <= wrong[0],
-                    "{pattern:?}, alpha {alpha}: {wrong:?} sound samples are wrong"
-                );
-                assert_eq!(out.report.trust, expected.report.trust, "{pattern:?}, alpha {alpha}");
+                let what = format!("{pattern:?}, {mosaic:?}, alpha {alpha}");
+                assert!(wrong[1] <= wrong[0], "{what}: {wrong:?} sound samples are wrong");
+                // On a mosaic of this size, one doubtful count of a colour makes the result untrusted: that of a hot pixel itself.
+                assert!(mosaic.is_some() || out.report.trust == expected.report.trust, "{what}");
             }
         }
     }

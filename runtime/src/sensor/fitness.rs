@@ -19,8 +19,8 @@ const MEASURED: [(bool, Option<GainPattern>, [f64; LENSES.len()]); 8] = [
     (false, Some(GainPattern::Rows), [1.5, 2.0, 4.0, 6.0, 8.0, 8.0]),
     (false, Some(GainPattern::Colours), [2.0, 3.0, 4.0, 6.0, 8.0, 8.0]),
     (true, None, [1.0, 1.0, 2.0, 2.0, 4.0, 4.0]),
-    (true, Some(GainPattern::Checkerboard), [1.0, 2.0, 3.0, 3.0, 4.0, 8.0]),
-    (true, Some(GainPattern::Rows), [1.0, 1.0, 2.0, 2.0, 3.0, 4.0]),
+    (true, Some(GainPattern::Checkerboard), [2.0, 2.0, 4.0, 4.0, 8.0, 8.0]),
+    (true, Some(GainPattern::Rows), [1.0, 2.0, 4.0, 4.0, 8.0, 8.0]),
     (true, Some(GainPattern::Colours), [1.0, 2.0, 4.0, 4.0, 4.0, 8.0]),
 ];
 
