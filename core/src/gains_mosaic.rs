@@ -9,7 +9,7 @@
 //! 2. Red and blue from their samples of low gain and from green at every pixel, which is known by then: mostly the mean of the
 //!    differences from green of the four nearest samples of low gain, and green between its neighbours at the place itself.
 //!
-//! The filters are those with the least square errors on KITTI frames behind several lenses, rounded.
+//! The filters are those with the least square errors on rendered scenes behind several lenses, rounded.
 
 use crate::gains::GainPattern;
 use crate::green_rows::radiance_of_low;
@@ -29,18 +29,18 @@ struct Filters {
 
 const CHECKERBOARD: Filters = Filters {
     green: &[
-        (-1, -1, 26.0),
-        (1, 1, 26.0),
-        (0, -2, 6.0),
-        (2, 0, 6.0),
+        (-1, -1, 25.0),
+        (1, 1, 25.0),
+        (0, -2, 7.0),
+        (2, 0, 7.0),
         (-1, 0, 12.0),
-        (1, 2, -6.0),
-        (-3, -2, -4.0),
-        (3, 0, -2.0),
+        (1, 2, -4.0),
+        (-3, -2, -5.0),
+        (3, 0, -3.0),
         (0, 1, 12.0),
-        (-2, -1, -6.0),
-        (2, 3, -4.0),
-        (0, -3, -2.0),
+        (-2, -1, -4.0),
+        (2, 3, -5.0),
+        (0, -3, -3.0),
     ],
     other: &[
         (-2, 0, 16.0),
@@ -64,35 +64,35 @@ const CHECKERBOARD: Filters = Filters {
 
 const ROWS: Filters = Filters {
     green: &[
-        (-1, -1, 35.0),
-        (-1, 1, 35.0),
-        (2, 0, 25.0),
+        (-1, -1, 32.0),
+        (-1, 1, 32.0),
+        (2, 0, 32.0),
         (2, -2, 3.5),
         (2, 2, 3.5),
-        (-2, 0, -12.0),
-        (-2, -2, -6.0),
-        (-2, 2, -6.0),
-        (3, -1, -7.0),
-        (3, 1, -7.0),
-        (-1, 0, 8.0),
-        (-1, -2, -4.0),
-        (-1, 2, -4.0),
+        (-2, 0, -11.0),
+        (-2, -2, -5.0),
+        (-2, 2, -5.0),
+        (3, -1, -9.0),
+        (3, 1, -9.0),
+        (-1, 0, 10.0),
+        (-1, -2, -5.0),
+        (-1, 2, -5.0),
     ],
     other: &[
-        (-2, 0, 20.0),
-        (2, 0, 20.0),
-        (-2, -2, 6.0),
-        (-2, 2, 6.0),
-        (2, -2, 6.0),
-        (2, 2, 6.0),
-        (0, -1, 26.0),
-        (0, 1, 26.0),
-        (-1, 0, 12.0),
-        (1, 0, 12.0),
-        (-2, -1, -15.0),
-        (-2, 1, -15.0),
-        (2, -1, -15.0),
-        (2, 1, -15.0),
+        (-2, 0, 23.0),
+        (2, 0, 23.0),
+        (-2, -2, 4.5),
+        (-2, 2, 4.5),
+        (2, -2, 4.5),
+        (2, 2, 4.5),
+        (0, -1, 32.0),
+        (0, 1, 32.0),
+        (-1, 0, 10.0),
+        (1, 0, 10.0),
+        (-2, -1, -17.0),
+        (-2, 1, -17.0),
+        (2, -1, -17.0),
+        (2, 1, -17.0),
         (-1, -2, -4.0),
         (-1, 2, -4.0),
         (1, -2, -4.0),
