@@ -34,8 +34,12 @@ DOMAIN = "93"
 
 def launch_file(cameras, source, model, seconds, detector_threads, unwrap_threads):
     """A launch file of cameras in namespaces of their own with one detector. JSON is YAML."""
-    node = lambda name, **parameters: {"node": {
-        "pkg": "modulo", "exec": name, "param": [{"name": key, "value": value} for key, value in parameters.items()]}}
+    def node(name, **parameters):
+        values = [{"name": key, "value": value} for key, value in parameters.items()]
+        # The run ends with the first camera; all have as many frames.
+        ends = {"on_exit": "shutdown"} if name == "modulo_camera" else {}
+        return {"node": {"pkg": "modulo", "exec": name, "param": values} | ends}
+
     names = [f"camera{number}" for number in range(cameras)]
     sensor = {"source": source, "loop": True, "rate": RATE, "frames": int(RATE * seconds), "alpha": 4.0, "psf_sigma": 1.4}
     groups = [
