@@ -77,7 +77,7 @@ def run(modulo, source, model, seconds, cameras, threads):
         answered = {}
         for _, frame, _, _, done in spans(folder, "detector"):
             answered[frame] = max(done, answered.get(frame, 0.0))
-    counted = {frame: done for frame, done in answered.items() if start <= done <= end}
+    counted = {frame: done for frame, done in answered.items() if frame in sent and start <= done <= end}
     per_camera = collections.Counter({path: 0 for path, _ in sent.values()})
     per_camera.update(sent[frame][0] for frame in counted)
     ages = [done - sent[frame][1] for frame, done in counted.items()]

@@ -60,8 +60,8 @@ pub struct PipelineRequest {
     /// The frames and the model.
     #[command(flatten)]
     pub suite: SuiteRequest,
-    /// Inference engine: ONNX Runtime (ort), ONNX Runtime with OpenVINO (openvino), rten, or auto for ort where its library is
-    /// found, and rten elsewhere
+    /// Inference engine: ONNX Runtime (ort), ONNX Runtime with OpenVINO (openvino, or openvino_f32 with 32 bits), rten, or auto
+    /// for ort where its library is found, and rten elsewhere
     #[arg(long, default_value = "auto", value_parser = ["auto", "ort", "openvino", "openvino_f32", "rten"])]
     pub engine: String,
     /// Device that runs the model: cpu, cuda or tensorrt, the last two with the number of a GPU where it is not the first
