@@ -301,6 +301,9 @@ impl Transport for Offered {
         self.ports.lock().expect("not poisoned").send(port).expect("the test listens");
         Ok(Box::new(()))
     }
+    fn nodes(&self) -> Vec<String> {
+        self.local.nodes()
+    }
     fn is_ready(&self, node: &str) -> bool {
         self.local.is_ready(node)
     }

@@ -7,7 +7,7 @@ use anyhow::{Context as _, anyhow};
 use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 use modulo_bags::source::{self, SourceOptions};
-use modulo_bench::engines::EngineOutcome;
+use modulo_bench::engines::{EngineFigures, EngineOutcome, EnginesRequest};
 use modulo_bench::{
     BenchError, BenchEvent, below_100, benchmark, engines, frontier, pipeline, recover, simulate, stability,
 };
@@ -20,6 +20,7 @@ use modulo_runtime::SystemClock;
 use modulo_runtime::clock::monotonic_ns;
 use modulo_runtime::sensor::options::CHIP;
 
+use super::grid::LabelledFrames;
 use super::usage;
 use crate::{Ended, Failure};
 
@@ -59,13 +60,26 @@ pub enum Bench {
     /// Measure the time from the modulo image to the boxes in one process, in several and in lockstep, beside that of the network
     /// by itself
     Pipeline(pipeline::PipelineRequest),
-    /// Measure the inference engines of this machine and the agreement of their boxes, and draw a chart of both
-    Detector(pipeline::SuiteRequest),
+    /// Measure the accuracy, the time and the memory of the inference engines of this machine, draw a chart, and name the fastest
+    /// one that loses less than 0.5 points of AP50
+    Detector(DetectorBench),
     /// Draw the charts of the results in a folder again
     Chart {
         /// Folder with results.json and meta.json
         folder: PathBuf,
     },
+}
+
+/// `modulo bench detector`
+#[derive(Args)]
+pub struct DetectorBench {
+    #[command(flatten)]
+    labelled: LabelledFrames,
+    /// Source of labelled frames, such as a bag or scene://PRESET; used without --kitti, --sequence, --yolo or --coco
+    #[arg(long, value_name = "SOURCE", default_value = "scene://day?seed=3&frames=20&width=640&height=192")]
+    source: String,
+    #[command(flatten)]
+    request: EnginesRequest,
 }
 
 /// Sends image files through the sensor and the methods.
@@ -136,7 +150,7 @@ pub fn bench(command: &Bench) -> Result<Ended, Failure> {
     match command {
         Bench::Unwrap(request) => bench_unwrap(request),
         Bench::Pipeline(request) => bench_pipeline(request),
-        Bench::Detector(request) => bench_detector(request),
+        Bench::Detector(args) => bench_detector(args),
         Bench::Chart { folder } => {
             for file in frontier::draw_frontier(&folder.join(benchmark::RESULTS))? {
                 say!("{}", file.display());
@@ -186,7 +200,8 @@ fn bench_pipeline(request: &pipeline::PipelineRequest) -> Result<Ended, Failure>
         let speeds = speeds.map_err(|why| BenchError::Run(why.to_string()))?;
         Ok(speeds[0].durations_ns.iter().map(|&ns| ns as f64 / 1e6).collect())
     };
-    let (path, launch_file) = this_program()?;
+    let path = this_program()?;
+    let launch_file = launch_file("recovered.launch.yaml".as_ref());
     let program = pipeline::Program { path: &path, launch_file: &launch_file, now_ns: monotonic_ns };
     let mut bench = pipeline::PipelineBench { program, bare: &mut bare };
     let bar = progress_bar(STEPS);
@@ -216,42 +231,57 @@ fn bench_pipeline(request: &pipeline::PipelineRequest) -> Result<Ended, Failure>
     Ok(Ended::Done)
 }
 
-/// Returns this program and the launch file of the suite that a benchmark runs.
-fn this_program() -> Result<(PathBuf, PathBuf), Failure> {
-    let program = std::env::current_exe().context("this program")?;
-    Ok((program, launch_file("recovered.launch.yaml".as_ref())))
+/// Returns the path of this program, which a benchmark runs.
+fn this_program() -> Result<PathBuf, Failure> {
+    Ok(std::env::current_exe().context("this program")?)
 }
 
-fn bench_detector(request: &pipeline::SuiteRequest) -> Result<Ended, Failure> {
-    let (path, launch_file) = this_program()?;
-    let program = pipeline::Program { path: &path, launch_file: &launch_file, now_ns: monotonic_ns };
+fn bench_detector(args: &DetectorBench) -> Result<Ended, Failure> {
+    let DetectorBench { labelled, source, request } = args;
+    let mut options = labelled.options();
+    if options.is_empty() {
+        options = vec!["--source".into(), source.into()];
+    }
     let bar = progress_bar(STEPS);
     let (rows, chart) =
-        engines::engines(request, &program, &processor(), &mut |event| tell(&bar, event)).map_err(failure)?;
+        engines::engines(request, &options, (&this_program()?, &processor()), &mut |event| tell(&bar, event))
+            .map_err(failure)?;
     bar.finish_and_clear();
-    say!("engine    device    frames    p50 ms    p99 ms   boxes   agreement");
+    say!(
+        "engine        device    p50 ms    p99 ms  memory MB  loss of AP50  AP50 with its 95 % interval; model"
+    );
     for row in &rows {
-        let name = format!("{:<9} {:<8}", row.engine, row.device);
+        let name = format!("{:<13} {:<8}", row.engine, row.device);
         match &row.outcome {
             EngineOutcome::Measured(figures) => say!(
-                "{name} {:>7} {:>9.2} {:>9.2} {:>7} {:>10.2}%",
-                figures.frames,
+                "{name} {:>7.2} {:>9.2} {:>10.0} {:>13.2}  {}; {}",
                 figures.p50_ms,
                 figures.p99_ms,
-                figures.boxes,
-                100.0 * figures.agreement
+                figures.rss_mb,
+                100.0 * figures.loss,
+                accuracy(figures),
+                row.model
             ),
-            EngineOutcome::Missing(why) => say!("{name} {why}"),
+            EngineOutcome::Missing(why) => say!("{name} {why}; {}", row.model),
         }
     }
     chart.iter().for_each(|file| say!("{}", file.display()));
-    if let Some(engine) = engines::fastest(&rows).map(|row| row.engine) {
-        say!(
-            "The fastest engine on the processor of this machine whose boxes agree is {engine}; give engine:={engine} to \
-             use it."
-        );
+    if let Some(row) = engines::choice(&rows) {
+        say!("The fastest that loses less than 0.5 points of AP50: {}", row.arguments());
     }
     Ok(Ended::Done)
+}
+
+/// The AP50 of each group in percent, with its interval.
+fn accuracy(figures: &EngineFigures) -> String {
+    let group = |(group, &ap): (&String, &f64)| {
+        let bounds = figures.interval95.get(group);
+        let bounds = bounds.map_or(String::new(), |bounds| {
+            format!(" [{}]", bounds.map(|bound| below_100(bound, 1)).join(", "))
+        });
+        format!("{group} {}{bounds}", below_100(ap, 1))
+    };
+    figures.ap50.iter().map(group).collect::<Vec<_>>().join(", ")
 }
 
 /// Returns the engine of this word.

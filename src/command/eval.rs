@@ -29,6 +29,7 @@ pub struct Eval {
     pub verb: Option<Verb>,
     /// Launch file (ROS 2 YAML) with one camera. Without it: a grid over --kitti, --sequence, --yolo, --coco or
     /// --source
+    #[arg(conflicts_with = "LabelledFrames")]
     pub file: Option<PathBuf>,
     /// Arguments of the launch file as name:=value
     #[arg(requires = "file")]

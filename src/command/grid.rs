@@ -1,6 +1,7 @@
 //! `modulo eval` without a launch file: runs the grid over labelled frames. `modulo eval report` and `modulo eval budget`
 //! show its results.
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
@@ -31,24 +32,9 @@ use crate::{Ended, Failure};
 #[derive(Args)]
 #[command(next_help_heading = "Grid, without FILE")]
 pub struct Grid {
-    /// KITTI object folder (image_2, label_2)
-    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["file", "sequence", "yolo", "coco", "source"])]
-    pub kitti: Option<PathBuf>,
-    /// Frames of --kitti to take: a file of lines FRAME [DRIVE], or `paper` for the paper's test images
-    #[arg(long, value_name = "FILE", requires = "kitti")]
-    pub list: Option<PathBuf>,
-    /// KITTI drives with tracking labels, one folder for each drive
-    #[arg(long, value_name = "FOLDER", num_args = 1.., conflicts_with_all = ["file", "yolo", "coco", "source"])]
-    pub sequence: Vec<PathBuf>,
-    /// Folder of images with YOLO labels (subfolders images and labels, or both side by side)
-    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["file", "coco", "source"])]
-    pub yolo: Option<PathBuf>,
-    /// COCO annotation file
-    #[arg(long, value_name = "JSON", conflicts_with_all = ["file", "source"])]
-    pub coco: Option<PathBuf>,
-    /// Folder of the images of --coco, if they are not in the usual place
-    #[arg(long, value_name = "FOLDER", requires = "coco")]
-    pub coco_images: Option<PathBuf>,
+    /// The labelled frames.
+    #[command(flatten)]
+    pub labelled: LabelledFrames,
     /// Parameter file of the camera with the values of the chip and the lens, such as sensors/mosaic.yaml
     #[arg(long, value_name = "FILE", conflicts_with_all = ["file", CHIP])]
     pub sensor: Option<PathBuf>,
@@ -57,14 +43,59 @@ pub struct Grid {
     pub options: GridOptions,
 }
 
+/// Labelled frames in files.
+#[derive(Args)]
+pub struct LabelledFrames {
+    /// KITTI object folder (image_2, label_2)
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["sequence", "yolo", "coco", "source"])]
+    pub kitti: Option<PathBuf>,
+    /// Frames of --kitti to take: a file of lines FRAME [DRIVE], or `paper` for the paper's test images
+    #[arg(long, value_name = "FILE", requires = "kitti")]
+    pub list: Option<PathBuf>,
+    /// KITTI drives with tracking labels, one folder for each drive
+    #[arg(long, value_name = "FOLDER", num_args = 1.., conflicts_with_all = ["yolo", "coco", "source"])]
+    pub sequence: Vec<PathBuf>,
+    /// Folder of images with YOLO labels (subfolders images and labels, or both side by side)
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["coco", "source"])]
+    pub yolo: Option<PathBuf>,
+    /// COCO annotation file
+    #[arg(long, value_name = "JSON", conflicts_with = "source")]
+    pub coco: Option<PathBuf>,
+    /// Folder of the images of --coco, if they are not in the usual place
+    #[arg(long, value_name = "FOLDER", requires = "coco")]
+    pub coco_images: Option<PathBuf>,
+}
+
+impl LabelledFrames {
+    /// Returns the options of a command line that name these frames.
+    pub fn options(&self) -> Vec<OsString> {
+        let Self { kitti, list, sequence, yolo, coco, coco_images } = self;
+        let one = [
+            ("--kitti", kitti),
+            ("--list", list),
+            ("--yolo", yolo),
+            ("--coco", coco),
+            ("--coco-images", coco_images),
+        ];
+        let one = one.into_iter().filter_map(|(name, path)| Some((name, path.as_ref()?)));
+        one.chain(sequence.iter().map(|folder| ("--sequence", folder)))
+            .flat_map(|(name, path)| [name.into(), path.clone().into_os_string()])
+            .collect()
+    }
+}
+
 /// Runs the cells that are not finished yet.
 pub fn grid(args: &Grid, source: &[String], out: &Path) -> Result<Ended, Failure> {
     let mut options = args.options.clone();
     if let Some(file) = &args.sensor {
         options.axes.sensor.take_chip(&CameraParameters::read_sensor(file).map_err(usage)?);
     }
-    let request =
-        Request { data: data(args, source)?, options, provenance: provenance(), out: out.to_owned() };
+    let request = Request {
+        data: data(&args.labelled, source)?,
+        options,
+        provenance: provenance(),
+        out: out.to_owned(),
+    };
     let progress = GridProgress::new();
     let timer = SystemClock::default();
     let outcome = run(&request, &Suite, &timer, &|event| progress.tell(event)).map_err(failure)?;
@@ -193,7 +224,7 @@ fn provenance() -> Provenance {
     }
 }
 
-fn data(args: &Grid, source: &[String]) -> Result<Data, Failure> {
+fn data(args: &LabelledFrames, source: &[String]) -> Result<Data, Failure> {
     let list = match args.list.as_deref() {
         Some(path) if path == Path::new("paper") => Some(FrameList::paper()),
         Some(path) => Some(FrameList::read(path)?),

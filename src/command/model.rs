@@ -58,8 +58,8 @@ pub struct ModelFetch {
 pub struct ModelCheck {
     /// Path of the ONNX file
     pub file: PathBuf,
-    /// Inference engine: ONNX Runtime (ort), ONNX Runtime with OpenVINO (openvino), rten, or auto for ort where its library
-    /// is found, and rten elsewhere
+    /// Inference engine: ONNX Runtime (ort), ONNX Runtime with OpenVINO (openvino, or openvino_f32 with 32 bits), rten, or auto
+    /// for ort where its library is found, and rten elsewhere
     #[arg(long, default_value = "auto", value_parser = words(EngineChoice::WORDS))]
     pub engine: EngineChoice,
     /// Device that runs the model: cpu, cuda or tensorrt, the last two with the number of a GPU where it is not the first

@@ -1,38 +1,69 @@
-//! `bench detector`: the inference engines of this machine, with the time of each and the agreement of its boxes.
+//! `bench detector`: the inference engines of this machine, with the accuracy, the time and the memory of each.
 //!
-//! Each engine is a run of this program of its own, in lockstep on the same frames. The boxes are compared with those of an
-//! engine that computes with 32 bits on the processor: ONNX Runtime where it is, else rten.
+//! Each engine with each model is a run of `modulo eval` of its own on the same labelled frames. The loss of accuracy counts
+//! from the first model on an engine that computes with 32 bits on the processor: ONNX Runtime where it is, else rten.
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 
-use modulo_core::BBox;
-use modulo_draw::{Axis, Chart, ChartBody, ChartPanel, DataPoint, PageWidth, Series, SeriesStyle};
-use serde::Serialize;
+use clap::Args;
+use modulo_draw::{Axis, Chart, ChartBody, ChartPanel, DataPoint, Emphasis, PageWidth, Series, SeriesStyle};
+use modulo_runtime::report::Percentiles;
+use serde::{Deserialize, Serialize};
 
-use crate::pipeline::{Mode, Program, RESULTS, RunSettings, SuiteRequest, at, run, sorted, temporary_folder};
-use crate::{BenchError, BenchEvent, make_folder, read_json, write, write_json};
+use crate::pipeline::{Mode, RESULTS, temporary_folder, watch};
+use crate::{BenchError, BenchEvent, below_100, make_folder, read_json, write, write_json};
 
 /// Engines and devices in the order in which they are measured; the first one that is there is the reference.
-const ENGINES: [(&str, &str); 5] =
-    [("ort", "cpu"), ("rten", "cpu"), ("openvino", "cpu"), ("ort", "cuda"), ("ort", "tensorrt")];
-/// The boxes with at least this score are compared.
-const SCORE: f64 = 0.25;
-/// Boxes of two engines that agree have scores that are at most so far apart.
-const SCORE_TOLERANCE: f64 = 0.03;
-/// Boxes of two engines that agree have at least this intersection over union.
-const LEAST_IOU: f32 = 0.9;
-/// The smallest share of agreeing boxes of an engine that may stand for the reference.
-const LEAST_AGREEMENT: f64 = 0.99;
+const ENGINES: [(&str, &str); 6] = [
+    ("ort", "cpu"),
+    ("rten", "cpu"),
+    ("openvino_f32", "cpu"),
+    ("openvino", "cpu"),
+    ("ort", "cuda"),
+    ("ort", "tensorrt"),
+];
+/// An engine may stand for the reference if it loses less AP50 than this in each group.
+pub const MOST_LOSS: f64 = 0.005;
+/// Fewer labelled frames do not tell the accuracy of an engine.
+const LEAST_FRAMES: usize = 20;
 
-/// An engine on this machine.
+/// The settings of a benchmark of the engines, as options of a command line.
+#[derive(Clone, Debug, PartialEq, Args)]
+pub struct EnginesRequest {
+    /// Detection models, such as an ONNX file and its copy with 8 bits (tools/quantise.py), or demo: the embedded demonstration.
+    /// The first one is the reference
+    #[arg(long, value_delimiter = ',', default_value = "demo")]
+    pub model: Vec<String>,
+    /// Saturation factor: brightest radiance divided by the peak of the sensor
+    #[arg(long, default_value_t = 4.0)]
+    pub alpha: f64,
+    /// Standard deviation of the lens blur in px. 0: a perfect lens
+    #[arg(long, default_value_t = 1.4)]
+    pub psf_sigma: f64,
+    /// Number of inferences of each engine whose times are measured
+    #[arg(long, default_value_t = 100)]
+    pub count: usize,
+    /// Folder for results.json and the chart
+    #[arg(short, long, value_name = "FOLDER")]
+    pub out: PathBuf,
+    /// Further options of modulo eval, such as -- --groups FILE
+    #[arg(last = true)]
+    pub more: Vec<OsString>,
+}
+
+/// An engine with a model on this machine.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EngineRow {
     /// The engine, as the parameter `engine` has it.
     pub engine: &'static str,
     /// The device, as the parameter `device` has it.
     pub device: &'static str,
+    /// The model, as the parameter `model` has it.
+    pub model: String,
     /// The figures, or the reason why it does not run here.
     #[serde(flatten)]
     pub outcome: EngineOutcome,
@@ -49,19 +80,24 @@ pub enum EngineOutcome {
 }
 
 /// The figures of an engine.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct EngineFigures {
-    /// Number of frames that were timed.
+    /// Number of labelled frames.
     pub frames: usize,
+    /// AP50 of each group of classes that has an object in the labels.
+    pub ap50: BTreeMap<String, f64>,
+    /// Bounds of the 95 % bootstrap interval of each AP50.
+    pub interval95: BTreeMap<String, [f64; 2]>,
+    /// The largest loss of AP50 of a group against the reference; negative where each group gains.
+    pub loss: f64,
+    /// Number of inferences whose times were measured.
+    pub inferences: usize,
     /// Median time of an inference, ms.
     pub p50_ms: f64,
     /// The 99th percentile of this time, ms.
     pub p99_ms: f64,
-    /// Number of boxes with a score of at least 0.25.
-    pub boxes: usize,
-    /// Share of the boxes of this engine and of the reference that have a twin of the same class on the other side: intersection
-    /// over union of at least 0.9, scores at most 0.03 apart.
-    pub agreement: f64,
+    /// Largest resident memory of the process, sensor and unwrapping included, MB.
+    pub rss_mb: f64,
 }
 
 impl EngineRow {
@@ -72,45 +108,62 @@ impl EngineRow {
             EngineOutcome::Missing(_) => None,
         }
     }
+
+    /// Returns the arguments of the launch files that take this engine and model.
+    pub fn arguments(&self) -> String {
+        let Self { engine, device, model, .. } = self;
+        format!("engine:={engine} device:={device} model:={model}")
+    }
+
+    fn name(&self) -> String {
+        let Self { engine, device, model, .. } = self;
+        let model = Path::new(model).file_stem().map_or(model.into(), |stem| stem.to_string_lossy());
+        format!("{engine} on {device}, {model}")
+    }
 }
 
-/// Measures all engines on this `processor` and writes the results. Returns the rows and the files of the chart.
+/// Measures all engines on the frames that the options `source` of `modulo eval` name, and writes the results. `program` is the
+/// path of this program, `processor` the name of its machine's. Returns the rows and the files of the chart.
 ///
 /// # Errors
-/// [`BenchError`] when no engine runs, or a file cannot be read or written.
+/// [`BenchError`] when no engine runs, there are too few frames, or a file cannot be read or written.
 pub fn engines(
-    request: &SuiteRequest,
-    program: &Program<'_>,
-    processor: &str,
+    request: &EnginesRequest,
+    source: &[OsString],
+    (program, processor): (&Path, &str),
     tell: &mut dyn FnMut(BenchEvent<'_>),
 ) -> Result<(Vec<EngineRow>, [PathBuf; 2]), BenchError> {
     make_folder(&request.out)?;
-    let mut rows = Vec::new();
-    let mut reference: Option<Boxes> = None;
-    for (done, (engine, device)) in ENGINES.into_iter().enumerate() {
-        tell(BenchEvent::Step { done, total: ENGINES.len(), next: engine });
-        let outcome = match measure(request, program, (engine, device)) {
-            Ok((times, boxes)) => {
-                let reference = reference.get_or_insert_with(|| boxes.clone());
-                EngineOutcome::Measured(EngineFigures {
-                    frames: times.len(),
-                    p50_ms: at(&times, 0.5),
-                    p99_ms: at(&times, 0.99),
-                    boxes: counted(&boxes).count(),
-                    agreement: agreement(&boxes, reference),
-                })
-            }
-            Err(BenchError::Run(why)) => EngineOutcome::Missing(why),
-            Err(why) => return Err(why),
-        };
-        rows.push(EngineRow { engine, device, outcome });
+    let mut rows: Vec<EngineRow> = Vec::new();
+    for model in &request.model {
+        for (engine, device) in ENGINES {
+            let total = request.model.len() * ENGINES.len();
+            tell(BenchEvent::Step { done: rows.len(), total, next: engine });
+            let mut row = EngineRow {
+                engine,
+                device,
+                model: model.clone(),
+                outcome: EngineOutcome::Missing(String::new()),
+            };
+            row.outcome = match measure(request, &row, source, program) {
+                Ok(mut figures) => {
+                    let reference = rows.iter().find_map(EngineRow::figures);
+                    figures.loss = reference.map_or(0.0, |reference| loss(&reference.ap50, &figures.ap50));
+                    EngineOutcome::Measured(figures)
+                }
+                Err(BenchError::Run(why)) => EngineOutcome::Missing(why),
+                Err(why) => return Err(why),
+            };
+            rows.push(row);
+        }
     }
-    if reference.is_none() {
-        let why = |row: &EngineRow| match &row.outcome {
-            EngineOutcome::Missing(why) => why.clone(),
-            EngineOutcome::Measured(_) => String::new(),
+    if rows.iter().all(|row| row.figures().is_none()) {
+        // rten is built in: its reason is that of the data or the model.
+        let why = rows.iter().find(|row| row.engine == "rten").map(|row| row.outcome.clone());
+        let Some(EngineOutcome::Missing(why)) = why else {
+            unreachable!("each engine has a row, and none has figures")
         };
-        return Err(BenchError::Run(rows.iter().map(why).collect::<Vec<_>>().join("; ")));
+        return Err(BenchError::Run(why));
     }
     write_json(&request.out.join(RESULTS), &rows)?;
     let chart = chart(&rows, request, processor);
@@ -120,89 +173,136 @@ pub fn engines(
     Ok((rows, files))
 }
 
-/// Returns the fastest engine on the processor whose boxes agree with the reference.
-pub fn fastest(rows: &[EngineRow]) -> Option<&EngineRow> {
-    let candidates = rows.iter().filter(|row| row.device == "cpu");
-    let agreeing =
-        candidates.filter_map(|row| Some((row, row.figures().filter(|f| f.agreement >= LEAST_AGREEMENT)?)));
-    agreeing.min_by(|(_, a), (_, b)| a.p50_ms.total_cmp(&b.p50_ms)).map(|(row, _)| row)
+/// Returns the fastest engine that loses less than [`MOST_LOSS`] of AP50 in each group.
+pub fn choice(rows: &[EngineRow]) -> Option<&EngineRow> {
+    let accurate = rows.iter().filter_map(|row| Some((row, row.figures().filter(|f| f.loss < MOST_LOSS)?)));
+    accurate.min_by(|(_, a), (_, b)| a.p50_ms.total_cmp(&b.p50_ms)).map(|(row, _)| row)
 }
 
-/// A box as `modulo eval` writes it: x1, y1, x2, y2 in px, score, class.
-type ScoredBox = (f32, f32, f32, f32, f64, String);
-/// The boxes of each frame.
-type Boxes = BTreeMap<String, Vec<ScoredBox>>;
+/// Returns the largest loss of AP50 of a group.
+fn loss(reference: &BTreeMap<String, f64>, ap50: &BTreeMap<String, f64>) -> f64 {
+    let losses = reference.iter().map(|(group, ap)| ap - ap50.get(group).copied().unwrap_or_default());
+    losses.reduce(f64::max).unwrap_or_default()
+}
 
-/// Returns the times of the inferences of an engine in ascending order, ms, and its boxes.
+/// The part of the results of `modulo eval` that is used here.
+#[derive(Deserialize)]
+struct Evaluation {
+    cells: Vec<EvaluatedCell>,
+}
+
+#[derive(Deserialize)]
+struct EvaluatedCell {
+    frames: usize,
+    ap50: BTreeMap<String, Option<f64>>,
+    interval95: BTreeMap<String, [f64; 2]>,
+    latency_ms: BTreeMap<String, Percentiles>,
+    frame_ms: Option<FrameTime>,
+}
+
+#[derive(Deserialize)]
+struct FrameTime {
+    frames: usize,
+}
+
+/// Evaluates an engine with a model in a process of its own.
 fn measure(
-    request: &SuiteRequest,
-    program: &Program<'_>,
-    (engine, device): (&str, &str),
-) -> Result<(Vec<f64>, Boxes), BenchError> {
+    request: &EnginesRequest,
+    row: &EngineRow,
+    source: &[OsString],
+    program: &Path,
+) -> Result<EngineFigures, BenchError> {
     let folder = temporary_folder()?;
-    // Boxes at the limit of the score must find their twins below it.
-    let more = [format!("score_threshold:={}", SCORE - SCORE_TOLERANCE)];
-    let settings =
-        RunSettings { mode: Mode::Lockstep, suite: request, engine, device, rate: 0.0, more: &more };
-    let mut run = run(&settings, request.count, program, folder.path())?;
-    let times = sorted(run.times.stages.remove("detector infer").unwrap_or_default());
-    if times.is_empty() {
-        return Err(BenchError::Run("no frame was timed; choose a larger --count".to_owned()));
+    let failed = |why| BenchError::Io(folder.path().to_owned(), why);
+    let errors = folder.path().join("errors.txt");
+    let mut command = Command::new(program);
+    // One job, so that the memory is that of one detector.
+    command.arg("eval").args(source).args(["--stream", "recovered", "--method", "auto", "--deblur", "off"]);
+    command.args(["--engine", row.engine, "--device", row.device, "--model", &row.model, "--jobs", "1"]);
+    command.arg(format!("--alpha={}", request.alpha)).arg(format!("--psf-sigma={}", request.psf_sigma));
+    command.arg(format!("--time-frames={}", request.count)).args(&request.more);
+    command.arg("--out").arg(folder.path()).stdin(Stdio::null()).stdout(Stdio::null());
+    command.stderr(fs::File::create(&errors).map_err(failed)?);
+    let mut child = command.spawn().map_err(|why| BenchError::Io(program.to_owned(), why))?;
+    let (_, rss_mb) = watch(&mut child, Mode::Lockstep).map_err(failed)?;
+    // What was left out of the data or could not be scored ends with exit code 3; the figures are there.
+    let results = folder.path().join(RESULTS);
+    if !results.exists() {
+        let errors = fs::read_to_string(&errors).map_err(failed)?;
+        let last = errors.lines().last().unwrap_or("it ended without a word");
+        return Err(BenchError::Run(last.trim_start_matches("modulo: ").to_owned()));
     }
-    Ok((times, read_json(&folder.path().join("recovered.json"))?))
+    let mut cells = read_json::<Evaluation>(&results)?.cells;
+    match (cells.pop(), cells.is_empty()) {
+        (Some(cell), true) => figures(cell, rss_mb),
+        _ => {
+            Err(BenchError::Option("each engine is measured with one setting of modulo eval only".to_owned()))
+        }
+    }
 }
 
-/// Returns the boxes that are compared, each with the name of its frame.
-fn counted(boxes: &Boxes) -> impl Iterator<Item = (&String, &ScoredBox)> {
-    boxes
-        .iter()
-        .flat_map(|(frame, boxes)| boxes.iter().map(move |one| (frame, one)))
-        .filter(|(_, one)| one.4 >= SCORE)
-}
-
-/// Returns the share of the boxes of both sides that have a twin on the other side; 1 where there are no boxes.
-fn agreement(left: &Boxes, right: &Boxes) -> f64 {
-    let with_twin = |own: &Boxes, other: &Boxes| {
-        counted(own)
-            .filter(|(frame, one)| {
-                other.get(*frame).is_some_and(|boxes| boxes.iter().any(|twin| are_twins(one, twin)))
-            })
-            .count()
+fn figures(cell: EvaluatedCell, rss_mb: f64) -> Result<EngineFigures, BenchError> {
+    let EvaluatedCell { frames, ap50, mut interval95, latency_ms, frame_ms } = cell;
+    if frames < LEAST_FRAMES {
+        return Err(BenchError::Number {
+            what: "the number of labelled frames",
+            value: frames,
+            possible: "at least 20",
+        });
+    }
+    let ap50: BTreeMap<String, f64> = ap50.into_iter().filter_map(|(group, ap)| Some((group, ap?))).collect();
+    if ap50.is_empty() {
+        return Err(BenchError::Option(
+            "no labelled object is scored; -- --groups FILE names the classes".to_owned(),
+        ));
+    }
+    let (Some(infer), Some(frame_ms)) = (latency_ms.get("infer"), frame_ms) else {
+        return Err(BenchError::Run("no frame was answered; --count must be at least 1".to_owned()));
     };
-    let all = counted(left).count() + counted(right).count();
-    if all == 0 { 1.0 } else { (with_twin(left, right) + with_twin(right, left)) as f64 / all as f64 }
+    let interval95 = ap50.keys().filter_map(|group| interval95.remove_entry(&format!("ap50.{group}")));
+    let bare = |key: String| key.trim_start_matches("ap50.").to_owned();
+    Ok(EngineFigures {
+        frames,
+        interval95: interval95.map(|(key, bounds)| (bare(key), bounds)).collect(),
+        ap50,
+        loss: 0.0,
+        inferences: frame_ms.frames,
+        p50_ms: infer.p50,
+        p99_ms: infer.p99,
+        rss_mb,
+    })
 }
 
-fn are_twins(one: &ScoredBox, other: &ScoredBox) -> bool {
-    let place = |&(x1, y1, x2, y2, ..): &ScoredBox| BBox { x1, y1, x2, y2 };
-    one.5 == other.5
-        && (one.4 - other.4).abs() <= SCORE_TOLERANCE
-        && place(one).iou(place(other)) >= LEAST_IOU
-}
-
-/// Returns the name of the file of a model.
-fn name_of(model: &str) -> Cow<'_, str> {
-    Path::new(model).file_name().map_or(model.into(), |name| name.to_string_lossy())
-}
-
-fn chart(rows: &[EngineRow], request: &SuiteRequest, processor: &str) -> Chart {
-    let frames = rows.iter().find_map(EngineRow::figures).map_or(0, |figures| figures.frames);
-    let series = rows.iter().filter_map(|row| {
-        let EngineFigures { p50_ms, agreement, .. } = *row.figures()?;
-        let name = format!("{} on {}", row.engine, row.device);
-        let hover = format!("{name}: {p50_ms:.1} ms, {:.2} % of the boxes agree", 100.0 * agreement);
-        let point = DataPoint { x: p50_ms, y: agreement, hover, ..DataPoint::default() };
-        Some(Series { points: vec![point], style: SeriesStyle::LineAndMarkers, name })
-    });
-    Chart {
-        title: "Inference engines: the time of each, and the agreement of its boxes".to_owned(),
-        subtitle: format!("{} on {frames} frames, alpha {}; {processor}", name_of(&request.model), request.alpha),
-        footer: "Agreement: a twin of the same class with the reference, IoU of at least 0.9 and scores at most 0.03 apart.".to_owned(),
-        body: ChartBody::Panels(vec![ChartPanel {
-            x: Axis::log(format!("median time of an inference, ms, {frames} frames")),
-            y: Axis::percent(format!("boxes that agree, %, {frames} frames"), 1.0),
+fn chart(rows: &[EngineRow], request: &EnginesRequest, processor: &str) -> Chart {
+    let reference = rows.iter().find_map(EngineRow::figures).expect("an engine was measured");
+    let chosen = choice(rows);
+    let panel = |group: &String| {
+        let series = rows.iter().filter_map(|row| {
+            let figures = row.figures()?;
+            let (name, ap50) = (row.name(), *figures.ap50.get(group)?);
+            let point = DataPoint {
+                x: figures.p50_ms,
+                y: ap50,
+                interval: figures.interval95.get(group).copied(),
+                label: if chosen == Some(row) { "choice".to_owned() } else { String::new() },
+                hover: format!("{name}: {:.1} ms, AP50 of {group} {} %", figures.p50_ms, below_100(ap50, 1)),
+                emphasis: if figures.loss < MOST_LOSS { Emphasis::Normal } else { Emphasis::Faded },
+            };
+            Some(Series { points: vec![point], style: SeriesStyle::Markers, name })
+        });
+        ChartPanel {
+            x: Axis::log(format!("median time of an inference, ms, {} inferences", reference.inferences)),
+            y: Axis::percent(format!("AP50 of {group}, %, {} frames", reference.frames), 1.0),
             series: series.collect(),
-        }]),
+        }
+    };
+    Chart {
+        title: "Inference engines: the accuracy and the time of each".to_owned(),
+        subtitle: format!("alpha {}, lens blur of sigma {} px; {processor}", request.alpha, request.psf_sigma),
+        footer: "Bars: 95 % bootstrap intervals of AP50. Grey: loses 0.5 points of AP50 or more in a group against the first engine. \
+                 Choice: the fastest of the others. Towards the upper left is better."
+            .to_owned(),
+        body: ChartBody::Panels(reference.ap50.keys().map(panel).collect()),
     }
 }
 
@@ -210,42 +310,34 @@ fn chart(rows: &[EngineRow], request: &SuiteRequest, processor: &str) -> Chart {
 mod tests {
     use super::*;
 
-    fn boxes(list: &[(f32, f64, &str)]) -> Boxes {
-        let boxes =
-            list.iter().map(|&(x1, score, class)| (x1, 0.0, x1 + 100.0, 50.0, score, class.to_owned()));
-        BTreeMap::from([("a".to_owned(), boxes.collect())])
+    fn row(engine: &'static str, p50_ms: f64, loss: f64) -> EngineRow {
+        let figures = EngineFigures { p50_ms, loss, ..EngineFigures::default() };
+        EngineRow { engine, device: "cpu", model: "demo".into(), outcome: EngineOutcome::Measured(figures) }
     }
 
     #[test]
-    fn boxes_agree_in_class_place_and_score() {
-        let reference = boxes(&[(0.0, 0.9, "car"), (300.0, 0.26, "van")]);
-        let share = |list: &[(f32, f64, &str)]| agreement(&boxes(list), &reference);
-        assert_eq!(share(&[(0.0, 0.9, "car"), (300.0, 0.26, "van")]), 1.0);
-        // 96 px of 104 px in common: 0.92. A box below the limit of the score is a twin, but is not counted itself.
-        assert_eq!(share(&[(4.0, 0.88, "car"), (300.0, 0.24, "van")]), 1.0);
-        assert_eq!(share(&[(6.0, 0.9, "car"), (300.0, 0.26, "van")]), 0.5);
-        assert_eq!(share(&[(0.0, 0.86, "car"), (300.0, 0.26, "van")]), 0.5);
-        assert_eq!(share(&[(0.0, 0.9, "van"), (300.0, 0.26, "van")]), 0.5);
-        assert_eq!(share(&[]), 0.0);
-        assert_eq!(agreement(&boxes(&[]), &boxes(&[])), 1.0);
-    }
-
-    #[test]
-    fn the_fastest_engine_is_one_that_agrees() {
-        let row = |engine, device, p50_ms, agreement| {
-            let figures = EngineFigures { frames: 1, p50_ms, p99_ms: p50_ms, boxes: 1, agreement };
-            EngineRow { engine, device, outcome: EngineOutcome::Measured(figures) }
-        };
+    fn the_choice_is_the_fastest_engine_that_loses_less_than_half_a_point() {
         let missing =
-            EngineRow { engine: "ort", device: "tensorrt", outcome: EngineOutcome::Missing("no GPU".into()) };
+            EngineRow { outcome: EngineOutcome::Missing("no GPU".into()), ..row("tensorrt", 1.0, 0.0) };
         let rows = [
-            row("ort", "cpu", 50.0, 1.0),
-            row("rten", "cpu", 100.0, 1.0),
-            row("openvino", "cpu", 20.0, 0.98),
-            row("ort", "cuda", 5.0, 1.0),
+            row("ort", 50.0, 0.0),
+            row("rten", 100.0, -0.02),
+            row("openvino_f32", 40.0, 0.0049),
+            row("openvino", 20.0, 0.005),
             missing,
         ];
-        assert_eq!(fastest(&rows).map(|row| row.engine), Some("ort"));
-        assert_eq!(fastest(&rows[2..]), None);
+        assert_eq!(choice(&rows).map(|row| row.engine), Some("openvino_f32"));
+        assert_eq!(choice(&rows[..2]).map(|row| row.engine), Some("ort"));
+        assert_eq!(choice(&rows[3..]), None);
+    }
+
+    #[test]
+    fn the_loss_is_that_of_the_worst_group() {
+        let of = |vehicle, person| {
+            BTreeMap::from([("vehicle".to_owned(), vehicle), ("person".to_owned(), person)])
+        };
+        assert_eq!(loss(&of(0.75, 0.5), &of(0.5, 0.625)), 0.25);
+        assert_eq!(loss(&of(0.75, 0.5), &of(1.0, 0.625)), -0.125);
+        assert_eq!(loss(&of(0.75, 0.5), &BTreeMap::from([("vehicle".to_owned(), 0.75)])), 0.5);
     }
 }

@@ -46,7 +46,7 @@ pub struct SuiteRequest {
     /// Standard deviation of the lens blur in px. 0: a perfect lens
     #[arg(long, default_value_t = 1.4)]
     pub psf_sigma: f64,
-    /// Number of frames of each mode or engine
+    /// Number of frames of each mode
     #[arg(long, default_value_t = 100)]
     pub count: usize,
     /// Folder for results.json
@@ -60,9 +60,9 @@ pub struct PipelineRequest {
     /// The frames and the model.
     #[command(flatten)]
     pub suite: SuiteRequest,
-    /// Inference engine: ONNX Runtime (ort), ONNX Runtime with OpenVINO (openvino), rten, or auto for ort where its library is
-    /// found, and rten elsewhere
-    #[arg(long, default_value = "auto", value_parser = ["auto", "ort", "openvino", "rten"])]
+    /// Inference engine: ONNX Runtime (ort), ONNX Runtime with OpenVINO (openvino, or openvino_f32 with 32 bits), rten, or auto
+    /// for ort where its library is found, and rten elsewhere
+    #[arg(long, default_value = "auto", value_parser = ["auto", "ort", "openvino", "openvino_f32", "rten"])]
     pub engine: String,
     /// Device that runs the model: cpu, cuda or tensorrt, the last two with the number of a GPU where it is not the first
     #[arg(long, default_value = "cpu")]
@@ -146,7 +146,7 @@ pub fn pipeline(
         return Err(BenchError::Number { what: "count", value: suite.count, possible });
     }
     make_folder(&suite.out)?;
-    let settings = |mode| RunSettings { mode, suite, engine, device, rate: *rate, more: &[] };
+    let settings = |mode| RunSettings { mode, suite, engine, device, rate: *rate };
     let frames = suite.count.div_ceil(ROUNDS) + WARM_UP;
     let modes = [(Mode::Lockstep, "lockstep"), (Mode::Composed, "composed"), (Mode::Live, "live")];
     let mut runs = modes.map(|_| Vec::new());
@@ -166,14 +166,12 @@ pub fn pipeline(
 }
 
 /// The settings of a run.
-pub(crate) struct RunSettings<'a> {
-    pub mode: Mode,
-    pub suite: &'a SuiteRequest,
-    pub engine: &'a str,
-    pub device: &'a str,
-    pub rate: f64,
-    /// Further arguments of the launch file.
-    pub more: &'a [String],
+struct RunSettings<'a> {
+    mode: Mode,
+    suite: &'a SuiteRequest,
+    engine: &'a str,
+    device: &'a str,
+    rate: f64,
 }
 
 impl RunSettings<'_> {
@@ -185,13 +183,13 @@ impl RunSettings<'_> {
 }
 
 /// One run of one mode, and the network by itself right after it.
-pub(crate) struct ModeRun {
-    pub engine: String,
-    pub times: Times,
+struct ModeRun {
+    engine: String,
+    times: Times,
     bare_ms: Vec<f64>,
     first_box_s: Option<f64>,
     cpu_s_per_frame: f64,
-    pub rss_mb: f64,
+    rss_mb: f64,
 }
 
 /// Makes a folder for the files of a run.
@@ -231,18 +229,18 @@ fn row(mode: Mode, runs: Vec<ModeRun>) -> Result<PipelineRow, BenchError> {
     })
 }
 
-pub(crate) fn sorted(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
+fn sorted(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
     let mut values: Vec<f64> = values.into_iter().collect();
     values.sort_by(f64::total_cmp);
     values
 }
 
-pub(crate) fn at(sorted: &[f64], share: f64) -> f64 {
+fn at(sorted: &[f64], share: f64) -> f64 {
     quantile(sorted, share).expect("there is a value")
 }
 
 /// Runs the suite on `frames` frames of its source, and leaves the files of the run in `folder`.
-pub(crate) fn run(
+fn run(
     settings: &RunSettings<'_>,
     frames: usize,
     program: &Program<'_>,
@@ -293,7 +291,7 @@ fn command_of(mode: Mode) -> &'static str {
 
 /// The arguments of a run that leaves its summary in `folder`.
 fn arguments(settings: &RunSettings<'_>, count: usize, folder: &Path) -> Vec<OsString> {
-    let RunSettings { mode, suite, engine, device, rate, more } = settings;
+    let RunSettings { mode, suite, engine, device, rate } = settings;
     let SuiteRequest { frames, model, alpha, psf_sigma, .. } = suite;
     let mut arguments: Vec<OsString> = [
         format!("source:={frames}"),
@@ -308,7 +306,6 @@ fn arguments(settings: &RunSettings<'_>, count: usize, folder: &Path) -> Vec<OsS
     ]
     .map(OsString::from)
     .into();
-    arguments.extend(more.iter().map(OsString::from));
     match mode {
         Mode::Lockstep => arguments.extend(["-o".into(), folder.into()]),
         Mode::Composed | Mode::Live => {
@@ -326,7 +323,7 @@ struct RunSummary {
 }
 
 /// Waits for the end of a run; returns whether it succeeded, and the largest resident memory of its detector, MB.
-fn watch(child: &mut Child, mode: Mode) -> std::io::Result<(bool, f64)> {
+pub(crate) fn watch(child: &mut Child, mode: Mode) -> std::io::Result<(bool, f64)> {
     let (mut rss_mb, mut process) = (0.0, (mode != Mode::Live).then_some(child.id()));
     loop {
         // Found once, since each look at the processes takes time from them.
@@ -371,13 +368,13 @@ fn children_cpu_s() -> f64 {
 
 /// The times of a run, ms.
 #[derive(Default)]
-pub(crate) struct Times {
+struct Times {
     /// The arrival of each counted modulo image, and the end of its boxes' sending.
     frames: Vec<(f64, f64)>,
     /// The end of the sending of the first boxes.
     first_end_ms: Option<f64>,
     /// The durations of each stage of unwrap and detector, one for each counted frame.
-    pub stages: BTreeMap<String, Vec<f64>>,
+    stages: BTreeMap<String, Vec<f64>>,
 }
 
 impl Times {

@@ -114,7 +114,7 @@ pub struct Setup {
     pub seed: u64,
     /// Objects that `ap50` and `ap50_95` count.
     pub difficulty: Difficulty,
-    /// The requested engine: `auto`, `ort` or `rten`.
+    /// The requested engine, such as `auto`; on a GPU with the device, such as `ort on cuda:0`.
     pub engine: String,
     /// Class of the model to class of the labels.
     pub class_map: BTreeMap<String, String>,

@@ -20,6 +20,13 @@ pub fn taken_topic() -> Topic {
     Topic::new(TOPIC, MessageKind::Diagnostics)
 }
 
+/// Returns whether there is a node that does not publish [`taken_topic`], as each live node of the suite does. A recorder or a viewer
+/// looks for publishers in the graph and subscribes some time after they have come.
+pub(super) fn has_watcher(transport: &dyn Transport) -> bool {
+    let telling = transport.publishers(TOPIC);
+    transport.nodes().iter().any(|node| !telling.contains(node))
+}
+
 /// Returns the message that `node` has taken the frame of `stamp`, and published what came of it on `topics`.
 pub(super) fn taken_message(node: &str, stamp: Time, topics: &[String]) -> Message {
     let values = topics.iter().map(|topic| KeyValue { key: topic.clone(), value: String::new() }).collect();
@@ -118,6 +125,17 @@ mod tests {
             unreachable!()
         };
         pacing.note(&message);
+    }
+
+    #[test]
+    fn a_node_that_tells_nothing_watches_the_graph() {
+        let transport = LocalTransport::default();
+        let _unwrap = (reader(&transport, "unwrap", "/modulo"), transport.announce(&node_name("unwrap")));
+        assert!(!has_watcher(&transport));
+        let recorder = transport.announce(&node_name("rosbag2_recorder"));
+        assert!(has_watcher(&transport));
+        drop(recorder);
+        assert!(!has_watcher(&transport));
     }
 
     #[test]

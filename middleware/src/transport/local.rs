@@ -114,6 +114,10 @@ impl Transport for LocalTransport {
         Ok(Box::new(port))
     }
 
+    fn nodes(&self) -> Vec<String> {
+        self.graph().nodes.clone()
+    }
+
     fn is_ready(&self, node: &str) -> bool {
         self.graph().nodes.iter().any(|n| n == node)
     }

@@ -206,6 +206,9 @@ pub trait Transport: Send + Sync {
         Ok(Box::new(()))
     }
 
+    /// Returns the fully qualified names of the nodes that are announced now.
+    fn nodes(&self) -> Vec<String>;
+
     /// Returns whether the node with this fully qualified name has been announced.
     fn is_ready(&self, node: &str) -> bool;
 

@@ -21,8 +21,8 @@ modulo_runtime::parameters! {
     pub struct DetectorParameters {
         /// Path of the ONNX model, or demo for the embedded demonstration model, which is not made for roads.
         model: String = DEMO.to_owned(),
-        /// Inference engine: ONNX Runtime (ort), ONNX Runtime with OpenVINO (openvino), rten, or auto: ort where its library is
-        /// found, and rten elsewhere.
+        /// Inference engine: ONNX Runtime (ort), ONNX Runtime with OpenVINO (openvino, or openvino_f32 with 32 bits), rten, or
+        /// auto: ort where its library is found, and rten elsewhere.
         engine: EngineChoice = EngineChoice::Auto => EngineChoice::WORDS,
         /// Device that runs the model: cpu, cuda or tensorrt, the last two with ort only and with the number of a GPU where it is
         /// not the first, such as cuda:1. A device that is not there is an error.

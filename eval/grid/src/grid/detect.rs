@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use modulo_core::{Detection, Frame, Samples};
-use modulo_detector::{DetectorParameters, EngineChoice};
+use modulo_detector::{DetectorParameters, EngineChoice, EngineDevice};
 use modulo_runtime::lockstep::Lockstep;
 use modulo_runtime::{Clock, Message, StampedFrame};
 
@@ -45,6 +45,8 @@ pub struct DetectorConfig<'a> {
     pub model: &'a Path,
     /// The inference engine.
     pub engine: EngineChoice,
+    /// The device that runs the model.
+    pub device: EngineDevice,
     /// `auto` or `WIDTHxHEIGHT`.
     pub input: &'a str,
     /// Threads of one inference.
@@ -70,6 +72,7 @@ impl<'a> DetectorWorker<'a> {
         let node = nodes.detector(&DetectorParameters {
             model: config.model.display().to_string(),
             engine: config.engine,
+            device: config.device.to_string(),
             input: "/image".to_owned(),
             input_size: config.input.to_owned(),
             threads: config.threads,

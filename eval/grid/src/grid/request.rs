@@ -8,7 +8,7 @@ use modulo_ap::Difficulty;
 use modulo_bags::source::{
     self, CocoSource, FrameList, KittiFolder, KittiSource, Source, SourceError, SourceOptions, YoloSource,
 };
-use modulo_detector::EngineChoice;
+use modulo_detector::{EngineChoice, EngineDevice};
 use sha2::{Digest as _, Sha256};
 
 use super::Axes;
@@ -64,10 +64,14 @@ pub struct GridOptions {
     /// Inference engine
     #[arg(long, default_value = "auto", value_parser = words(EngineChoice::WORDS))]
     pub engine: EngineChoice,
+    /// Device that runs the model: cpu, cuda or tensorrt, the last two with the number of a GPU where it is not the first
+    #[arg(long, default_value = "cpu")]
+    pub device: EngineDevice,
     /// Threads of one inference where times are measured. 0: one for each core, as the detector node has it
     #[arg(long, default_value_t = 0, value_parser = RangedU64ValueParser::<usize>::new().range(..=64))]
     pub threads: usize,
-    /// Number of frames on which the times of each cell are measured, after all cells are scored. 0: no times
+    /// Number of frames on which the times of each cell are measured, after all cells are scored; the first frames of the data,
+    /// all of them again where there are fewer. 0: no times
     #[arg(long, value_name = "N", default_value_t = 20)]
     pub time_frames: usize,
     /// Number of frames that are scored in parallel. 0: one for each core
@@ -164,7 +168,10 @@ impl Request {
             bits: options.axes.sensor.first().bits,
             seed: options.seed,
             difficulty: self.difficulty(),
-            engine: options.engine.to_string(),
+            engine: match options.device {
+                EngineDevice::Cpu => options.engine.to_string(),
+                device => format!("{} on {device}", options.engine),
+            },
             class_map: map.table.clone(),
             groups: groups.table().clone(),
             models: options.axes.model.iter().map(model).collect::<Result<_, GridError>>()?,

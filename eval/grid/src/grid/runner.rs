@@ -13,7 +13,7 @@ use modulo_runtime::Clock;
 use super::detect::{DetectionCache, DetectorConfig, DetectorOutput, DetectorWorker};
 use super::frames::{FrameWithNeighbours, Frames, FramesWithNeighbours};
 use super::pipeline::{DetectorInput, FramePipeline, Nodes, RecoveryQuality, multi_exposure};
-use super::{GridError, Request, pipeline};
+use super::{GridError, GridOptions, Request, pipeline};
 use crate::results::{Point, RunTime};
 
 /// The result of one frame of one cell.
@@ -123,8 +123,8 @@ impl<'a> CellRunner<'a> {
         }
         let model = self.request.model(&point.model)?;
         // The cores are used by the jobs. The threads of the nodes are used where times are measured.
-        let config =
-            DetectorConfig { model, engine: self.request.options.engine, input: &point.input, threads: 1 };
+        let GridOptions { engine, device, .. } = self.request.options;
+        let config = DetectorConfig { model, engine, device, input: &point.input, threads: 1 };
         // The old models are freed before the new ones are loaded, so that the memory never holds both.
         self.workers.clear();
         for _ in 0..self.request.jobs() {

@@ -75,7 +75,7 @@ pub fn measure(
     cells.sort_by(|a, b| detector(a).cmp(&detector(b)));
     let mut timed = Ok(());
     if !measured && request.options.time_frames > 0 {
-        let frames_of_cell = request.options.time_frames.min(frames.len()) as u64;
+        let frames_of_cell = request.options.time_frames as u64;
         tell(GridEvent::Cell { frames: (0, cells.len() as u64 * frames_of_cell), name: "times" });
         timed = measure_cells(request, nodes, timer, frames, &mut cells, &|| tell(GridEvent::Frame));
         labels::busy(&cells).iter().for_each(|warning| tell(GridEvent::Warning(warning)));
@@ -117,6 +117,7 @@ fn measure_group(
     let config = DetectorConfig {
         model: request.model(&first.model)?,
         engine: request.options.engine,
+        device: request.options.device,
         input: &first.input,
         threads: request.options.threads,
     };
@@ -126,28 +127,30 @@ fn measure_group(
     let mut measured = vec![CellTimes::default(); cells.len()];
     let moving = cells.iter().any(|cell| multi_exposure::neighbours(cell.point.stream) == Neighbours::Kept);
     let neighbours = if moving { Neighbours::Kept } else { Neighbours::Dropped };
-    let frames = FramesWithNeighbours::new(frames, neighbours)?.take(request.options.time_frames);
-    let mut sizes = BTreeSet::new();
-    for (index, frame) in frames.enumerate() {
-        let frame = frame?;
-        // The first frame of a size makes buffers and plans, which later frames of this size reuse.
-        if sizes.insert(frame.frame.radiance.dim()) {
-            pipelines
-                .iter_mut()
-                .try_for_each(|pipeline| run_frame(pipeline, &mut detector, &frame).map(drop))?;
-        }
-        // A cell after a slow one may find a warmer processor: no cell has the same neighbours on all frames.
-        let mut order: Vec<usize> = (0..pipelines.len()).collect();
-        order.shuffle(&mut Pcg64::seed_from_u64(index as u64));
-        for cell in order {
-            let (pipeline, measured) = (&mut pipelines[cell], &mut measured[cell]);
-            measured.wall.extend(run_frame(pipeline, &mut detector, &frame)?);
-            if index < CPU_FRAMES {
-                clock.counts_cpu.store(true, Ordering::Relaxed);
-                measured.cpu.extend(run_frame(pipeline, &mut detector, &frame)?);
-                clock.counts_cpu.store(false, Ordering::Relaxed);
+    let (mut sizes, mut index, wanted) = (BTreeSet::new(), 0, request.options.time_frames);
+    for _ in 0..wanted.div_ceil(frames.len()) {
+        for frame in FramesWithNeighbours::new(frames, neighbours)?.take(wanted - index) {
+            let frame = frame?;
+            // The first frame of a size makes buffers and plans, which later frames of this size reuse.
+            if sizes.insert(frame.frame.radiance.dim()) {
+                pipelines
+                    .iter_mut()
+                    .try_for_each(|pipeline| run_frame(pipeline, &mut detector, &frame).map(drop))?;
             }
-            done();
+            // A cell after a slow one may find a warmer processor: no cell has the same neighbours on all frames.
+            let mut order: Vec<usize> = (0..pipelines.len()).collect();
+            order.shuffle(&mut Pcg64::seed_from_u64(index as u64));
+            for cell in order {
+                let (pipeline, measured) = (&mut pipelines[cell], &mut measured[cell]);
+                measured.wall.extend(run_frame(pipeline, &mut detector, &frame)?);
+                if index < CPU_FRAMES {
+                    clock.counts_cpu.store(true, Ordering::Relaxed);
+                    measured.cpu.extend(run_frame(pipeline, &mut detector, &frame)?);
+                    clock.counts_cpu.store(false, Ordering::Relaxed);
+                }
+                done();
+            }
+            index += 1;
         }
     }
     let device = Device {

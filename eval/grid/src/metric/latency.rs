@@ -9,7 +9,7 @@ use crate::labels::SENSE;
 
 /// The definition of a latency for the report.
 pub const DEFINITION: &str = "\
-    Wall-clock time of one stage on one frame, ms; p50, p95 and p99 over the first frames of the data (the smallest \
+    Wall-clock time of one stage on one frame, ms; p50, p95 and p99 over the first frames of the data, all of them again where there are fewer (the smallest \
     duration that is not exceeded by that share). Measured in a pass of its own after all cells are scored: one \
     frame at a time, the cells in turn and in changing order on each frame, every image detected anew, after one frame of \
     each size to warm up. \

@@ -98,6 +98,8 @@ struct Live<'a> {
     settings: Settings,
     transport: &'a dyn Transport,
     time: NodeTime<'a>,
+    /// When the publishers were declared, in ticks of the clock.
+    advertised_ns: u64,
     stop: Stop,
     queue: Arc<EventQueue>,
     outputs: Vec<LiveOutput>,
@@ -147,6 +149,7 @@ pub fn run(
         settings: Settings::new(parameters, saved, ParameterEvents::new(&node_name, transport)?),
         transport,
         time: NodeTime::new(&**clock),
+        advertised_ns: clock.ticks_ns(),
         stop,
         inputs: Inputs::new(queue.clone()),
         queue,

@@ -7,7 +7,7 @@ use modulo_runtime::{Address, Clock, Flow, Message, Trigger, Urgency};
 
 use super::{GRAPH_GLANCE, IDLE, Live, LiveEvent, LiveOutput, REQUESTS, nanoseconds};
 use crate::driver::RunError;
-use crate::driver::pacing::{Pacing, taken_topic};
+use crate::driver::pacing::{Pacing, has_watcher, taken_topic};
 use crate::transport::Guard;
 use crate::transport::queue::{Keep, Lane, Next};
 
@@ -20,8 +20,7 @@ impl Live<'_> {
     pub(super) fn run_source(&mut self) -> Result<(), RunError> {
         // The subscription to what the readers have taken, which is held only while the period is zero.
         let mut told: Option<(Guard, Lane)> = None;
-        // A node that watches the graph, as a recorder does, has subscribed by then.
-        let mut due = self.time.ticks_ns() + nanoseconds(self.transport.settling());
+        let mut due = self.first_due();
         // When the last frame was due.
         let mut last = None;
         loop {
@@ -62,6 +61,13 @@ impl Live<'_> {
             last = Some(due);
             due = self.due_after(due, period);
         }
+    }
+
+    /// Returns when the first frame is due. A node that watches the graph has found all publishers by then, those of nodes that this
+    /// one has waited for, too. Without such a node, only the graph must be known.
+    fn first_due(&self) -> u64 {
+        let (now, settling) = (self.time.ticks_ns(), nanoseconds(self.transport.settling()));
+        if has_watcher(self.transport) { now + settling } else { now.max(self.advertised_ns + settling) }
     }
 
     /// Returns the time of the frame after the one that was due at `last`, while the period was `before`. A shorter period holds

@@ -157,6 +157,11 @@ impl Transport for ZenohTransport {
         self.serve_raw(node, vec![service::enable_service(enable)])
     }
 
+    fn nodes(&self) -> Vec<String> {
+        let graph = lock(&self.graph);
+        graph.tokens().filter(|token| token.kind == EntityKind::Node).map(Token::node_name).collect()
+    }
+
     fn is_ready(&self, node: &str) -> bool {
         lock(&self.graph).has_node(node)
     }

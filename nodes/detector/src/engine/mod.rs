@@ -32,18 +32,21 @@ pub enum EngineChoice {
     Auto,
     /// ONNX Runtime or an error.
     OnnxRuntime,
-    /// ONNX Runtime with OpenVINO's kernels for the processor, or an error.
+    /// ONNX Runtime with OpenVINO's kernels for the processor, or an error; 16 bits (bf16) where the processor has them.
     OpenVino,
+    /// The same with 32 bits on every processor.
+    OpenVinoF32,
     /// rten, pure Rust, always there.
     Rten,
 }
 
 impl EngineChoice {
     /// Every choice with its word, as the parameter `engine` has it.
-    pub const WORDS: [(&'static str, Self); 4] = [
+    pub const WORDS: [(&'static str, Self); 5] = [
         ("auto", Self::Auto),
         (onnxruntime::NAME, Self::OnnxRuntime),
         (onnxruntime::OPENVINO, Self::OpenVino),
+        (onnxruntime::OPENVINO_F32, Self::OpenVinoF32),
         (self::rten::NAME, Self::Rten),
     ];
 }
@@ -198,7 +201,7 @@ fn one_line(text: impl fmt::Display) -> String {
 pub struct OpenedEngine {
     /// The engine.
     pub engine: Box<dyn Engine>,
-    /// Name of the engine, `ort`, `openvino` or `rten`.
+    /// Name of the engine, as the parameter `engine` has it.
     pub name: &'static str,
     /// Number of threads of one inference on the processor.
     pub threads: NonZeroUsize,
@@ -247,7 +250,8 @@ pub fn open(model: &Path, options: EngineOptions) -> Result<OpenedEngine, Engine
             return Ok(OpenedEngine { engine, name, threads, layout, note: reason.to_owned() });
         }
         (EngineChoice::OpenVino, EngineDevice::Cpu) => Provider::OpenVino,
-        (EngineChoice::Rten | EngineChoice::OpenVino, _) => {
+        (EngineChoice::OpenVinoF32, EngineDevice::Cpu) => Provider::OpenVinoF32,
+        (EngineChoice::Rten | EngineChoice::OpenVino | EngineChoice::OpenVinoF32, _) => {
             return Err(EngineError::ProcessorOnly { engine, device });
         }
         (_, EngineDevice::Cpu) => Provider::Cpu,
@@ -285,7 +289,7 @@ mod tests {
     fn no_engine_falls_back_from_a_gpu() {
         let device = EngineDevice::Cuda(0);
         let open = |engine| open(Path::new("demo"), EngineOptions { engine, device, threads: 1 });
-        for engine in [EngineChoice::Rten, EngineChoice::OpenVino] {
+        for engine in [EngineChoice::Rten, EngineChoice::OpenVino, EngineChoice::OpenVinoF32] {
             let why = open(engine).err().expect("refused").to_string();
             assert!(why.contains("cuda:0") && why.contains("set engine to ort"), "{why}");
         }

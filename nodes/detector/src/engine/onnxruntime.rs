@@ -20,6 +20,8 @@ use crate::model::{ElementType, ModelLayout, Signature, TensorSpec, embedded};
 pub const NAME: &str = "ort";
 /// The word for this engine with OpenVINO's kernels.
 pub const OPENVINO: &str = "openvino";
+/// The word for OpenVINO's kernels with 32 bits.
+pub const OPENVINO_F32: &str = "openvino_f32";
 
 /// A library that is loaded.
 #[derive(Clone)]
@@ -79,8 +81,10 @@ pub struct OnnxRuntime {
 pub enum Provider {
     /// Its own kernels for the processor.
     Cpu,
-    /// OpenVINO on the processor.
+    /// OpenVINO on the processor, with 16 bits (bf16) where the processor computes with them.
     OpenVino,
+    /// OpenVINO on the processor, with 32 bits.
+    OpenVinoF32,
     /// CUDA on the GPU with this number.
     Cuda(u8),
     /// TensorRT on the GPU with this number.
@@ -90,12 +94,16 @@ pub enum Provider {
 impl Provider {
     /// The word for the engine.
     pub fn engine(self) -> &'static str {
-        if matches!(self, Self::OpenVino) { OPENVINO } else { NAME }
+        match self {
+            Self::OpenVino => OPENVINO,
+            Self::OpenVinoF32 => OPENVINO_F32,
+            Self::Cpu | Self::Cuda(_) | Self::TensorRt(_) => NAME,
+        }
     }
 
     fn device(self) -> EngineDevice {
         match self {
-            Self::Cpu | Self::OpenVino => EngineDevice::Cpu,
+            Self::Cpu | Self::OpenVino | Self::OpenVinoF32 => EngineDevice::Cpu,
             Self::Cuda(number) => EngineDevice::Cuda(number),
             Self::TensorRt(number) => EngineDevice::TensorRt(number),
         }
@@ -142,11 +150,12 @@ fn with_provider(
 ) -> Result<SessionBuilder, EngineError> {
     let registered = match provider {
         Provider::Cpu => return Ok(builder),
-        Provider::OpenVino => {
+        Provider::OpenVino | Provider::OpenVinoF32 => {
+            let bf16 = matches!(provider, Provider::OpenVino) && has_bf16();
             let openvino = ep::OpenVINO::default()
                 .with_device_type("CPU")
                 .with_num_threads(threads.get())
-                .with_arbitrary_config("load_config", openvino_config());
+                .with_arbitrary_config("load_config", openvino_config(bf16));
             register(&openvino, &mut builder)
         }
         Provider::Cuda(number) => register(&ep::CUDA::default().with_device_id(number.into()), &mut builder),
@@ -166,9 +175,9 @@ fn register<P: ExecutionProvider>(provider: &P, builder: &mut SessionBuilder) ->
     provider.register(builder).map_err(super::one_line)
 }
 
-/// OpenVINO's settings: 16 bits (bf16) where the processor computes with them, else 32.
-fn openvino_config() -> String {
-    let precision = if has_bf16() { "bf16" } else { "f32" };
+/// OpenVINO's settings: 16 bits (bf16) or 32.
+fn openvino_config(bf16: bool) -> String {
+    let precision = if bf16 { "bf16" } else { "f32" };
     format!(r#"{{"CPU": {{"INFERENCE_PRECISION_HINT": "{precision}"}}}}"#)
 }
 
