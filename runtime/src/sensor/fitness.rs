@@ -11,17 +11,16 @@ const LENSES: [f64; 6] = [0.0, 0.5, 0.8, 1.0, 1.4, 2.0];
 const PAPER7: f64 = 1.4;
 
 /// The largest alpha of 1, 1.5, 2, 3, 4, 6 and 8 at which `auto` finds at least 99.5 % of the counts behind each of [`LENSES`]: by
-/// whether the sensor has a colour mosaic, and by its gains. Mosaics were not measured at 1.5 and 6, nor behind 1 px, which has the values of
-/// 0.8 px. Source: docs/methods.md, "Which sensor for which scene".
+/// whether the sensor has a colour mosaic, and by its gains. Source: docs/methods.md, "Which sensor for which scene".
 const MEASURED: [(bool, Option<GainPattern>, [f64; LENSES.len()]); 8] = [
     (false, None, [1.5, 2.0, 3.0, 4.0, 6.0, 8.0]),
     (false, Some(GainPattern::Checkerboard), [2.0, 4.0, 8.0, 8.0, 8.0, 8.0]),
     (false, Some(GainPattern::Rows), [1.5, 2.0, 4.0, 6.0, 8.0, 8.0]),
     (false, Some(GainPattern::Colours), [2.0, 3.0, 4.0, 6.0, 8.0, 8.0]),
-    (true, None, [1.0, 1.0, 2.0, 2.0, 4.0, 4.0]),
-    (true, Some(GainPattern::Checkerboard), [2.0, 2.0, 4.0, 4.0, 8.0, 8.0]),
-    (true, Some(GainPattern::Rows), [1.0, 2.0, 4.0, 4.0, 8.0, 8.0]),
-    (true, Some(GainPattern::Colours), [1.0, 2.0, 4.0, 4.0, 4.0, 8.0]),
+    (true, None, [1.0, 1.5, 2.0, 3.0, 4.0, 6.0]),
+    (true, Some(GainPattern::Checkerboard), [2.0, 2.0, 4.0, 6.0, 8.0, 8.0]),
+    (true, Some(GainPattern::Rows), [1.5, 2.0, 4.0, 4.0, 8.0, 8.0]),
+    (true, Some(GainPattern::Colours), [1.0, 2.0, 4.0, 4.0, 6.0, 8.0]),
 ];
 
 impl SensorModel {
