@@ -42,9 +42,46 @@ pub(crate) fn shown(
         None => {
             // In double precision, since codes near a half would round differently in single precision.
             let scale = 255.0 / range.white();
-            mapped(x, |x| to_u8(radiance(x), scale))
+            let whole = x.as_slice().and_then(|samples| shown_whole(samples, range, &radiance));
+            match whole {
+                Some(codes) => Array3::from_shape_vec(x.dim(), codes).expect("one code for each sample"),
+                None => mapped(x, |x| to_u8(radiance(x), scale)),
+            }
         }
     }
+}
+
+/// Returns the codes of [`linear8`] in single precision, with twice as many samples in a vector; `None` if a sample is no whole code, or if
+/// single precision rounds a whole code of this range differently.
+#[inline(always)]
+fn shown_whole(samples: &[f32], range: Range, radiance: &impl Fn(f32) -> f32) -> Option<Vec<u8>> {
+    /// The floats from here on, up to twice this number, are whole numbers, and their lowest bits count up.
+    const WHOLE: f32 = (1u32 << 23) as f32;
+    /// Carries halves up, and is far below the distance of any other code from a half.
+    const ABOVE: f32 = 1.0 / 4096.0;
+    /// The greatest white for which checking all codes costs little.
+    const MOST: f64 = 16384.0;
+    /// Samples that are converted together.
+    const PART: usize = 1 << 14;
+    let (white, scale) = (range.white(), 255.0 / range.white());
+    let single = scale as f32;
+    let code = |x: f32| ((x * single + ABOVE).max(0.0).min(255.0) + WHOLE).to_bits() as u8;
+    let agrees = |x: u32| code(x as f32) == to_u8(x as f32, scale);
+    // Beyond the white, every code is 255.
+    if white > MOST || !widest!((0..=white.ceil() as u32).fold(true, |all, x| all & agrees(x))) {
+        return None;
+    }
+    let mut codes = vec![0; samples.len()];
+    // An image of other numbers is left after its first part.
+    let mut parts = codes.chunks_mut(PART).zip(samples.chunks(PART));
+    let whole = parts.all(|(codes, samples)| {
+        widest!(codes.iter_mut().zip(samples).fold(true, |whole, (out, &x)| {
+            let x = radiance(x);
+            *out = code(x);
+            whole & ((x.abs() + WHOLE) - WHOLE == x.abs())
+        }))
+    });
+    whole.then_some(codes)
 }
 
 /// The codes of 8 bits of all radiance of a sensor: a power for each sample would take longer than unwrapping.
@@ -105,10 +142,20 @@ pub fn unit_planes(row: &[u8], [red, green, blue]: [&mut [f32]; 3]) {
     widest!(for (pixel, ((red, green), blue)) in
         row.as_chunks::<3>().0.iter().zip(red.iter_mut().zip(green).zip(blue))
     {
-        *red = f32::from(pixel[0]) / 255.0;
-        *green = f32::from(pixel[1]) / 255.0;
-        *blue = f32::from(pixel[2]) / 255.0;
+        *red = unit(pixel[0]);
+        *green = unit(pixel[1]);
+        *blue = unit(pixel[2]);
     });
+}
+
+/// Returns `code / 255`, rounded as a division is, which would take three times as long.
+#[inline(always)]
+fn unit(code: u8) -> f32 {
+    /// 1 / 255 in two parts, the first one of so few bits that its product with a code is exact.
+    const HIGH: f32 = f32::from_bits((1.0f32 / 255.0).to_bits() & !0xFF);
+    const LOW: f32 = (1.0 / 255.0 - HIGH as f64) as f32;
+    let code = f32::from(code);
+    code * HIGH + code * LOW
 }
 
 /// Scales one sample by `scale`, which is `255 / (headroom * alpha * 2^b)`, clamped to 0..255; NaN becomes 0, as `max` returns the number.
@@ -176,6 +223,37 @@ mod tests {
         let x = vec![f32::NAN, f32::NEG_INFINITY, -3.0, 1024.0, 1e30, f32::INFINITY];
         for transfer in CURVES {
             assert_eq!(codes(x.clone(), Range::new(8, 4.0).unwrap(), transfer), [0, 0, 0, 255, 255, 255]);
+        }
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn whole_codes_are_shown_as_any_others(
+            bits in 1u8..=14,
+            alpha in 0.3..40f64,
+            headroom in 0.5..=1.0,
+            codes in proptest::collection::vec(-300f32..70_000.0, 40),
+            is_whole: bool,
+        ) {
+            let range = Range::new(bits, alpha).unwrap().with_headroom(headroom).unwrap();
+            let shown = |x: Vec<f32>| {
+                let x = Array3::from_shape_vec((1, x.len(), 1), x).unwrap();
+                linear8(&x, range).unwrap().as_u8().unwrap().iter().copied().collect::<Vec<_>>()
+            };
+            let x: Vec<f32> = codes.into_iter().map(|x| if is_whole { x.floor() } else { x }).collect();
+            let defined: Vec<u8> = x.iter().map(|&x| to_u8(x, 255.0 / range.white())).collect();
+            proptest::prop_assert_eq!(shown(x), defined);
+            // Halves between two codes are among them.
+            let all: Vec<f32> = (0..=range.white().ceil().min(70_000.0) as u32).map(|x| x as f32).collect();
+            let defined: Vec<u8> = all.iter().map(|&x| to_u8(x, 255.0 / range.white())).collect();
+            proptest::prop_assert_eq!(shown(all), defined);
+        }
+    }
+
+    #[test]
+    fn a_unit_is_the_rounded_quotient() {
+        for code in 0..=u8::MAX {
+            assert_eq!(unit(code), f32::from(code) / 255.0, "{code}");
         }
     }
 

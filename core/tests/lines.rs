@@ -5,7 +5,7 @@
 
 use modulo_core::unwrap::{Options, QualityMetrics, by_name};
 use modulo_core::{Frame, Range, Recovered};
-use ndarray::Array3;
+use ndarray::{Array3, Axis};
 use proptest::prelude::*;
 
 /// One channel, and the arithmetic on it.
@@ -185,6 +185,7 @@ fn reference(y: &Array3<u16>, range: Range, word: i64) -> (Array3<u8>, QualityMe
     let loops = (height - 1) * (width - 1) * channels;
     let Seen { residues, steep, clamped, least_agreement } = seen;
     let (residues, steep) = (share(residues, loops), share(steep, loops));
+    let x = y.mapv(f32::from) + k.mapv(f32::from) * range.peak();
     (
         k,
         QualityMetrics {
@@ -192,10 +193,21 @@ fn reference(y: &Array3<u16>, range: Range, word: i64) -> (Array3<u8>, QualityMe
             steep,
             consensus: least_agreement,
             clamped: share(clamped, y.len()),
-            jumps: 0.0,
+            jumps: share(jumps(&x, range), y.len()),
             defects: 0.0,
         },
     )
+}
+
+/// Returns the number of second differences along rows and columns above one peak.
+fn jumps(x: &Array3<f32>, range: Range) -> usize {
+    let bends = |axis: usize| {
+        let windows = x.lanes(Axis(axis)).into_iter().flat_map(|lane| {
+            lane.windows(3).into_iter().map(|w| (w[0] + w[2] - 2.0 * w[1]).abs()).collect::<Vec<_>>()
+        });
+        windows.filter(|bend| *bend > range.peak()).count()
+    };
+    bends(0) + bends(1)
 }
 
 fn lines(y: &Frame, range: Range) -> Recovered {

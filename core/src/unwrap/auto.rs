@@ -260,7 +260,7 @@ impl Auto {
         self.finish_lines(y, defects, range.of_few_outliers(), out)?;
         // A second method overwrites the report, but the metrics of y remain those of `lines`.
         let quality = out.report.quality.expect("lines always gives its quality");
-        let mut quality = QualityMetrics { jumps: jumps::share(&out.x, range), defects, ..quality };
+        let mut quality = QualityMetrics { defects, ..quality };
         let trust = match self.judge(quality, out) {
             MethodChoice::PassThrough => {
                 out.report.method = PASS_THROUGH;

@@ -143,7 +143,8 @@ impl Histogram {
         let mut levels = [0; (1 << 16) / STEPS_PER_PERIOD as usize + 2];
         // The histogram of residuals is also that of the wrap counts, for any offset.
         let low = wraps(i32::from(i16::MIN), offset);
-        for (residual, &count) in (i32::from(i16::MIN)..).zip(&self.counts) {
+        let counted = (i32::from(i16::MIN)..).zip(&self.counts).filter(|(_, count)| **count > 0);
+        for (residual, &count) in counted {
             levels[(wraps(residual, offset) - low) as usize] += count as usize;
         }
         let zero = low + base_level_index(&levels, range) as i32;
@@ -152,10 +153,12 @@ impl Histogram {
 
     /// Returns the circular mean of `(y - phi) / 2^b` in peaks, -0.5 to 0.5.
     fn mean_phase(&self) -> f64 {
+        let mut by_phase = [0u64; STEPS_PER_PERIOD as usize];
+        for period in self.counts.as_chunks().0 as &[[u32; STEPS_PER_PERIOD as usize]] {
+            by_phase.iter_mut().zip(period).for_each(|(sum, &count)| *sum += u64::from(count));
+        }
         let (mut sine, mut cosine) = (0.0, 0.0);
-        for step in 0..STEPS_PER_PERIOD as usize {
-            let count: u64 =
-                self.counts.iter().skip(step).step_by(STEPS_PER_PERIOD as usize).map(|&c| u64::from(c)).sum();
+        for (step, count) in by_phase.into_iter().enumerate() {
             // A residual was rounded down, so on average it is half a step higher.
             let angle = TAU * (step as f64 + 0.5) / f64::from(STEPS_PER_PERIOD);
             // Residuals are phases: only their mean on the circle does not depend on where a period starts.

@@ -3,6 +3,8 @@
 //! Behind a lens, second differences of the true radiance are small. Around a region of wrong counts each of them is off by one
 //! peak in the direction that crosses the border of the region, so that many of them exceed it.
 
+use std::ops::Range as Indices;
+
 use ndarray::Array3;
 
 use super::{Range, Recovered};
@@ -36,16 +38,24 @@ pub(super) fn bends(x: &Array3<f32>, range: Range) -> f64 {
 fn each_line(x: &Array3<f32>, mut line: impl FnMut(&[f32], &[f32], &[f32])) {
     let (height, width, channels) = x.dim();
     let (samples, stride) = (in_order(x.view()), width * channels);
-    for row in 0..height {
-        let here = &samples[row * stride..][..stride];
-        if width > 2 {
-            let inner = stride - 2 * channels;
-            line(&here[..inner], &here[channels..][..inner], &here[2 * channels..]);
-        }
-        if row > 0 && row + 1 < height {
-            let [above, below] = [row - 1, row + 1].map(|row| &samples[row * stride..][..stride]);
-            line(above, here, below);
-        }
+    (1..=height).for_each(|rows| lines_of_last_row(&samples[..rows * stride], stride, channels, &mut line));
+}
+
+/// Calls `line` as [`each_line`] does, for what the last of the rows `samples` adds: itself, and the row above it with its neighbours.
+#[inline(always)]
+pub(super) fn lines_of_last_row(
+    samples: &[f32],
+    stride: usize,
+    channels: usize,
+    mut line: impl FnMut(&[f32], &[f32], &[f32]),
+) {
+    let (above, here) = samples.split_at(samples.len() - stride);
+    if stride > 2 * channels {
+        let inner = stride - 2 * channels;
+        line(&here[..inner], &here[channels..][..inner], &here[2 * channels..]);
+    }
+    if let Some(start) = above.len().checked_sub(2 * stride) {
+        line(&above[start..][..stride], &above[start + stride..], here);
     }
 }
 
@@ -68,7 +78,8 @@ pub(super) fn share_of_green(x: &Array3<f32>, parity: usize, range: Range) -> f3
 }
 
 /// Returns the number of second differences above `limit`.
-fn steep(before: &[f32], here: &[f32], after: &[f32], limit: f32) -> u64 {
+#[inline(always)]
+pub(super) fn steep(before: &[f32], here: &[f32], after: &[f32], limit: f32) -> u64 {
     let samples = before.iter().zip(here).zip(after);
     let exceeds = |((before, here), after): ((&f32, &f32), &f32)| {
         u32::from((before + after - here - here).abs() > limit)
@@ -112,83 +123,102 @@ impl Recovered {
         let (height, width, _) = self.x.dim();
         let cell = if mosaic.is_some() { 2 } else { 1 };
         let (rows, columns) = (height.div_ceil(cell), width.div_ceil(cell));
-        let free = self.free(cell, range);
-        let region = largest_region(&free, columns);
+        let region = largest_region(&self.free(cell, range), columns);
+        let mut vouched = Array3::zeros((height, width, 1));
         // In a divided image, no region can be told to be the right one.
-        let enough = region.len() as f64 >= LARGEST * (rows * columns) as f64;
-        let mut vouched = vec![false; rows * columns];
-        if enough {
-            region.into_iter().for_each(|at| vouched[at] = true);
+        if region.iter().map(Indices::len).sum::<usize>() as f64 >= LARGEST * (rows * columns) as f64 {
+            let pixels = vouched.as_slice_mut().expect("the array was just made");
+            for run in region {
+                let (row, column) = (run.start / columns * cell, run.start % columns * cell);
+                for row in row..height.min(row + cell) {
+                    pixels[row * width..][..width][column..width.min(column + run.len() * cell)]
+                        .fill(u8::MAX);
+                }
+            }
         }
-        let value = |(row, column, _): (usize, usize, usize)| {
-            if vouched[row / cell * columns + column / cell] { u8::MAX } else { 0 }
-        };
-        Frame::from_u8(Array3::from_shape_fn((height, width, 1), value))
-            .expect("the result has the shape of an image")
+        Frame::from_u8(vouched).expect("the result has the shape of an image")
     }
 
     /// Returns for each cell of `cell` x `cell` pixels whether no second difference is above the barrier.
     fn free(&self, cell: usize, range: Range) -> Vec<bool> {
         let (height, width, channels) = self.x.dim();
-        let (columns, limit) = (width.div_ceil(cell), BARRIER * range.peak());
+        let (columns, limit, stride) = (width.div_ceil(cell), BARRIER * range.peak(), width * channels);
         let x = self.x.as_standard_layout();
         let samples = in_order(x.view());
+        let at = |row: usize| &samples[row * stride..][..stride];
         let mut free = vec![true; height.div_ceil(cell) * columns];
+        // In a mosaic, the next pixel of the same colour is two pixels away.
+        let step = cell * channels;
+        let mut barred = vec![false; stride];
         for row in 0..height {
-            let line = &mut free[row / cell * columns..][..columns];
-            let at = |row: usize| &samples[row * width * channels..][..width * channels];
-            let mut bar = |from: usize, before: &[f32], here: &[f32], after: &[f32]| {
-                for (index, ((before, here), after)) in before.iter().zip(here).zip(after).enumerate() {
-                    if (before + after - here - here).abs() > limit {
-                        line[(from + index / channels) / cell] = false;
-                    }
-                }
-            };
-            // In a mosaic, the next pixel of the same colour is two pixels away.
-            let step = cell * channels;
+            barred.fill(false);
             if width > 2 * cell {
-                bar(cell, at(row), &at(row)[step..], &at(row)[2 * step..]);
+                bar(&mut barred[step..stride - step], at(row), &at(row)[step..], &at(row)[2 * step..], limit);
             }
             if row >= cell && row + cell < height {
-                bar(0, at(row - cell), at(row), at(row + cell));
+                bar(&mut barred, at(row - cell), at(row), at(row + cell), limit);
             }
+            let line = &mut free[row / cell * columns..][..columns];
+            widest!(for (free, barred) in line.iter_mut().zip(barred.chunks(step)) {
+                *free &= !barred.iter().fold(false, |any, barred| any | barred);
+            });
         }
         free
     }
 }
 
-/// Returns the places of the largest region of free places, which are neighbours along rows and columns of `columns` places.
-fn largest_region(free: &[bool], columns: usize) -> Vec<usize> {
-    let mut open = free.to_vec();
-    let mut largest = Vec::new();
-    for start in 0..open.len() {
-        // A barrier, or already part of a region.
-        if !open[start] {
-            continue;
+/// Marks in `barred` where a second difference is above `limit`.
+fn bar(barred: &mut [bool], before: &[f32], here: &[f32], after: &[f32], limit: f32) {
+    widest!(for (((barred, before), here), after) in barred.iter_mut().zip(before).zip(here).zip(after) {
+        *barred |= (before + after - here - here).abs() > limit;
+    });
+}
+
+/// Returns the largest region of free places, which are neighbours along rows and columns of `columns` places, as the runs of its rows.
+/// Of regions of the same size, it is the one that begins first.
+fn largest_region(free: &[bool], columns: usize) -> Vec<Indices<usize>> {
+    let mut runs: Vec<Indices<usize>> = Vec::new();
+    // For each run an earlier run of its region; the first run of a region has itself.
+    let mut earlier = Vec::new();
+    let mut above = 0;
+    for (row, line) in free.chunks_exact(columns).enumerate() {
+        let (first, mut at) = (runs.len(), row * columns);
+        for places in line.chunk_by(|a, b| a == b) {
+            if places[0] {
+                earlier.push(runs.len());
+                runs.push(at..at + places.len());
+            }
+            at += places.len();
         }
-        open[start] = false;
-        let mut region = vec![start];
-        let mut next = 0;
-        while let Some(&at) = region.get(next) {
-            next += 1;
-            let column = at % columns;
-            let neighbours = [
-                at.checked_sub(columns),
-                Some(at + columns).filter(|&below| below < open.len()),
-                (column > 0).then(|| at - 1),
-                (column + 1 < columns).then_some(at + 1),
-            ];
-            for neighbour in neighbours.into_iter().flatten() {
-                if std::mem::replace(&mut open[neighbour], false) {
-                    region.push(neighbour);
-                }
+        for here in first..runs.len() {
+            let run = runs[here].clone();
+            while above < first && runs[above].end + columns <= run.start {
+                above += 1;
+            }
+            // The last of them may also touch the next run.
+            for upper in (above..first).take_while(|&upper| runs[upper].start + columns < run.end) {
+                let roots = [upper, here].map(|run| root(&mut earlier, run));
+                earlier[roots[0].max(roots[1])] = roots[0].min(roots[1]);
             }
         }
-        if region.len() > largest.len() {
-            largest = region;
-        }
+        above = first;
     }
-    largest
+    let mut sizes = vec![0; runs.len()];
+    for (at, run) in runs.iter().enumerate() {
+        sizes[root(&mut earlier, at)] += run.len();
+    }
+    let largest = (0..runs.len()).rev().max_by_key(|&at| sizes[at]);
+    let is_largest = |at: usize, earlier: &mut [usize]| Some(root(earlier, at)) == largest;
+    (0..runs.len()).filter(|&at| is_largest(at, &mut earlier)).map(|at| runs[at].clone()).collect()
+}
+
+/// Returns the first run of the region of `run`, and shortens the way to it.
+fn root(earlier: &mut [usize], mut run: usize) -> usize {
+    while earlier[run] != run {
+        earlier[run] = earlier[earlier[run]];
+        run = earlier[run];
+    }
+    run
 }
 
 #[cfg(test)]
@@ -255,6 +285,42 @@ mod tests {
                 confidence.indexed_iter().all(|((i, j, _), &value)| value == 0 || !inside(i) || !inside(j))
             );
             assert!(confidence.iter().filter(|value| **value == 255).count() > 90 * 120 - 30 * 30);
+        }
+    }
+
+    /// Returns the largest region by its definition: each place takes the least number of its free neighbours until none changes.
+    fn largest_by_numbers(free: &[bool], columns: usize) -> Vec<usize> {
+        let mut numbers: Vec<usize> = (0..free.len()).collect();
+        loop {
+            let before = numbers.clone();
+            for (a, b) in (0..free.len()).flat_map(|at| [(at, at + 1), (at, at + columns)]) {
+                let is_row = b == a + columns || b % columns > 0;
+                if is_row && b < free.len() && free[a] && free[b] {
+                    let least = numbers[a].min(numbers[b]);
+                    (numbers[a], numbers[b]) = (least, least);
+                }
+            }
+            if numbers == before {
+                break;
+            }
+        }
+        let places =
+            |number: usize| (0..free.len()).filter(|&at| free[at] && numbers[at] == number).collect();
+        let regions = (0..free.len()).map(places);
+        regions.rev().max_by_key(Vec::len).expect("there is a place")
+    }
+
+    proptest! {
+        #[test]
+        fn the_largest_region_is_that_of_its_definition(
+            columns in 1usize..12, rows in 1usize..12, bits: [u64; 3], is_dense: bool,
+        ) {
+            let bit = |word: u64, at: usize| word.rotate_right(at as u32 * 7) & 1 == 1;
+            let free: Vec<bool> = (0..rows * columns)
+                .map(|at| bit(bits[at % 3], at) || (is_dense && bit(bits[(at + 1) % 3], at)))
+                .collect();
+            let region: Vec<usize> = largest_region(&free, columns).into_iter().flatten().collect();
+            prop_assert_eq!(region, largest_by_numbers(&free, columns));
         }
     }
 

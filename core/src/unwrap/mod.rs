@@ -229,7 +229,7 @@ pub struct QualityMetrics {
     /// The fraction of the samples whose count was out of range and was clamped: they contradict the others.
     pub clamped: f32,
     /// The second differences of the result along rows and columns that are above one peak, per sample. Only `auto`
-    /// computes them; other methods leave 0.
+    /// and `lines` compute them; other methods leave 0.
     pub jumps: f32,
     /// The fraction of the samples that were left out as defects: hot, dead or stuck ones. Only `auto` looks for them; other
     /// methods leave 0.

@@ -107,7 +107,11 @@ impl<'a, S: Copy + Into<u16>> CodeRows<'a, S> {
     #[inline(always)]
     pub fn read<W: Word>(&self, i: usize, codes: &mut Vec<W>) {
         codes.clear();
-        codes.extend(self.row(i).iter().map(|&sample| self.shifted::<W>(sample)));
+        // Without a shift, which codes that fill their words do not need, this is a copy.
+        match W::BITS - self.bits {
+            0 => codes.extend(self.row(i).iter().map(|&sample| W::low(sample.into()))),
+            _ => codes.extend(self.row(i).iter().map(|&sample| self.shifted::<W>(sample))),
+        }
         let RowLayout { channels, .. } = self.layout;
         let pixel = self.layout.last(0);
         // One pixel more than there are lanes, since each lane reads its right neighbour.

@@ -3,7 +3,7 @@
 use super::layout::{Block, COUNTABLE, CodeRows, LANES, RowLayout, by_channel, tiled};
 use super::rows::Rows;
 use crate::unwrap::wrapped::Word;
-use crate::unwrap::{Range, Recovered, congruence};
+use crate::unwrap::{Range, Recovered, congruence, jumps};
 
 /// Up to so many levels, counting one level at a time is faster than a histogram.
 const FEW_LEVELS: usize = 12;
@@ -171,7 +171,8 @@ impl<W: Word> Levels<'_, W> {
         blocks.for_each(|(sums, constants)| *sums = add(constants, &pixel));
     }
 
-    /// Writes `out` with `zero` as k = 0; counts out of range are clamped.
+    /// Writes `out` with `zero` as k = 0; counts out of range are clamped. Returns the second differences of x above one peak, which are
+    /// counted while the rows are in the cache.
     #[inline(always)]
     pub fn write<S>(
         &self,
@@ -180,7 +181,8 @@ impl<W: Word> Levels<'_, W> {
         range: Range,
         sums: &mut Vec<W>,
         out: &mut Recovered,
-    ) where
+    ) -> u64
+    where
         S: Copy + Into<u16>,
     {
         let (x, counts) = out.buffers();
@@ -188,17 +190,23 @@ impl<W: Word> Levels<'_, W> {
         let length = self.layout.samples();
         // Half a turn of the word stands for k = 0.
         let start = zero.level.map(W::bias).map(|zero| W::HALF.minus(zero));
-        let rows = x.chunks_exact_mut(length).zip(counts.chunks_exact_mut(length));
-        for (i, (x, counts)) in rows.enumerate() {
+        let mut jumps = 0;
+        for (i, counts) in counts.chunks_exact_mut(length).enumerate() {
             self.offsets(i, start, sums);
             let k = self.rows.k(i).iter().zip(&*sums);
-            for (((x, count), &y), (&k, &sum)) in x.iter_mut().zip(counts).zip(samples.row(i)).zip(k) {
+            let row = x[i * length..][..length].iter_mut().zip(counts);
+            for (((x, count), &y), (&k, &sum)) in row.zip(samples.row(i)).zip(k) {
                 // Words have no sign: below half a word means k < 0, so the clamp comes before the bias is removed.
                 let k: u16 = k.plus(sum).max(W::HALF).minus(W::HALF).min(most).into();
                 *x = (i32::from(y.into()) + (i32::from(k) << bits)) as f32;
                 *count = k as u8;
             }
+            let written = &x[..(i + 1) * length];
+            jumps::lines_of_last_row(written, length, self.layout.channels, |before, here, after| {
+                jumps += jumps::steep(before, here, after, range.peak());
+            });
         }
+        jumps
     }
 }
 

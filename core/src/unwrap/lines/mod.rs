@@ -179,12 +179,11 @@ impl<W: Word> Buffers<W> {
         self.constants.find(&self.gradient, &SummedImage { samples, layout, rows: &self.rows }, range);
         let levels = Levels { layout, rows: &self.rows, constants: &self.constants.sums };
         let Self { offsets, counts, .. } = self;
-        let outside = widest!({
+        let (outside, jumps) = widest!({
             let zero = levels.zero(range, offsets, counts);
-            levels.write(samples, &zero, range, offsets, out);
-            zero.outside
+            (zero.outside, levels.write(samples, &zero, range, offsets, out))
         });
-        out.report.quality = Some(self.quality(layout, outside));
+        out.report.quality = Some(self.quality(layout, outside, jumps));
     }
 
     #[inline(always)]
@@ -199,7 +198,7 @@ impl<W: Word> Buffers<W> {
         self.rows.append(&self.sums, [here, up, upper]);
     }
 
-    fn quality(&self, layout: RowLayout, outside: usize) -> QualityMetrics {
+    fn quality(&self, layout: RowLayout, outside: usize, jumps: u64) -> QualityMetrics {
         let RowLayout { height, width, channels } = layout;
         let [row, column] =
             [share(self.rows.least_agreement, width), share(self.constants.least_agreement, height)];
@@ -208,7 +207,7 @@ impl<W: Word> Buffers<W> {
             steep: layout.share_of_loops(self.gradient.suspect),
             consensus: row.min(column),
             clamped: share(outside, height * width * channels),
-            jumps: 0.0,
+            jumps: share(jumps as usize, height * width * channels),
             defects: 0.0,
         }
     }
