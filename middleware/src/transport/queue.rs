@@ -114,6 +114,8 @@ struct State<T> {
     lanes: BTreeMap<Lane, Waiting<T>>,
     opened: u64,
     arrivals: u64,
+    /// Number of items that were taken.
+    taken: u64,
     /// Held by the lanes with [`Keep::All`].
     held: Limit,
     woken: bool,
@@ -123,6 +125,8 @@ struct State<T> {
 struct Waiting<T> {
     keep: Keep,
     items: VecDeque<WaitingItem<T>>,
+    /// Number of the take that was last served from this lane; 0 before the first.
+    served: u64,
     counts: LaneCounts,
     gaps: Gaps,
 }
@@ -130,8 +134,6 @@ struct Waiting<T> {
 struct WaitingItem<T> {
     /// Number of its arrival.
     arrival: u64,
-    /// Number of the arrival since which its lane waits for its turn: its own, or that of the message that it replaced.
-    turn: u64,
     stamp_ns: u64,
     item: T,
 }
@@ -143,6 +145,7 @@ impl<T: Queued> Queue<T> {
             lanes: BTreeMap::new(),
             opened: 0,
             arrivals: 0,
+            taken: 0,
             held: Limit { messages: 0, bytes: 0 },
             woken: false,
             ended: false,
@@ -155,8 +158,8 @@ impl<T: Queued> Queue<T> {
         let mut state = self.lock();
         let lane = Lane(state.opened);
         state.opened += 1;
-        let waiting =
-            Waiting { keep, items: VecDeque::new(), counts: LaneCounts::default(), gaps: Gaps::default() };
+        let (counts, gaps) = (LaneCounts::default(), Gaps::default());
+        let waiting = Waiting { keep, items: VecDeque::new(), served: 0, counts, gaps };
         state.lanes.insert(lane, waiting);
         lane
     }
@@ -173,7 +176,6 @@ impl<T: Queued> Queue<T> {
             waiting.counts.missing += waiting.gaps.step(attachment);
         }
         let arrival = state.arrivals;
-        let mut turn = arrival;
         let displaced = match waiting.keep {
             Keep::All => {
                 let bytes = state.held.bytes.saturating_add(item.bytes());
@@ -184,17 +186,14 @@ impl<T: Queued> Queue<T> {
                 state.held = Limit { messages: state.held.messages + 1, bytes };
                 None
             }
-            Keep::Latest => waiting.items.pop_front().inspect(|replaced| {
-                waiting.counts.replaced += 1;
-                turn = replaced.turn;
-            }),
+            Keep::Latest => waiting.items.pop_front().inspect(|_| waiting.counts.replaced += 1),
             Keep::Last(most) if waiting.items.len() >= most.max(1) => {
                 waiting.counts.overflowed += 1;
                 waiting.items.pop_front()
             }
             Keep::Last(_) => None,
         };
-        waiting.items.push_back(WaitingItem { arrival, turn, stamp_ns: self.clock.now_ns(), item });
+        waiting.items.push_back(WaitingItem { arrival, stamp_ns: self.clock.now_ns(), item });
         state.arrivals += 1;
         // Released first, or the reader would wake only to wait for the lock.
         drop(guard);
@@ -203,9 +202,9 @@ impl<T: Queued> Queue<T> {
         displaced.map(|displaced| displaced.item)
     }
 
-    /// Takes the item that arrived first over all lanes. Among lanes with [`Keep::Latest`] that is the one that has waited
-    /// longest for its turn, so that each of several cameras gets its share of a busy reader. Waits for one at most `patience`, or without end when that is
-    /// `None`.
+    /// Takes the item that arrived first over all lanes. Of the lanes with [`Keep::Latest`] the one goes first from which
+    /// nothing was taken for the longest time, so that each of several cameras gets its share of a busy reader. Waits for an
+    /// item at most `patience`, or without end when that is `None`.
     pub fn take(&self, patience: Option<Duration>) -> Next<T> {
         let state = self.lock();
         let idle = |state: &mut State<T>| {
@@ -264,10 +263,12 @@ impl<T: Queued> Queue<T> {
 impl<T: Queued> State<T> {
     fn pop_oldest(&mut self) -> Option<Arrived<T>> {
         // By the number of the arrival: several items may have one stamp.
-        let fronts = || self.lanes.iter().filter_map(|(lane, w)| Some((*lane, w.keep, w.items.front()?)));
-        let other =
-            fronts().filter(|(_, keep, _)| *keep != Keep::Latest).min_by_key(|(.., item)| item.arrival);
-        let latest = fronts().filter(|(_, keep, _)| *keep == Keep::Latest).min_by_key(|(.., item)| item.turn);
+        let fronts = || self.lanes.iter().filter_map(|(lane, w)| Some((*lane, w, w.items.front()?)));
+        let other = fronts().filter(|(_, w, _)| w.keep != Keep::Latest).min_by_key(|(.., item)| item.arrival);
+        // Not by the first message since then: of cameras in step, those that send first would be served twice as often.
+        let latest = fronts()
+            .filter(|(_, w, _)| w.keep == Keep::Latest)
+            .min_by_key(|(_, w, item)| (w.served, item.arrival));
         // A replaced message would lose its place to a lane that is never replaced. But a message that describes an image
         // came before it, and must be taken before it.
         let (lane, ..) = match (other, latest) {
@@ -277,6 +278,8 @@ impl<T: Queued> State<T> {
         };
         let waiting = self.lanes.get_mut(&lane)?;
         let WaitingItem { stamp_ns, item, .. } = waiting.items.pop_front()?;
+        self.taken += 1;
+        waiting.served = self.taken;
         if waiting.keep == Keep::All {
             self.release(&item);
         }
@@ -343,6 +346,20 @@ mod tests {
         assert_eq!(images, [0, 201, 2, 203, 4, 205]);
         let position = |item| taken.iter().position(|one| *one == item);
         assert!((0..6).step_by(2).all(|round| position(101 + round) < position(201 + round)), "{taken:?}");
+    }
+
+    #[test]
+    fn cameras_in_step_share_a_reader_that_is_too_slow_for_all() {
+        let queue = queue(0, 0);
+        let cameras = [(); 4].map(|()| queue.open(Keep::Latest));
+        let mut served = [0; 4];
+        for _ in 0..8 {
+            for (camera, lane) in cameras.iter().enumerate() {
+                queue.push(*lane, camera);
+            }
+            (0..3).for_each(|_| served[queue.take(NOW).item().expect("four came")] += 1);
+        }
+        assert_eq!(served, [6; 4]);
     }
 
     #[test]

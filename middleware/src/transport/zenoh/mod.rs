@@ -19,6 +19,7 @@ use modulo_runtime::{Address, Clock, MessageKind, NodeName};
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Subscriber;
 use zenoh::sample::SampleKind;
+use zenoh::shm::ShmClientStorage;
 use zenoh::{Session, Wait};
 
 pub use listen::TopicListener;
@@ -32,6 +33,8 @@ use crate::graph::Graph;
 /// A zenoh session in one ROS domain.
 pub struct ZenohTransport {
     session: Session,
+    /// Each connection holds it while shared memory is enabled.
+    shared_memory: Arc<ShmClientStorage>,
     domain: u32,
     hashes: Hashes,
     clock: Arc<dyn Clock>,
@@ -48,11 +51,13 @@ impl ZenohTransport {
     /// # Errors
     /// [`TransportError`] with the error of zenoh.
     pub fn open(domain: u32, hashes: Hashes, clock: Arc<dyn Clock>) -> Result<Self, TransportError> {
-        let session = session::open_session(domain)?;
+        let shared_memory = Arc::new(ShmClientStorage::builder().with_default_client_set().build());
+        let session = session::open_session(domain, &shared_memory)?;
         let graph = Arc::new(Mutex::new(Graph::default()));
         let watch = watch_graph(&session, domain, &graph)?;
         Ok(Self {
             session,
+            shared_memory,
             domain,
             hashes,
             clock,
@@ -68,12 +73,8 @@ impl ZenohTransport {
         lock(&self.graph).clone()
     }
 
-    /// Ends the session after everything sent has left.
-    pub fn close(self) {
-        if let Err(why) = self.session.close().wait() {
-            tracing::warn!("zenoh session did not close: {why}");
-        }
-    }
+    /// Ends the session after everything sent has left, as dropping it does.
+    pub fn close(self) {}
 
     fn new_id(&self) -> u64 {
         self.next_id.fetch_add(1, Ordering::Relaxed)
@@ -126,6 +127,17 @@ impl ZenohTransport {
 
     fn key(&self, endpoint: &Endpoint) -> String {
         keys::data_key(self.domain, &endpoint.topic, &endpoint.dds_type, &endpoint.type_hash)
+    }
+}
+
+impl Drop for ZenohTransport {
+    fn drop(&mut self) {
+        if let Err(why) = self.session.close().wait() {
+            tracing::warn!("zenoh session did not close: {why}");
+        }
+        // Where a peer closes at the same moment, a task of zenoh outlives the closing, and may be the last to hold the pool of
+        // shared memory. To free it while the process ends panics, and aborts the process where two images are in it.
+        session::wait_for_connections(&self.shared_memory);
     }
 }
 

@@ -3,9 +3,11 @@
 use std::fs::{self, DirBuilder, File};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::thread::sleep;
 use std::time::Duration;
 
+use zenoh::shm::ShmClientStorage;
 use zenoh::{Config, Session, Wait};
 
 use super::TransportError;
@@ -15,6 +17,8 @@ const MEETING_PORT: u16 = 7450;
 
 /// A session waits at most this long for its turn: the turn only avoids a warning of zenoh, and its holder may hang.
 const TURN: Duration = Duration::from_secs(3);
+/// Longest wait for the connections of a closed session.
+const LINGERING: Duration = Duration::from_secs(1);
 const GLANCE: Duration = Duration::from_millis(10);
 
 /// The part of a session in the meeting of the sessions of a machine.
@@ -26,10 +30,11 @@ enum SessionRole {
     Guest,
 }
 
-/// Returns a session in `domain`, on the meeting port where that is free.
-pub(super) fn open_session(domain: u32) -> Result<Session, TransportError> {
+/// Returns a session in `domain`, on the meeting port where that is free. Its connections hold `shared` while shared memory is
+/// enabled.
+pub(super) fn open_session(domain: u32, shared: &Arc<ShmClientStorage>) -> Result<Session, TransportError> {
     let open = |role| {
-        let opened = zenoh::open(configuration(domain, role)?).wait();
+        let opened = zenoh::open(configuration(domain, role)?).with_shm_clients(shared.clone()).wait();
         opened.map_err(|why| TransportError::new(format!("zenoh session, domain {domain}"), why))
     };
     // Without a turn, another session may take the port between the look and the opening, of which zenoh would warn.
@@ -40,6 +45,19 @@ pub(super) fn open_session(domain: u32) -> Result<Session, TransportError> {
     }
     drop(turn);
     open(SessionRole::Guest)
+}
+
+/// Waits until no connection of a closed session holds `shared` any more, at most for [`LINGERING`].
+pub(super) fn wait_for_connections<T>(shared: &Arc<T>) {
+    for _ in 0..LINGERING.as_millis() / GLANCE.as_millis() {
+        match Arc::strong_count(shared) {
+            // Only the caller: shared memory is not enabled.
+            1 => return,
+            // The session as well. A connection that has just let go of it still holds the session for a moment.
+            2 => return sleep(GLANCE),
+            _ => sleep(GLANCE),
+        }
+    }
 }
 
 /// Waits until no other session of this user and `domain` is being opened, at most for [`TURN`]. Dropping the file ends the
@@ -145,4 +163,22 @@ fn defaults(domain: u32, role: SessionRole) -> Vec<(&'static str, String)> {
         ("transport/link/tx/queue/congestion_control/drop/wait_before_drop", "20000".into()),
         ("transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments", "200000".into()),
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_connection_that_lingers_is_waited_for() {
+        let shared = Arc::new(());
+        let (_session, connection) = (shared.clone(), shared.clone());
+        let lingering = std::thread::spawn(move || {
+            sleep(5 * GLANCE);
+            drop(connection);
+        });
+        wait_for_connections(&shared);
+        assert_eq!(Arc::strong_count(&shared), 2);
+        lingering.join().expect("no panic");
+    }
 }
