@@ -11,7 +11,7 @@
 use std::ops::Range;
 
 use super::pixels::{EdgeDirection, Quad, add, subtract};
-use super::regions::{CondensedRegions, LARGE, Region, Regions};
+use super::regions::{CondensedRegions, LARGE, Region, RegionEdge, Regions};
 use super::segments::{Segment, each_contact, each_set};
 
 /// The node of the background; edges join the other regions to it.
@@ -96,7 +96,7 @@ impl Forest {
         self.condensed.condense(&self.regions);
         self.collect(source);
         let Self { condensed, queue, .. } = self;
-        queue.visit_sorted(G::FLAT, |edge| condensed.join(edge.from, edge.to, || edge.step()));
+        condensed.join_in_order(queue.sort(G::FLAT));
         self.condensed.refine(&mut self.regions);
     }
 
@@ -215,28 +215,6 @@ impl Forest {
 const SHIFT: u32 = 5;
 const BUCKETS: usize = (u16::MAX >> SHIFT) as usize + 1;
 
-/// An edge from region to region, by number.
-#[derive(Clone, Copy)]
-struct RegionEdge {
-    pub from: u32,
-    pub to: u32,
-    /// The value of the root of `to` minus that of the root of `from`.
-    step: [i16; 3],
-    key: u16,
-}
-
-impl RegionEdge {
-    pub fn new(key: u16, from: u32, to: u32, [r, g, b, _]: Quad) -> Self {
-        Self { from, to, step: [r, g, b], key }
-    }
-
-    #[inline(always)]
-    pub fn step(&self) -> Quad {
-        let [r, g, b] = self.step;
-        [r, g, b, 0]
-    }
-}
-
 /// The edges that are to be sorted by their keys, by a counting sort.
 #[derive(Default)]
 struct EdgeQueue {
@@ -260,25 +238,23 @@ impl EdgeQueue {
         self.edges.push(edge);
     }
 
-    /// Visits the edges by key, those of one bucket in the order in which they came; all keys up to `flat` share
+    /// Returns the edges by key, those of one bucket in the order in which they came; all keys up to `flat` share
     /// one bucket.
-    #[inline(always)]
-    pub fn visit_sorted(&mut self, flat: u16, visit: impl FnMut(&RegionEdge)) {
+    pub fn sort(&mut self, flat: u16) -> &mut [RegionEdge] {
         let Self { edges, sorted, next } = self;
-        let Some(&filler) = edges.first() else { return };
-        let bucket = |edge: &RegionEdge| usize::from(edge.key.max(flat) >> SHIFT);
+        let bucket = |edge: &RegionEdge| usize::from(edge.key().max(flat) >> SHIFT);
         // A counting sort is linear and stable: edges of one bucket stay in the order of the image.
         next.fill(0);
         edges.iter().for_each(|edge| next[bucket(edge) + 1] += 1);
         for i in 1..next.len() {
             next[i] += next[i - 1];
         }
-        sorted.resize(edges.len(), filler);
+        sorted.resize(edges.len(), RegionEdge::default());
         for edge in &*edges {
             let place = &mut next[bucket(edge)];
             sorted[*place as usize] = *edge;
             *place += 1;
         }
-        sorted.iter().for_each(visit);
+        sorted
     }
 }

@@ -1,6 +1,7 @@
 //! Regions that grow together: a union-find with the wrap counts of each node relative to the root of its region,
 //! and the interval of the root's own counts.
 
+use std::hint::black_box;
 use std::ops::Range;
 
 use super::pixels::{Quad, add, subtract};
@@ -8,6 +9,9 @@ use super::pixels::{Quad, add, subtract};
 /// The largest region (hot pixels, noise) that does not constrain one of [`LARGE`] or more pixels.
 const SMALL: u32 = 6;
 pub(in crate::unwrap) const LARGE: u32 = 64;
+
+/// The number of edges that are looked at together before they join.
+const BLOCK: usize = 64;
 
 /// The nodes 0 to n-1, each in one region.
 #[derive(Default)]
@@ -144,6 +148,17 @@ impl Regions {
         }
     }
 
+    /// Returns a node at most two steps towards the root, and the value of `node` minus its own, and shortens the path.
+    #[inline(always)]
+    fn ascend(&mut self, node: u32) -> (u32, Quad) {
+        // A root is its own parent at offset 0, so no step needs a branch.
+        let below = self.nodes[node as usize];
+        let above = self.nodes[below.parent as usize];
+        let (parent, offset) = (above.parent, add(below.offset, above.offset));
+        self.nodes[node as usize] = RegionNode { parent, offset };
+        (parent, offset)
+    }
+
     /// Returns the region at `root`.
     pub fn region(&self, root: u32) -> Region {
         self.regions[root as usize]
@@ -169,18 +184,35 @@ impl Regions {
     }
 
     fn attach(&mut self, from: u32, to: u32, step: Quad) {
-        let (a, b) = (self.regions[from as usize], self.regions[to as usize]);
+        let [a, b] = [from, to].map(|root| self.regions[root as usize].size);
         // The smaller region goes under the larger one, which keeps the paths short.
-        let (parent, child, step, joint) = if a.size >= b.size {
-            (from, to, step, a.merge(&b, step))
-        } else {
-            let step = subtract([0; 4], step);
-            (to, from, step, b.merge(&a, step))
-        };
+        let (parent, child, step) =
+            if a >= b { (from, to, step) } else { (to, from, subtract([0; 4], step)) };
+        let joint = self.regions[parent as usize].merge(&self.regions[child as usize], step);
         if let Some(joint) = joint {
             self.regions[parent as usize] = joint;
             self.nodes[child as usize] = RegionNode { parent, offset: step };
         }
+    }
+}
+
+/// An edge from region to region, by number.
+#[derive(Clone, Copy, Default)]
+pub(super) struct RegionEdge {
+    from: u32,
+    to: u32,
+    /// The value of the root of `to` minus that of the root of `from`, and the key in the last lane, which no sum of steps changes.
+    step: Quad,
+}
+
+impl RegionEdge {
+    pub fn new(key: u16, from: u32, to: u32, [r, g, b, _]: Quad) -> Self {
+        Self { from, to, step: [r, g, b, key.cast_signed()] }
+    }
+
+    #[inline(always)]
+    pub fn key(&self) -> u16 {
+        self.step[3].cast_unsigned()
     }
 }
 
@@ -220,10 +252,28 @@ impl CondensedRegions {
         self.nodes[root as usize]
     }
 
-    /// Joins two nodes as [`Regions::join`] does.
-    #[inline(always)]
-    pub fn join(&mut self, from: u32, to: u32, step: impl FnOnce() -> Quad) {
-        self.regions.join(from, to, step);
+    /// Joins along `edges`, in their order, as [`Regions::join`] does; the edges are changed.
+    pub fn join_in_order(&mut self, edges: &mut [RegionEdge]) {
+        for block in edges.chunks_mut(BLOCK) {
+            // Edges in the order of keys jump over memory. Loops without branches wait for many places of it at once.
+            let nodes = &self.regions.nodes;
+            let parent = |node: u32| nodes[node as usize].parent;
+            black_box(block.iter().fold(0, |sum, edge| sum ^ parent(edge.from) ^ parent(edge.to)));
+            let mut open = 0;
+            for at in 0..block.len() {
+                let RegionEdge { from, to, step } = block[at];
+                let ((from, below), (to, above)) = (self.regions.ascend(from), self.regions.ascend(to));
+                block[open] = RegionEdge { from, to, step: subtract(add(below, step), above) };
+                // Most edges lie within a region, and are left out.
+                open += usize::from(from != to);
+            }
+            let block = &block[..open];
+            let size = |node: u32| self.regions.regions[node as usize].size;
+            black_box(block.iter().fold(0, |sum, edge| sum ^ size(edge.from) ^ size(edge.to)));
+            for &RegionEdge { from, to, step: [r, g, b, _] } in block {
+                self.regions.join(from, to, || [r, g, b, 0]);
+            }
+        }
     }
 
     /// Joins the regions of `fine` as their nodes were joined.
