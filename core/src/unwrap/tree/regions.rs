@@ -58,11 +58,13 @@ impl Region {
     }
 
     /// Returns whether no value is left in a channel.
+    #[inline(always)]
     pub fn is_empty(&self) -> bool {
         (0..4).fold(false, |empty, lane| empty | (self.low[lane] > self.high[lane]))
     }
 
     /// Returns the intersection with a part that is `step` above, if a value is left for both.
+    #[inline(always)]
     pub fn intersect(&self, part: &Region, step: Quad) -> Option<Region> {
         let mut joint = Region { size: self.size.saturating_add(part.size), ..*self };
         for (lane, step) in step.into_iter().enumerate() {
@@ -74,6 +76,7 @@ impl Region {
     }
 
     /// Returns [`intersect`](Self::intersect), but a small part does not constrain a large region.
+    #[inline(always)]
     fn merge(&self, part: &Region, step: Quad) -> Option<Region> {
         // A hot pixel would otherwise stop the growth of a whole region.
         if self.size < LARGE || part.size > SMALL {
@@ -173,17 +176,15 @@ impl Regions {
     }
 
     /// Joins the regions of two nodes, `to` being `step` above `from`, unless no value of the joint root would be
-    /// left. An edge within one region is ignored.
+    /// left. An edge within one region is ignored. Returns whether both are in one region then.
     #[inline(always)]
-    pub fn join(&mut self, from: u32, to: u32, step: impl FnOnce() -> Quad) {
+    pub fn join(&mut self, from: u32, to: u32, step: impl FnOnce() -> Quad) -> bool {
         let ((from, below), (to, above)) = (self.find(from), self.find(to));
-        if from != to {
-            // The root `to` minus the root `from`.
-            self.attach(from, to, subtract(add(below, step()), above));
-        }
+        // The step is the root `to` minus the root `from`.
+        from == to || self.attach(from, to, subtract(add(below, step()), above))
     }
 
-    fn attach(&mut self, from: u32, to: u32, step: Quad) {
+    fn attach(&mut self, from: u32, to: u32, step: Quad) -> bool {
         let [a, b] = [from, to].map(|root| self.regions[root as usize].size);
         // The smaller region goes under the larger one, which keeps the paths short.
         let (parent, child, step) =
@@ -193,6 +194,7 @@ impl Regions {
             self.regions[parent as usize] = joint;
             self.nodes[child as usize] = RegionNode { parent, offset: step };
         }
+        joint.is_some()
     }
 }
 
@@ -201,13 +203,29 @@ impl Regions {
 pub(super) struct RegionEdge {
     from: u32,
     to: u32,
-    /// The value of the root of `to` minus that of the root of `from`, and the key in the last lane, which no sum of steps changes.
+    /// The value of the root of `to` minus that of the root of `from`, and the key in the last lane. There all steps
+    /// are 0, so that no sum of steps changes the key.
     step: Quad,
 }
 
 impl RegionEdge {
     pub fn new(key: u16, from: u32, to: u32, [r, g, b, _]: Quad) -> Self {
         Self { from, to, step: [r, g, b, key.cast_signed()] }
+    }
+
+    /// Moves the ends of `edges` to nodes nearer to the root; `above` returns this node, and the value of the given one minus its own.
+    /// Edges within a node are left out. Returns how many are left, at the front, in their order.
+    #[inline(always)]
+    fn ascend(edges: &mut [Self], mut above: impl FnMut(u32) -> (u32, Quad)) -> usize {
+        let mut open = 0;
+        for at in 0..edges.len() {
+            let Self { from, to, step } = edges[at];
+            let ((from, of_from), (to, of_to)) = (above(from), above(to));
+            edges[open] = Self { from, to, step: subtract(add(of_from, step), of_to) };
+            // Chance decides which edges lie within a node, so that a branch would be slow.
+            open += usize::from(from != to);
+        }
+        open
     }
 
     #[inline(always)]
@@ -235,8 +253,8 @@ impl CondensedRegions {
         self.roots.reserve(nodes);
     }
 
-    /// Makes a node of each region of `fine`, which must be flat.
-    pub fn condense(&mut self, fine: &Regions) {
+    /// Makes a node of each region of `fine`, which must be flat, and edges between these nodes of its edges.
+    pub fn condense(&mut self, fine: &Regions, edges: &mut Vec<RegionEdge>) {
         self.regions.clear();
         self.roots.clear();
         self.nodes.resize(fine.nodes.len(), 0);
@@ -244,12 +262,9 @@ impl CondensedRegions {
             self.nodes[root as usize] = self.regions.push(region);
             self.roots.push(root);
         }
-    }
-
-    /// Returns the node of `root`.
-    #[inline(always)]
-    pub fn node(&self, root: u32) -> u32 {
-        self.nodes[root as usize]
+        let node = |node| (self.nodes[fine.root(node) as usize], fine.offset_from_root(node));
+        let open = RegionEdge::ascend(edges, node);
+        edges.truncate(open);
     }
 
     /// Joins along `edges`, in their order, as [`Regions::join`] does; the edges are changed.
@@ -259,14 +274,7 @@ impl CondensedRegions {
             let nodes = &self.regions.nodes;
             let parent = |node: u32| nodes[node as usize].parent;
             black_box(block.iter().fold(0, |sum, edge| sum ^ parent(edge.from) ^ parent(edge.to)));
-            let mut open = 0;
-            for at in 0..block.len() {
-                let RegionEdge { from, to, step } = block[at];
-                let ((from, below), (to, above)) = (self.regions.ascend(from), self.regions.ascend(to));
-                block[open] = RegionEdge { from, to, step: subtract(add(below, step), above) };
-                // Most edges lie within a region, and are left out.
-                open += usize::from(from != to);
-            }
+            let open = RegionEdge::ascend(block, |node| self.regions.ascend(node));
             let block = &block[..open];
             let size = |node: u32| self.regions.regions[node as usize].size;
             black_box(block.iter().fold(0, |sum, edge| sum ^ size(edge.from) ^ size(edge.to)));
@@ -348,7 +356,10 @@ mod tests {
     #[test]
     fn what_joins_coarsely_joins_as_finely() {
         let values = [3, 5, -2, 0, 7, 1];
-        let step = |from: usize, to: usize| [values[to] - values[from]; 4];
+        let step = |from: usize, to: usize| {
+            let step = values[to] - values[from];
+            [step, step, step, 0]
+        };
         // The same joins, once in one step and once on both sides of the condensation.
         let (mut whole, mut fine, mut condensed) =
             (of_nodes(6, -9, 9), of_nodes(6, -9, 9), CondensedRegions::default());
@@ -358,10 +369,13 @@ mod tests {
             }
         }
         fine.flatten();
-        condensed.condense(&fine);
-        let [from, to] = [4, 2].map(|node| fine.root(node));
-        let between_roots = step(from as usize, to as usize);
-        condensed.join(condensed.node(from), condensed.node(to), || between_roots);
+        let mut edges = [(4, 1), (4, 2)]
+            .map(|(from, to)| RegionEdge::new(7, from, to, step(from as usize, to as usize)))
+            .to_vec();
+        condensed.condense(&fine, &mut edges);
+        assert_eq!(edges.len(), 1, "the other edge lies within a region");
+        assert_eq!(edges[0].key(), 7);
+        condensed.join_in_order(&mut edges);
         whole.join(4, 2, || step(4, 2));
         whole.flatten();
         condensed.refine(&mut fine);
