@@ -66,23 +66,31 @@ impl Region {
     /// Returns the intersection with a part that is `step` above, if a value is left for both.
     #[inline(always)]
     pub fn intersect(&self, part: &Region, step: Quad) -> Option<Region> {
+        let joint = self.narrow(part, step);
+        (!joint.is_empty()).then_some(joint)
+    }
+
+    /// Returns the intersection with a part that is `step` above, which may be empty.
+    #[inline(always)]
+    fn narrow(&self, part: &Region, step: Quad) -> Region {
         let mut joint = Region { size: self.size.saturating_add(part.size), ..*self };
         for (lane, step) in step.into_iter().enumerate() {
             // Bounds saturate, so that a large step never wraps to the other end of the interval.
             joint.low[lane] = self.low[lane].max(part.low[lane].saturating_sub(step));
             joint.high[lane] = self.high[lane].min(part.high[lane].saturating_sub(step));
         }
-        (!joint.is_empty()).then_some(joint)
+        joint
     }
 
     /// Returns [`intersect`](Self::intersect), but a small part does not constrain a large region.
     #[inline(always)]
     fn merge(&self, part: &Region, step: Quad) -> Option<Region> {
         // A hot pixel would otherwise stop the growth of a whole region.
-        if self.size < LARGE || part.size > SMALL {
-            return self.intersect(part, step);
-        }
-        Some(Region { size: self.size.saturating_add(part.size), ..*self })
+        let free = (self.size >= LARGE) & (part.size <= SMALL);
+        let joint = self.narrow(part, step);
+        let (low, high) = if free { (self.low, self.high) } else { (joint.low, joint.high) };
+        // Sizes follow no order, so that a branch for each would be slow.
+        (free | !joint.is_empty()).then_some(Region { low, high, ..joint })
     }
 }
 
