@@ -112,7 +112,7 @@ impl Forest {
         // One edge to the right, one down, and one to the background for each pixel.
         self.queue.start(3 * pixels);
         self.levels.clear();
-        self.levels.reserve(1 << i16::BITS);
+        self.levels.reserve(4 << i16::BITS);
     }
 
     /// Finds the segments of the row that starts at `start`.

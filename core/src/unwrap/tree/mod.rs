@@ -240,14 +240,19 @@ fn level(Forest { regions, segments, levels, .. }: &mut Forest, main: u32, range
     let (low, high) = parts().fold(([i16::MAX; 4], [i16::MIN; 4]), |(low, high), (offset, _)| {
         (lanes(Ord::min, low, offset), lanes(Ord::max, high, offset))
     });
-    std::array::from_fn(|lane| {
-        let (low, high) = (low[lane], high[lane]);
-        levels.clear();
-        levels.resize(usize::from(high.abs_diff(low)) + 1, 0);
-        for (offset, pixels) in parts() {
-            levels[usize::from(offset[lane].abs_diff(low))] += pixels;
+    let width = |lane: usize| usize::from(high[lane].abs_diff(low[lane])) + 1;
+    let stride = (0..low.len()).map(width).max().expect("there are four lanes");
+    levels.clear();
+    levels.resize(low.len() * stride, 0);
+    for (offset, pixels) in parts() {
+        // Neighbours are mostly at one level, and a sum waits for the one before, but not for those of other lanes.
+        for lane in 0..low.len() {
+            levels[lane * stride + usize::from(offset[lane].abs_diff(low[lane]))] += pixels;
         }
+    }
+    std::array::from_fn(|lane| {
+        let levels = &levels[lane * stride..][..width(lane)];
         // Counts are relative to the root, so the k of the root is what brings the base level to 0.
-        -(low + congruence::base_level_index(levels, range) as i16)
+        -(low[lane] + congruence::base_level_index(levels, range) as i16)
     })
 }
