@@ -8,6 +8,10 @@ use crate::unwrap::{Range, Recovered, congruence, jumps};
 /// Up to so many levels, counting one level at a time is faster than a histogram.
 const FEW_LEVELS: usize = 12;
 
+/// A histogram has so many counters for each level, which take turns: neighbours are mostly at one level, and a counter
+/// waits for its last sum.
+const TURNS: usize = 4;
+
 /// The k of the image as a sum of terms by pixel, by row and by column.
 pub(super) struct Levels<'a, W> {
     pub layout: RowLayout,
@@ -34,7 +38,7 @@ impl<W: Word> Levels<'_, W> {
     pub fn zero(&self, range: Range, sums: &mut Vec<W>, counts: &mut Vec<usize>) -> BaseLevel<W> {
         let most = range.max_wraps();
         counts.clear();
-        counts.reserve(1 << W::BITS);
+        counts.reserve(TURNS << W::BITS);
         let extent = self.extent(sums);
         // Differences of biased words are right modulo a word, whatever the first pixel was.
         let span = |channel: usize| extent.high[channel].minus(extent.low[channel]).into();
@@ -145,15 +149,19 @@ impl<W: Word> Levels<'_, W> {
         std::array::from_fn(|level| if level < levels { self.count(&at(level), sums) } else { [0; 3] })
     }
 
-    /// Counts the pixels of `channel` at each level from `low` on.
-    fn histogram(&self, channel: usize, low: W, sums: &mut Vec<W>, counts: &mut [usize]) {
+    /// Counts the pixels of `channel` at each level from `low` on, of which `counts` has as many as there are.
+    fn histogram(&self, channel: usize, low: W, sums: &mut Vec<W>, counts: &mut Vec<usize>) {
+        let levels = counts.len();
+        counts.resize(TURNS * levels, 0);
         for i in 0..self.layout.height {
             self.offsets(i, [W::HALF; 3], sums);
             let k = self.rows.k(i).iter().zip(&*sums).take(self.layout.samples());
-            for (&k, &sum) in k.skip(channel).step_by(self.layout.channels) {
-                counts[usize::from(k.plus(sum).minus(low).into())] += 1;
+            for (at, (&k, &sum)) in k.skip(channel).step_by(self.layout.channels).enumerate() {
+                counts[TURNS * usize::from(k.plus(sum).minus(low).into()) + at % TURNS] += 1;
             }
         }
+        (0..levels).for_each(|level| counts[level] = counts[TURNS * level..][..TURNS].iter().sum());
+        counts.truncate(levels);
     }
 
     /// Writes to `sums`, by lane, the sum of the terms of row `i` and of the columns, from `start` on.

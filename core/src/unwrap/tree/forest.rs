@@ -2,16 +2,16 @@
 //!
 //! 1. Segments: neighbours along a row with a flat change and the same count are one node from the start, and
 //!    flat edges join segments along rows and between them, in the order of the image.
-//! 2. For each pair of segments that touch and are not joined, the flattest edge is sorted by key, and these
-//!    edges join in that order. They are stored as edges between regions, with the step between their roots: the
+//! 2. For each pair of segments that touch and are not joined, the flattest edge is offered. The offers between regions are
+//!    sorted by key, and join in that order. They are stored with the step between the roots of the regions: the
 //!    order of keys jumps over the image, which is too large for the cache.
 //!
 //! Nothing is stored by pixel, because most of an image is long segments.
 
 use std::ops::Range;
 
-use super::pixels::{EdgeDirection, Quad, add, subtract};
-use super::regions::{CondensedRegions, LARGE, Region, Regions};
+use super::pixels::{EdgeDirection, Quad};
+use super::regions::{CondensedRegions, LARGE, Region, RegionEdge, Regions};
 use super::segments::{Segment, each_contact, each_set};
 
 /// The node of the background; edges join the other regions to it.
@@ -65,8 +65,6 @@ pub(in crate::unwrap) struct Forest {
     pub regions: Regions,
     /// The segments row by row; each has a node of its own unless it is background.
     pub segments: Vec<Segment>,
-    /// The first segment of each row, and the end of the last.
-    rows: Vec<usize>,
     queue: EdgeQueue,
     /// The regions after the flat edges.
     condensed: CondensedRegions,
@@ -79,24 +77,26 @@ impl Forest {
     pub fn grow<G: EdgeSource>(&mut self, source: &G) {
         let (rows, columns) = source.extent();
         self.make_room((rows, columns));
-        self.rows.push(0);
         // The background counts as large, so that hot pixels cannot constrain it.
         let (level, size) = ([0; 4], if source.mask().is_some() { LARGE } else { 0 });
         self.regions.push(Region { low: level, high: level, size });
+        let mut above = 0..0;
         for row in (0..rows).filter(|_| columns > 0) {
+            let first = self.segments.len();
             self.split(source, row * source.width(), columns);
-            self.rows.push(self.segments.len());
-            self.join_along(source, row);
-            if row > 0 {
-                self.join_to_row_above(source, row);
-            }
+            let here = first..self.segments.len();
+            self.join_along(source, here.clone());
+            self.join_rows(source, above.clone(), here.clone());
+            self.offer_background(source, above);
+            self.offer_along(source, here.clone());
+            above = here;
         }
+        self.offer_background(source, above);
         // Flat edges need no order among themselves; only the regions that they leave are sorted.
         self.regions.flatten();
-        self.condensed.condense(&self.regions);
-        self.collect(source);
         let Self { condensed, queue, .. } = self;
-        queue.visit_sorted(G::FLAT, |edge| condensed.join(edge.from, edge.to, || edge.step()));
+        condensed.condense(&self.regions, &mut queue.edges);
+        condensed.join_in_order(queue.sort(G::FLAT));
         self.condensed.refine(&mut self.regions);
     }
 
@@ -106,15 +106,13 @@ impl Forest {
         let pixels = rows * columns;
         self.regions.clear();
         self.segments.clear();
-        self.rows.clear();
         self.regions.reserve(pixels + 1);
         self.segments.reserve(pixels);
-        self.rows.reserve(rows + 1);
         self.condensed.reserve(pixels + 1);
         // One edge to the right, one down, and one to the background for each pixel.
         self.queue.start(3 * pixels);
         self.levels.clear();
-        self.levels.reserve(1 << i16::BITS);
+        self.levels.reserve(4 << i16::BITS);
     }
 
     /// Finds the segments of the row that starts at `start`.
@@ -146,8 +144,8 @@ impl Forest {
         }
     }
 
-    fn join_along<G: EdgeSource>(&mut self, source: &G, row: usize) {
-        for pair in self.segments[self.rows[row]..self.rows[row + 1]].windows(2) {
+    fn join_along<G: EdgeSource>(&mut self, source: &G, row: Range<usize>) {
+        for pair in self.segments[row].windows(2) {
             let at = pair[0].end as usize - 1;
             let joinable = pair[0].node != BACKGROUND && pair[1].node != BACKGROUND;
             if joinable && source.key(EdgeDirection::Right, at) <= G::FLAT {
@@ -156,56 +154,50 @@ impl Forest {
         }
     }
 
-    fn join_to_row_above<G: EdgeSource>(&mut self, source: &G, row: usize) {
-        let Self { regions, segments, rows, .. } = self;
-        let [above, below] = [row - 1, row].map(|row| &segments[rows[row]..rows[row + 1]]);
+    /// Joins the segments of two rows that touch along a flat edge, and offers the flattest edge of other contacts.
+    fn join_rows<G: EdgeSource>(&mut self, source: &G, above: Range<usize>, below: Range<usize>) {
+        let Self { regions, segments, queue, .. } = self;
         let breaks = source.breaks(EdgeDirection::Down);
-        each_contact(above, below, source.width(), |a, b, mut pixels| {
-            if a.node == BACKGROUND || b.node == BACKGROUND {
+        each_contact(&segments[above], &segments[below], source.width(), |a, b, pixels| {
+            // Only segments of the background share a node.
+            if a.node == b.node {
                 return;
             }
+            let joinable = a.node != BACKGROUND && b.node != BACKGROUND;
+            let is_flat = |&at: &usize| source.key(EdgeDirection::Down, at) <= G::FLAT;
             // An edge that is not broken joins equal counts, and one such edge is enough for the whole contact.
-            if breaks[pixels.clone()].contains(&0) {
-                regions.join(a.node, b.node, || [0; 4]);
-            } else if let Some(at) = pixels.find(|&at| source.key(EdgeDirection::Down, at) <= G::FLAT) {
-                regions.join(a.node, b.node, || source.step(EdgeDirection::Down, at));
+            let joined = if joinable && breaks[pixels.clone()].contains(&0) {
+                regions.join(a.node, b.node, || [0; 4])
+            } else if let Some(at) = pixels.clone().find(is_flat).filter(|_| joinable) {
+                regions.join(a.node, b.node, || source.step(EdgeDirection::Down, at))
+            } else {
+                false
+            };
+            let flattest = || pixels.map(|at| (source.key(EdgeDirection::Down, at), at)).min();
+            if let Some((key, at)) = (!joined).then(flattest).flatten() {
+                queue.push(RegionEdge::new(key, a.node, b.node, source.step(EdgeDirection::Down, at)));
             }
         });
     }
 
-    /// Collects the flattest edge of each contact of different regions, and the flattest edge of each segment to
-    /// the background.
-    fn collect<G: EdgeSource>(&mut self, source: &G) {
-        let Self { regions, segments, rows, queue, condensed, .. } = self;
-        let differ = |a: &Segment, b: &Segment| regions.root(a.node) != regions.root(b.node);
-        let edge = |key, from: u32, to: u32, step: Quad| {
-            // Stored between the roots, the step stays valid when regions are condensed to nodes.
-            let step = subtract(add(regions.offset_from_root(from), step), regions.offset_from_root(to));
-            RegionEdge::new(key, condensed.node(regions.root(from)), condensed.node(regions.root(to)), step)
-        };
-        for row in 1..rows.len() {
-            let here = &segments[rows[row - 1]..rows[row]];
-            for pair in here.windows(2).filter(|pair| differ(&pair[0], &pair[1])) {
-                let at = pair[0].end as usize - 1;
-                let (key, step) =
-                    (source.key(EdgeDirection::Right, at), source.step(EdgeDirection::Right, at));
-                queue.push(edge(key, pair[0].node, pair[1].node, step));
-            }
-            let below = rows.get(row + 1).map_or(&[][..], |&end| &segments[rows[row]..end]);
-            each_contact(here, below, source.width(), |a, b, pixels| {
-                if differ(a, b) {
-                    let flattest = pixels.map(|at| (source.key(EdgeDirection::Down, at), at)).min();
-                    if let Some((key, at)) = flattest {
-                        queue.push(edge(key, a.node, b.node, source.step(EdgeDirection::Down, at)));
-                    }
-                }
-            });
-            for segment in here.iter().filter(|segment| segment.node != BACKGROUND && source.mask().is_some())
-            {
-                // The flattest pixel of a segment is the most likely one to continue the background.
-                if let Some(key) = segment.pixels().map(|at| source.background_key(at)).min() {
-                    queue.push(edge(key, BACKGROUND, segment.node, [0; 4]));
-                }
+    /// Offers the edges along a row.
+    fn offer_along<G: EdgeSource>(&mut self, source: &G, row: Range<usize>) {
+        for pair in self.segments[row].windows(2) {
+            let at = pair[0].end as usize - 1;
+            let (key, step) = (source.key(EdgeDirection::Right, at), source.step(EdgeDirection::Right, at));
+            self.queue.push(RegionEdge::new(key, pair[0].node, pair[1].node, step));
+        }
+    }
+
+    /// Offers the flattest edge of each segment of a row to the background.
+    fn offer_background<G: EdgeSource>(&mut self, source: &G, row: Range<usize>) {
+        if source.mask().is_none() {
+            return;
+        }
+        for segment in self.segments[row].iter().filter(|segment| segment.node != BACKGROUND) {
+            // The flattest pixel of a segment is the most likely one to continue the background.
+            if let Some(key) = segment.pixels().map(|at| source.background_key(at)).min() {
+                self.queue.push(RegionEdge::new(key, BACKGROUND, segment.node, [0; 4]));
             }
         }
     }
@@ -214,28 +206,6 @@ impl Forest {
 /// The bits of a key that the order ignores: keys of one bucket, 1/512 of a peak, count as equal.
 const SHIFT: u32 = 5;
 const BUCKETS: usize = (u16::MAX >> SHIFT) as usize + 1;
-
-/// An edge from region to region, by number.
-#[derive(Clone, Copy)]
-struct RegionEdge {
-    pub from: u32,
-    pub to: u32,
-    /// The value of the root of `to` minus that of the root of `from`.
-    step: [i16; 3],
-    key: u16,
-}
-
-impl RegionEdge {
-    pub fn new(key: u16, from: u32, to: u32, [r, g, b, _]: Quad) -> Self {
-        Self { from, to, step: [r, g, b], key }
-    }
-
-    #[inline(always)]
-    pub fn step(&self) -> Quad {
-        let [r, g, b] = self.step;
-        [r, g, b, 0]
-    }
-}
 
 /// The edges that are to be sorted by their keys, by a counting sort.
 #[derive(Default)]
@@ -260,25 +230,23 @@ impl EdgeQueue {
         self.edges.push(edge);
     }
 
-    /// Visits the edges by key, those of one bucket in the order in which they came; all keys up to `flat` share
+    /// Returns the edges by key, those of one bucket in the order in which they came; all keys up to `flat` share
     /// one bucket.
-    #[inline(always)]
-    pub fn visit_sorted(&mut self, flat: u16, visit: impl FnMut(&RegionEdge)) {
+    pub fn sort(&mut self, flat: u16) -> &mut [RegionEdge] {
         let Self { edges, sorted, next } = self;
-        let Some(&filler) = edges.first() else { return };
-        let bucket = |edge: &RegionEdge| usize::from(edge.key.max(flat) >> SHIFT);
+        let bucket = |edge: &RegionEdge| usize::from(edge.key().max(flat) >> SHIFT);
         // A counting sort is linear and stable: edges of one bucket stay in the order of the image.
         next.fill(0);
         edges.iter().for_each(|edge| next[bucket(edge) + 1] += 1);
         for i in 1..next.len() {
             next[i] += next[i - 1];
         }
-        sorted.resize(edges.len(), filler);
+        sorted.resize(edges.len(), RegionEdge::default());
         for edge in &*edges {
             let place = &mut next[bucket(edge)];
             sorted[*place as usize] = *edge;
             *place += 1;
         }
-        sorted.iter().for_each(visit);
+        sorted
     }
 }

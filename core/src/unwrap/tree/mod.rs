@@ -32,7 +32,6 @@ pub(super) use keys::{MAX_KEY, first_difference_keys, key_of_change, second_diff
 use pixels::add;
 pub(super) use pixels::{Bounds, EdgeDirection, Pixels, Quad, subtract, wrap_steps};
 pub(super) use regions::Region;
-use segments::Segment;
 
 use super::{Integers, Range, Recovered, Trust, Unwrap, UnwrapError, congruence};
 use crate::frame::Frame;
@@ -233,17 +232,27 @@ fn write_radiance<T: Copy + Into<f32>>(y: &[T], range: Range, out: &mut Recovere
 
 /// Returns the k of the root `main` by channel.
 fn level(Forest { regions, segments, levels, .. }: &mut Forest, main: u32, range: Range) -> Quad {
-    let parts = || segments.iter().filter(|segment| regions.root(segment.node) == main);
-    let offset = |segment: &Segment, lane: usize| regions.offset_from_root(segment.node)[lane];
-    std::array::from_fn(|lane| {
-        let offsets = || parts().map(|segment| offset(segment, lane));
-        let [low, high] = [offsets().min(), offsets().max()].map(|end| end.expect("a region has a segment"));
-        levels.clear();
-        levels.resize(usize::from(high.abs_diff(low)) + 1, 0);
-        for segment in parts() {
-            levels[usize::from(offset(segment, lane).abs_diff(low))] += segment.pixels().len();
+    let parts = || {
+        let parts = segments.iter().filter(|segment| regions.root(segment.node) == main);
+        parts.map(|segment| (regions.offset_from_root(segment.node), segment.pixels().len()))
+    };
+    let lanes = |of: fn(i16, i16) -> i16, a: Quad, b: Quad| std::array::from_fn(|lane| of(a[lane], b[lane]));
+    let (low, high) = parts().fold(([i16::MAX; 4], [i16::MIN; 4]), |(low, high), (offset, _)| {
+        (lanes(Ord::min, low, offset), lanes(Ord::max, high, offset))
+    });
+    let width = |lane: usize| usize::from(high[lane].abs_diff(low[lane])) + 1;
+    let stride = (0..low.len()).map(width).max().expect("there are four lanes");
+    levels.clear();
+    levels.resize(low.len() * stride, 0);
+    for (offset, pixels) in parts() {
+        // Neighbours are mostly at one level, and a sum waits for the one before, but not for those of other lanes.
+        for lane in 0..low.len() {
+            levels[lane * stride + usize::from(offset[lane].abs_diff(low[lane]))] += pixels;
         }
+    }
+    std::array::from_fn(|lane| {
+        let levels = &levels[lane * stride..][..width(lane)];
         // Counts are relative to the root, so the k of the root is what brings the base level to 0.
-        -(low + congruence::base_level_index(levels, range) as i16)
+        -(low[lane] + congruence::base_level_index(levels, range) as i16)
     })
 }

@@ -8,15 +8,32 @@ use crate::unwrap::{Integers, Range, wrapped};
 /// holds all.
 pub(in crate::unwrap) type Quad = [i16; 4];
 
+/// The sign bits of all lanes of a [`Quad`] in one word.
+const SIGNS: u64 = 0x8000_8000_8000_8000;
+
 #[inline(always)]
-pub(in crate::unwrap) fn add(a: Quad, b: Quad) -> Quad {
-    std::array::from_fn(|lane| a[lane].wrapping_add(b[lane]))
+fn word(quad: Quad) -> u64 {
+    quad.iter().rev().fold(0, |word, &lane| word << 16 | u64::from(lane.cast_unsigned()))
 }
 
-/// Returns a - b.
+#[inline(always)]
+fn quad(word: u64) -> Quad {
+    std::array::from_fn(|lane| (word >> (16 * lane)) as i16)
+}
+
+/// Returns a + b, wrapped in each lane.
+#[inline(always)]
+pub(in crate::unwrap) fn add(a: Quad, b: Quad) -> Quad {
+    let (a, b) = (word(a), word(b));
+    // Of single numbers the compiler makes no vectors. Without the sign bits, no lane carries into the next one.
+    quad(((a & !SIGNS) + (b & !SIGNS)) ^ ((a ^ b) & SIGNS))
+}
+
+/// Returns a - b, wrapped in each lane.
 #[inline(always)]
 pub(in crate::unwrap) fn subtract(a: Quad, b: Quad) -> Quad {
-    std::array::from_fn(|lane| a[lane].wrapping_sub(b[lane]))
+    let (a, b) = (word(a), word(b));
+    quad(((a | SIGNS) - (b & !SIGNS)) ^ ((a ^ !b) & SIGNS))
 }
 
 /// The direction from a pixel to its neighbour.
@@ -258,6 +275,12 @@ mod tests {
     use super::*;
 
     proptest! {
+        #[test]
+        fn lanes_wrap_on_their_own(a: [i16; 4], b: [i16; 4]) {
+            prop_assert_eq!(add(a, b), std::array::from_fn(|lane| a[lane].wrapping_add(b[lane])));
+            prop_assert_eq!(subtract(a, b), std::array::from_fn(|lane| a[lane].wrapping_sub(b[lane])));
+        }
+
         #[test]
         fn turns_of_all_lanes_are_those_of_each(from: [u16; 4], to: [u16; 4]) {
             prop_assert_eq!(wrap_steps(from, to), std::array::from_fn(|lane| wrapped::wrap_step_signed(from[lane], to[lane])));

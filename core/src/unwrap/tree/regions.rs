@@ -1,6 +1,7 @@
 //! Regions that grow together: a union-find with the wrap counts of each node relative to the root of its region,
 //! and the interval of the root's own counts.
 
+use std::hint::black_box;
 use std::ops::Range;
 
 use super::pixels::{Quad, add, subtract};
@@ -8,6 +9,9 @@ use super::pixels::{Quad, add, subtract};
 /// The largest region (hot pixels, noise) that does not constrain one of [`LARGE`] or more pixels.
 const SMALL: u32 = 6;
 pub(in crate::unwrap) const LARGE: u32 = 64;
+
+/// The number of edges that are looked at together before they join.
+const BLOCK: usize = 64;
 
 /// The nodes 0 to n-1, each in one region.
 #[derive(Default)]
@@ -54,28 +58,39 @@ impl Region {
     }
 
     /// Returns whether no value is left in a channel.
+    #[inline(always)]
     pub fn is_empty(&self) -> bool {
         (0..4).fold(false, |empty, lane| empty | (self.low[lane] > self.high[lane]))
     }
 
     /// Returns the intersection with a part that is `step` above, if a value is left for both.
+    #[inline(always)]
     pub fn intersect(&self, part: &Region, step: Quad) -> Option<Region> {
+        let joint = self.narrow(part, step);
+        (!joint.is_empty()).then_some(joint)
+    }
+
+    /// Returns the intersection with a part that is `step` above, which may be empty.
+    #[inline(always)]
+    fn narrow(&self, part: &Region, step: Quad) -> Region {
         let mut joint = Region { size: self.size.saturating_add(part.size), ..*self };
         for (lane, step) in step.into_iter().enumerate() {
             // Bounds saturate, so that a large step never wraps to the other end of the interval.
             joint.low[lane] = self.low[lane].max(part.low[lane].saturating_sub(step));
             joint.high[lane] = self.high[lane].min(part.high[lane].saturating_sub(step));
         }
-        (!joint.is_empty()).then_some(joint)
+        joint
     }
 
     /// Returns [`intersect`](Self::intersect), but a small part does not constrain a large region.
+    #[inline(always)]
     fn merge(&self, part: &Region, step: Quad) -> Option<Region> {
         // A hot pixel would otherwise stop the growth of a whole region.
-        if self.size < LARGE || part.size > SMALL {
-            return self.intersect(part, step);
-        }
-        Some(Region { size: self.size.saturating_add(part.size), ..*self })
+        let free = (self.size >= LARGE) & (part.size <= SMALL);
+        let joint = self.narrow(part, step);
+        let (low, high) = if free { (self.low, self.high) } else { (joint.low, joint.high) };
+        // Sizes follow no order, so that a branch for each would be slow.
+        (free | !joint.is_empty()).then_some(Region { low, high, ..joint })
     }
 }
 
@@ -144,6 +159,17 @@ impl Regions {
         }
     }
 
+    /// Returns a node at most two steps towards the root, and the value of `node` minus its own, and shortens the path.
+    #[inline(always)]
+    fn ascend(&mut self, node: u32) -> (u32, Quad) {
+        // A root is its own parent at offset 0, so no step needs a branch.
+        let below = self.nodes[node as usize];
+        let above = self.nodes[below.parent as usize];
+        let (parent, offset) = (above.parent, add(below.offset, above.offset));
+        self.nodes[node as usize] = RegionNode { parent, offset };
+        (parent, offset)
+    }
+
     /// Returns the region at `root`.
     pub fn region(&self, root: u32) -> Region {
         self.regions[root as usize]
@@ -158,29 +184,61 @@ impl Regions {
     }
 
     /// Joins the regions of two nodes, `to` being `step` above `from`, unless no value of the joint root would be
-    /// left. An edge within one region is ignored.
+    /// left. An edge within one region is ignored. Returns whether both are in one region then.
     #[inline(always)]
-    pub fn join(&mut self, from: u32, to: u32, step: impl FnOnce() -> Quad) {
+    pub fn join(&mut self, from: u32, to: u32, step: impl FnOnce() -> Quad) -> bool {
         let ((from, below), (to, above)) = (self.find(from), self.find(to));
-        if from != to {
-            // The root `to` minus the root `from`.
-            self.attach(from, to, subtract(add(below, step()), above));
-        }
+        // The step is the root `to` minus the root `from`.
+        from == to || self.attach(from, to, subtract(add(below, step()), above))
     }
 
-    fn attach(&mut self, from: u32, to: u32, step: Quad) {
-        let (a, b) = (self.regions[from as usize], self.regions[to as usize]);
+    fn attach(&mut self, from: u32, to: u32, step: Quad) -> bool {
+        let [a, b] = [from, to].map(|root| self.regions[root as usize].size);
         // The smaller region goes under the larger one, which keeps the paths short.
-        let (parent, child, step, joint) = if a.size >= b.size {
-            (from, to, step, a.merge(&b, step))
-        } else {
-            let step = subtract([0; 4], step);
-            (to, from, step, b.merge(&a, step))
-        };
+        let (parent, child, step) =
+            if a >= b { (from, to, step) } else { (to, from, subtract([0; 4], step)) };
+        let joint = self.regions[parent as usize].merge(&self.regions[child as usize], step);
         if let Some(joint) = joint {
             self.regions[parent as usize] = joint;
             self.nodes[child as usize] = RegionNode { parent, offset: step };
         }
+        joint.is_some()
+    }
+}
+
+/// An edge from region to region, by number.
+#[derive(Clone, Copy, Default)]
+pub(super) struct RegionEdge {
+    from: u32,
+    to: u32,
+    /// The value of the root of `to` minus that of the root of `from`, and the key in the last lane. There all steps
+    /// are 0, so that no sum of steps changes the key.
+    step: Quad,
+}
+
+impl RegionEdge {
+    pub fn new(key: u16, from: u32, to: u32, [r, g, b, _]: Quad) -> Self {
+        Self { from, to, step: [r, g, b, key.cast_signed()] }
+    }
+
+    /// Moves the ends of `edges` to nodes nearer to the root; `above` returns this node, and the value of the given one minus its own.
+    /// Edges within a node are left out. Returns how many are left, at the front, in their order.
+    #[inline(always)]
+    fn ascend(edges: &mut [Self], mut above: impl FnMut(u32) -> (u32, Quad)) -> usize {
+        let mut open = 0;
+        for at in 0..edges.len() {
+            let Self { from, to, step } = edges[at];
+            let ((from, of_from), (to, of_to)) = (above(from), above(to));
+            edges[open] = Self { from, to, step: subtract(add(of_from, step), of_to) };
+            // Chance decides which edges lie within a node, so that a branch would be slow.
+            open += usize::from(from != to);
+        }
+        open
+    }
+
+    #[inline(always)]
+    pub fn key(&self) -> u16 {
+        self.step[3].cast_unsigned()
     }
 }
 
@@ -203,8 +261,8 @@ impl CondensedRegions {
         self.roots.reserve(nodes);
     }
 
-    /// Makes a node of each region of `fine`, which must be flat.
-    pub fn condense(&mut self, fine: &Regions) {
+    /// Makes a node of each region of `fine`, which must be flat, and edges between these nodes of its edges.
+    pub fn condense(&mut self, fine: &Regions, edges: &mut Vec<RegionEdge>) {
         self.regions.clear();
         self.roots.clear();
         self.nodes.resize(fine.nodes.len(), 0);
@@ -212,18 +270,26 @@ impl CondensedRegions {
             self.nodes[root as usize] = self.regions.push(region);
             self.roots.push(root);
         }
+        let node = |node| (self.nodes[fine.root(node) as usize], fine.offset_from_root(node));
+        let open = RegionEdge::ascend(edges, node);
+        edges.truncate(open);
     }
 
-    /// Returns the node of `root`.
-    #[inline(always)]
-    pub fn node(&self, root: u32) -> u32 {
-        self.nodes[root as usize]
-    }
-
-    /// Joins two nodes as [`Regions::join`] does.
-    #[inline(always)]
-    pub fn join(&mut self, from: u32, to: u32, step: impl FnOnce() -> Quad) {
-        self.regions.join(from, to, step);
+    /// Joins along `edges`, in their order, as [`Regions::join`] does; the edges are changed.
+    pub fn join_in_order(&mut self, edges: &mut [RegionEdge]) {
+        for block in edges.chunks_mut(BLOCK) {
+            // Edges in the order of keys jump over memory. Loops without branches wait for many places of it at once.
+            let nodes = &self.regions.nodes;
+            let parent = |node: u32| nodes[node as usize].parent;
+            black_box(block.iter().fold(0, |sum, edge| sum ^ parent(edge.from) ^ parent(edge.to)));
+            let open = RegionEdge::ascend(block, |node| self.regions.ascend(node));
+            let block = &block[..open];
+            let size = |node: u32| self.regions.regions[node as usize].size;
+            black_box(block.iter().fold(0, |sum, edge| sum ^ size(edge.from) ^ size(edge.to)));
+            for &RegionEdge { from, to, step: [r, g, b, _] } in block {
+                self.regions.join(from, to, || [r, g, b, 0]);
+            }
+        }
     }
 
     /// Joins the regions of `fine` as their nodes were joined.
@@ -298,7 +364,10 @@ mod tests {
     #[test]
     fn what_joins_coarsely_joins_as_finely() {
         let values = [3, 5, -2, 0, 7, 1];
-        let step = |from: usize, to: usize| [values[to] - values[from]; 4];
+        let step = |from: usize, to: usize| {
+            let step = values[to] - values[from];
+            [step, step, step, 0]
+        };
         // The same joins, once in one step and once on both sides of the condensation.
         let (mut whole, mut fine, mut condensed) =
             (of_nodes(6, -9, 9), of_nodes(6, -9, 9), CondensedRegions::default());
@@ -308,10 +377,13 @@ mod tests {
             }
         }
         fine.flatten();
-        condensed.condense(&fine);
-        let [from, to] = [4, 2].map(|node| fine.root(node));
-        let between_roots = step(from as usize, to as usize);
-        condensed.join(condensed.node(from), condensed.node(to), || between_roots);
+        let mut edges = [(4, 1), (4, 2)]
+            .map(|(from, to)| RegionEdge::new(7, from, to, step(from as usize, to as usize)))
+            .to_vec();
+        condensed.condense(&fine, &mut edges);
+        assert_eq!(edges.len(), 1, "the other edge lies within a region");
+        assert_eq!(edges[0].key(), 7);
+        condensed.join_in_order(&mut edges);
         whole.join(4, 2, || step(4, 2));
         whole.flatten();
         condensed.refine(&mut fine);
