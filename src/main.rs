@@ -8,6 +8,7 @@ mod command;
 
 use std::process::ExitCode;
 
+use modulo_middleware::process::memory::keep_freed_memory;
 use modulo_runtime::secret::without_secrets;
 
 /// Version of the suite.
@@ -45,6 +46,7 @@ impl<E: Into<anyhow::Error>> From<E> for Failure {
 }
 
 fn main() -> ExitCode {
+    keep_freed_memory();
     match command::dispatch(cli::parse()) {
         Ok(Ended::Done) => ExitCode::SUCCESS,
         Ok(Ended::WithLoss) => ExitCode::from(3),

@@ -1,6 +1,6 @@
 //! Uses the vector instructions that this machine has beyond the compiler's baseline.
 //!
-//! This is the only module with `unsafe`. Code is written once for all machines. Here it is compiled again with AVX2 and FMA,
+//! This is the only module of the crate with `unsafe`. Code is written once for all machines. Here it is compiled again with AVX2 and FMA,
 //! and with AVX-512, and the widest copy that the processor has runs. No intrinsic is called.
 
 use ndarray::{Array3, ArrayRef3};

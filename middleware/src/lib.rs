@@ -18,8 +18,9 @@ pub mod parameter {
     pub mod service;
 }
 
-/// A node as a process: what ends it, and the files that outlast a crash.
+/// A node as a process: its memory, what ends it, and the files that outlast a crash.
 pub mod process {
+    pub mod memory;
     pub mod node_files;
     pub mod signals;
 }
