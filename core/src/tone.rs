@@ -65,7 +65,7 @@ fn shown_whole(samples: &[f32], range: Range, radiance: &impl Fn(f32) -> f32) ->
     const PART: usize = 1 << 14;
     let (white, scale) = (range.white(), 255.0 / range.white());
     let single = scale as f32;
-    let code = |x: f32| ((x * single + ABOVE).max(0.0).min(255.0) + WHOLE).to_bits() as u8;
+    let code = |x: f32| ((x * single + ABOVE).clamp(0.0, 255.0) + WHOLE).to_bits() as u8;
     let agrees = |x: u32| code(x as f32) == to_u8(x as f32, scale);
     // Beyond the white, every code is 255.
     if white > MOST || !widest!((0..=white.ceil() as u32).fold(true, |all, x| all & agrees(x))) {
