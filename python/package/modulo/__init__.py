@@ -99,7 +99,7 @@ class Quality(NamedTuple):
     clamped: float
     """The share of the samples whose count was out of range and was clamped."""
     jumps: float
-    """The second differences of the result above one peak, per sample; only `auto` computes them."""
+    """The second differences of the result above one peak, per sample; only `auto` and `lines` compute them."""
     defects: float
     """The share of the samples that were left out as hot, dead or stuck; only `auto` looks for them."""
 
