@@ -40,7 +40,7 @@ pub(crate) fn shown(
         // Where a curve is steep, half a count is more than a code.
         Some(table) => mapped(x, |x| table.code(radiance(x) + HALF_A_CODE)),
         None => {
-            // In double precision, since codes near a half would round differently in single precision.
+            // Other numbers than whole codes need double precision: near a half they would round differently in single precision.
             let scale = 255.0 / range.white();
             let whole = x.as_slice().and_then(|samples| shown_whole(samples, range, &radiance));
             match whole {

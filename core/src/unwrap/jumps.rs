@@ -175,7 +175,7 @@ fn bar(barred: &mut [bool], before: &[f32], here: &[f32], after: &[f32], limit: 
 }
 
 /// Returns the largest region of free places, which are neighbours along rows and columns of `columns` places, as the runs of its rows.
-/// Of regions of the same size, it is the one that begins first.
+/// If several regions have this size, the one that begins first is returned.
 fn largest_region(free: &[bool], columns: usize) -> Vec<Indices<usize>> {
     let mut runs: Vec<Indices<usize>> = Vec::new();
     // For each run an earlier run of its region; the first run of a region has itself.
