@@ -253,14 +253,17 @@ def drive_the_replay(page):
     wait_text(page, "notice", "The replay is paused")
     # What was on its way when the player paused.
     page.wait_for_timeout(1500)
-    before = page.evaluate(CAPTION, "/recovered")
-    page.get_by_label("Go to, s").fill("0.5")
-    page.keyboard.press("Enter")
-    for _ in range(3):
-        page.get_by_role("button", name="Next message").click()
-        page.wait_for_timeout(500)
-    wait(page, f"(before) => ({CAPTION})('/recovered') !== before", before)
-    check(True, "a paused replay says so, seeks and plays single messages")
+    # The second place shows that the images follow, wherever the player had paused.
+    for seconds in ["0.5", "2"]:
+        page.get_by_label("Go to, s").fill(seconds)
+        page.keyboard.press("Enter")
+        for _ in range(2):
+            page.get_by_role("button", name="Next message").click()
+            page.wait_for_timeout(500)
+        stamp = f"{float(seconds):.9f}"
+        whole = f"(stamp) => ({CAPTION})('/modulo') === stamp && ({CAPTION})('/recovered').endsWith(` boxes, ${{stamp}}`)"
+        wait(page, whole, stamp)
+    check(True, "a paused replay says so, seeks and plays single messages, whose images and boxes come together")
     page.get_by_role("button", name="Play").click()
     wait(page, "() => document.getElementById('notice').hidden")
 

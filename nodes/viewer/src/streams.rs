@@ -30,7 +30,7 @@ const KEPT: usize = 60;
 pub const KEPT_BYTES: usize = 64 << 20;
 /// Results of one detector that wait for their image.
 const KEPT_BOXES: usize = 32;
-/// Boxes are waited for at most this long, and only those of a detector that has answered within this time, ns.
+/// A moment waits at most this long for its images and boxes, ns.
 const PATIENCE_NS: u64 = 1_000_000_000;
 
 /// The images and boxes of one browser.
@@ -49,8 +49,8 @@ struct WatchedTopic {
     waiting: VecDeque<WaitingImage>,
     /// When the first image since the last ones that were sent came, in ticks of the clock.
     waiting_since_ns: u64,
-    /// When the last image came, in ticks of the clock.
-    last_ns: Option<u64>,
+    /// Whether a moment waits for an image of this topic: from an image on until a moment was sent without one.
+    is_awaited: bool,
     /// Whether the client has yet to draw the last image.
     busy: bool,
     shown: Option<Arc<StampedFrame>>,
@@ -69,8 +69,8 @@ struct WaitingImage {
 struct DetectorResults {
     node: String,
     newest: VecDeque<DetectorResult>,
-    /// When the last one came, in ticks of the clock.
-    last_ns: u64,
+    /// Whether an image waits for a result: from a result on until an image was sent without one.
+    is_awaited: bool,
 }
 
 /// The boxes of one image.
@@ -119,7 +119,7 @@ impl Streams {
         if stream.waiting.is_empty() {
             stream.waiting_since_ns = now_ns;
         }
-        stream.last_ns = Some(now_ns);
+        stream.is_awaited = true;
         stream.waiting.push_back(WaitingImage { stamp, at_ns: now_ns, payload });
         let bytes =
             |waiting: &VecDeque<WaitingImage>| waiting.iter().map(|image| image.payload.len()).sum::<usize>();
@@ -133,7 +133,7 @@ impl Streams {
     /// Takes the boxes that a detector published.
     pub(crate) fn boxes(&mut self, origin: &MessageOrigin, boxes: Arc<Detection2DArray>, now_ns: u64) {
         let results = self.results.entry(origin.topic.clone()).or_default();
-        results.last_ns = now_ns;
+        results.is_awaited = true;
         results.node.clone_from(&origin.node);
         let stream = self.answered.get(&origin.node).cloned();
         results.newest.push_back(DetectorResult { boxes, at_ns: now_ns, stream });
@@ -176,7 +176,8 @@ impl Streams {
 
     /// Returns the images that can be sent now: with [`Pace::Together`] those of one stamp, else a single one. An image that detectors
     /// answer is held back until their boxes are there, so that boxes are drawn on the image that they were found in. Nothing is
-    /// waited for longer than a second.
+    /// waited for longer than a second, and what was not there after it is not waited for again before it has come: a replay that
+    /// is paused for long, and then plays a single message, loses neither a topic nor the boxes.
     pub fn next(&mut self, graph: &GraphView, pace: Pace, now_ns: u64) -> Vec<NextImage> {
         let chosen = match pace {
             Pace::Together => self.one_moment(graph, now_ns),
@@ -185,8 +186,12 @@ impl Streams {
         if chosen.is_empty() {
             return Vec::new();
         }
+        self.give_up(graph, &chosen);
         if pace == Pace::Together {
-            self.topics.values_mut().for_each(|stream| stream.waiting_since_ns = now_ns);
+            for (topic, stream) in &mut self.topics {
+                stream.waiting_since_ns = now_ns;
+                stream.is_awaited &= chosen.iter().any(|(sent, _)| sent == topic);
+            }
         }
         let next = chosen.into_iter().filter_map(|(topic, index)| {
             let stream = self.topics.get_mut(&topic)?;
@@ -210,15 +215,14 @@ impl Streams {
         if self.topics.values().any(|stream| stream.busy) {
             return Vec::new();
         }
-        let is_live = |last_ns: u64| now_ns.saturating_sub(last_ns) < PATIENCE_NS;
-        let live = || self.topics.iter().filter(|(_, stream)| stream.last_ns.is_some_and(is_live));
+        let awaited = || self.topics.iter().filter(|(_, stream)| stream.is_awaited);
         let is_whole = |stamp: &Time| {
-            live().all(|(topic, stream)| {
+            awaited().all(|(topic, stream)| {
                 let image = stream.place(*stamp).map(|place| &stream.waiting[place]);
-                image.is_some_and(|image| self.is_answered(graph, topic, image, now_ns))
+                image.is_some_and(|image| self.is_answered(graph, topic, image))
             })
         };
-        let of_first = live().next().into_iter().flat_map(|(_, stream)| stream.waiting.iter().rev());
+        let of_first = awaited().next().into_iter().flat_map(|(_, stream)| stream.waiting.iter().rev());
         let of_first = of_first.map(|image| image.stamp);
         let images = |stamp: Time| self.topics.iter().filter_map(move |(t, s)| Some((t, s.place(stamp)?)));
         let overdue = self.topics.values().any(|stream| stream.is_overdue(now_ns));
@@ -236,7 +240,7 @@ impl Streams {
     fn newest(&self, graph: &GraphView, now_ns: u64) -> Vec<(String, usize)> {
         let mut idle = self.topics.iter().filter(|(_, stream)| !stream.busy);
         let chosen = idle.find_map(|(topic, stream)| {
-            let is_answered = |image: &WaitingImage| self.is_answered(graph, topic, image, now_ns);
+            let is_answered = |image: &WaitingImage| self.is_answered(graph, topic, image);
             let complete = stream.waiting.iter().rposition(is_answered);
             let last = || stream.waiting.len().checked_sub(1).filter(|_| stream.is_overdue(now_ns));
             Some((topic.clone(), complete.or_else(last)?))
@@ -244,15 +248,42 @@ impl Streams {
         chosen.into_iter().collect()
     }
 
-    /// Returns whether all detectors that answer the images of `topic` have answered `image`.
-    fn is_answered(&self, graph: &GraphView, topic: &String, image: &WaitingImage, now_ns: u64) -> bool {
+    /// Returns whether all detectors that are waited for and answer the images of `topic` have answered `image`.
+    fn is_answered(&self, graph: &GraphView, topic: &String, image: &WaitingImage) -> bool {
+        self.missing(graph, topic, image).next().is_none()
+    }
+
+    /// Returns the topics of the detectors that are waited for, answer the images of `topic` and have not answered `image`.
+    fn missing<'a>(
+        &'a self,
+        graph: &'a GraphView,
+        topic: &'a String,
+        image: &'a WaitingImage,
+    ) -> impl Iterator<Item = &'a String> {
         let stream = |detector: &DetectorView| self.answered.get(&detector.node).map(|stream| &**stream);
-        let is_alive = |detector: &&DetectorView| {
-            let results = self.results.get(&detector.topic);
-            results.is_some_and(|results| now_ns.saturating_sub(results.last_ns) < PATIENCE_NS)
+        let is_awaited = |detector: &DetectorView| {
+            self.results.get(&detector.topic).is_some_and(|results| results.is_awaited)
         };
-        let answering = graph.detectors.iter().filter(|d| shows(graph, d, stream(d), topic)).filter(is_alive);
-        answering.into_iter().all(|detector| self.boxes_at(graph, detector, topic, image).is_some())
+        let answering = graph
+            .detectors
+            .iter()
+            .filter(move |detector| is_awaited(detector) && shows(graph, detector, stream(detector), topic));
+        let missing =
+            answering.filter(move |detector| self.boxes_at(graph, detector, topic, image).is_none());
+        missing.map(|detector| &detector.topic)
+    }
+
+    /// Waits no longer for the detectors that have not answered one of the `chosen` images.
+    fn give_up(&mut self, graph: &GraphView, chosen: &[(String, usize)]) {
+        let image = |topic: &String, place: &usize| self.topics.get(topic)?.waiting.get(*place);
+        let sent = chosen.iter().filter_map(|(topic, place)| Some((topic, image(topic, place)?)));
+        let missing = sent.flat_map(|(topic, image)| self.missing(graph, topic, image));
+        let missing: Vec<String> = missing.cloned().collect();
+        for detector in &missing {
+            if let Some(results) = self.results.get_mut(detector) {
+                results.is_awaited = false;
+            }
+        }
     }
 
     /// Returns the boxes that `detector` has found in `image` of `topic`.
@@ -445,12 +476,37 @@ mod tests {
         assert_eq!(moment(&mut streams, &graph, 30), both_of(8, 1));
         both.iter().for_each(|topic| streams.drawn(topic));
         streams.image("/modulo", image(9), 40);
-        assert_eq!(moment(&mut streams, &graph, 29 + PATIENCE_NS), []);
+        assert_eq!(moment(&mut streams, &graph, 39 + PATIENCE_NS), []);
         let late = [(both[0].clone(), 9, 0)];
-        assert_eq!(moment(&mut streams, &graph, 30 + PATIENCE_NS), late, "a silent one is not waited for");
+        assert_eq!(moment(&mut streams, &graph, 40 + PATIENCE_NS), late, "a silent one is not waited for");
         streams.drawn("/modulo");
         streams.image("/modulo", image(10), 50 + PATIENCE_NS);
         assert_eq!(moment(&mut streams, &graph, 50 + PATIENCE_NS).len(), 1, "nor is it later");
+    }
+
+    /// The first message after a long pause belongs to the moment of those that follow from it.
+    #[test]
+    fn a_paused_replay_plays_whole_moments() {
+        let (mut streams, graph) = (Streams::default(), detector(&["/recovered"]));
+        let both = ["/modulo".to_owned(), "/recovered".to_owned()];
+        streams.watch(&both);
+        for round in 0..3 {
+            let pressed_ns = round * 60 * PATIENCE_NS;
+            let moment_at =
+                |streams: &mut Streams, ms: u64| moment(streams, &graph, pressed_ns + ms * 1_000_000);
+            streams.image("/modulo", image(round), pressed_ns);
+            if round > 0 {
+                assert_eq!(moment_at(&mut streams, 50), [], "the recovered image is not there");
+            }
+            streams.image("/recovered", image(round), pressed_ns + 100_000_000);
+            if round > 0 {
+                assert_eq!(moment_at(&mut streams, 150), [], "the boxes are not there");
+            }
+            streams.boxes(&origin(), boxes(round), pressed_ns + 200_000_000);
+            let whole = [(both[0].clone(), round, 0), (both[1].clone(), round, 1)];
+            assert_eq!(moment_at(&mut streams, 250), whole);
+            both.iter().for_each(|topic| streams.drawn(topic));
+        }
     }
 
     #[test]
