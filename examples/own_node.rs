@@ -58,6 +58,5 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let setup =
         NodeSetup { node: Box::new(Road::default()), parameters, node_name, saved: None, report_file: None };
     live::run(setup, &transport, &clock, stop)?;
-    transport.close();
     Ok(())
 }

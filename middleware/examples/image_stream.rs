@@ -49,5 +49,4 @@ fn main() {
     send(images);
     println!("{}", images + 1);
     std::thread::sleep(transport.settling());
-    transport.close();
 }

@@ -218,10 +218,8 @@ fn record(args: &BagRecord) -> Result<Ended, Failure> {
     tracing::info!("recording into {}; SIGINT ends it", args.output.display());
     let transport = Arc::new(transport);
     let captured = capture(&transport, &clock, recorder, topics, &stop)?;
-    // A question for a definition that is still open must not delay the end.
-    if let Some(transport) = Arc::into_inner(transport) {
-        transport.close();
-    }
+    // The session ends here, unless a question for a definition is still open, which must not delay the end.
+    drop(transport);
     for topic in &captured.topics {
         // A topic without a loss has no entry.
         let lost = captured.lost.get(&topic.topic.name).copied().unwrap_or(0);
@@ -254,7 +252,7 @@ fn play(args: &BagPlay) -> Result<Ended, Failure> {
     wait_until_ready(&transport, &*clock, args.wait_for.clone(), PATIENCE, &stop)
         .map_err(|missing| ReplayError::Waited(PATIENCE.as_secs(), missing))?;
     let sent = replay(&transport, &clock, &mut player, pace, &options, &stop)?;
-    transport.close();
+    drop(transport);
     if let Some(folder) = launcher::folder(launcher::REPORT_DIR) {
         let report = replay::report(&sent, player.bag(), &options);
         let file = ReportFile::create(&folder, &report.node).context("file of the player's report");

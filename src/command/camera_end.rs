@@ -43,8 +43,8 @@ pub fn run(arguments: &[String]) -> Result<Ended, Failure> {
     let address = Address::resolve(&node_name, &state).map_err(usage)?;
     let (states, arrived) = channel();
     let deliver = Box::new(move |incoming| drop(states.send(incoming)));
-    let subscription = transport.subscribe(&node_name, &address, deliver)?;
-    let announced = transport.announce(&node_name)?;
+    let _subscription = transport.subscribe(&node_name, &address, deliver)?;
+    let _announced = transport.announce(&node_name)?;
     while stop.urgency() == Urgency::None {
         match arrived.recv_timeout(GLANCE) {
             Ok(incoming) => {
@@ -57,8 +57,6 @@ pub fn run(arguments: &[String]) -> Result<Ended, Failure> {
             Err(RecvTimeoutError::Disconnected) => break,
         }
     }
-    drop((announced, subscription));
-    transport.close();
     Ok(Ended::Done)
 }
 

@@ -95,7 +95,6 @@ pub fn topic(args: &TopicCommand) -> Result<Ended, Failure> {
         TopicCommand::Echo(args) => echo(&transport, args)?,
         TopicCommand::Hz { topic, window } => hz(&transport, &*clock, topic, *window as usize)?,
     }
-    transport.close();
     Ok(Ended::Done)
 }
 
@@ -117,7 +116,6 @@ pub fn node(args: &NodeCommand) -> Result<Ended, Failure> {
             describe(&graph, &node);
         }
     }
-    transport.close();
     Ok(Ended::Done)
 }
 

@@ -91,7 +91,6 @@ pub fn param(args: &Param) -> Result<Ended, Failure> {
             say!("Set parameter successful");
         }
     }
-    transport.close();
     Ok(Ended::Done)
 }
 

@@ -82,7 +82,8 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
     let (clock, transport) = open_session()?;
     let CommonParameters { enable_logger_service, .. } = (&parameters).into();
     let _logger = enable_logger_service.then(|| serve(logger, &node_name, &transport)).transpose()?;
-    let rosout = log.map(|log| log.publish(&node_name, &transport)).transpose()?;
+    // Dropped before the session, so that the last lines of the log are sent.
+    let _rosout = log.map(|log| log.publish(&node_name, &transport)).transpose()?;
     let setup = NodeSetup { node, parameters, node_name, saved, report_file };
     live::run(setup, &transport, &clock, stop).map_err(|why| match why {
         RunError::Name(_) | RunError::OwnOutput(_) | RunError::Parameter(_) => {
@@ -90,9 +91,6 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
         }
         why => why.into(),
     })?;
-    // The last lines of the log are sent while the session is still open.
-    drop(rosout);
-    transport.close();
     Ok(Ended::Done)
 }
 

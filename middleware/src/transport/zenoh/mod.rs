@@ -30,7 +30,7 @@ pub use topic::{RawPublisher, gid};
 use super::{Deliver, Enable, Guard, Incoming, ParameterPort, Publisher, Transport, TransportError};
 use crate::graph::Graph;
 
-/// A zenoh session in one ROS domain.
+/// A zenoh session in one ROS domain. Dropping it ends the session after everything sent has left.
 pub struct ZenohTransport {
     session: Session,
     /// Each connection holds it while shared memory is enabled.
@@ -72,9 +72,6 @@ impl ZenohTransport {
     pub fn graph(&self) -> Graph {
         lock(&self.graph).clone()
     }
-
-    /// Ends the session after everything sent has left, as dropping it does.
-    pub fn close(self) {}
 
     fn new_id(&self) -> u64 {
         self.next_id.fetch_add(1, Ordering::Relaxed)
