@@ -61,7 +61,7 @@ pub enum Command {
     Simulate(bench::Simulate),
     /// Unwrap modulo images of your own
     Unwrap(modulo_bench::recover::UnwrapRequest),
-    /// Measure the unwrapping methods
+    /// Measure the unwrapping methods, the inference engines and the whole pipeline
     #[command(subcommand)]
     Bench(bench::Bench),
     /// Run every unwrapping method on scenes that are hard to unwrap, and write a report

@@ -16,10 +16,17 @@ def check(holds, text):
     print(f"ok    {text}", flush=True)
 
 
+REPLAY = [
+    ["run", "unwrap"],
+    ["run", "detector", "--ros-args", "-p", "engine:=rten"],
+    ["bag", "play", str(BAG), "--loop", "--rate", "0.5", "--topics", "/modulo", "/sensor_info", "--wait-for", "/unwrap", "/detector"],
+]
+
+
 @contextlib.contextmanager
-def viewer(modulo, domain, *options):
-    """Starts unwrap, the detector, a player and the viewer with `options` in the ROS domain `domain`, and ends them all. Gives the
-    process of the viewer, whose standard output can be read."""
+def viewer(modulo, domain, *options, suite=REPLAY):
+    """Starts the commands of `suite` (unwrap, the detector and a player) and the viewer with `options` in the ROS domain `domain`, and
+    ends them all. Gives the process of the viewer, whose standard output can be read."""
     os.environ.setdefault("ROS_DOMAIN_ID", domain)
     started = []
 
@@ -28,10 +35,8 @@ def viewer(modulo, domain, *options):
         return started[-1]
 
     try:
-        start("run", "unwrap")
-        start("run", "detector", "--ros-args", "-p", "engine:=rten")
-        start("bag", "play", str(BAG), "--loop", "--rate", "0.5", "--topics", "/modulo", "/sensor_info",
-              "--wait-for", "/unwrap", "/detector")
+        for command in suite:
+            start(*command)
         process = start("view", "--port", "0", *options, stdout=subprocess.PIPE, text=True)
         yield process
         process.send_signal(signal.SIGINT)

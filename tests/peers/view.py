@@ -3,7 +3,7 @@
     apt-get install chromium && pip install playwright==1.56.0
     python3 tests/peers/view.py target/debug/modulo
 
-Exit code 1 when the page shows no frame, shows images of two moments at once, lays one text over another, has a control that the
+Exit code 1 when the page shows no frame, shows images of two moments of a camera at once, lets one camera wait for another one, lays one text over another, has a control that the
 keyboard does not reach, or does not go on after a loss; when a control does not reach its node, the console has an error, the page
 asks for anything outside of its origin, or a script without the token can connect.
 """
@@ -312,6 +312,23 @@ def drive(page, address, folder):
     check(page.evaluate(WITHOUT_TOKEN) == "refused", "a script without the token cannot connect")
 
 
+def show_two_cameras(page, address):
+    """Two cameras have no stamp in common: the page shows one stream of each, and none waits for the other one."""
+    page.goto(address)
+    topics = ["/front/recovered", "/rear/recovered"]
+    for topic in topics:
+        wait(page, f"(topic) => /[1-9][0-9]* boxes/.test(({CAPTION})(topic))", topic)
+    stamps = {topic: set() for topic in topics}
+    for _ in range(50):
+        page.wait_for_timeout(200)
+        for topic in topics:
+            stamps[topic].add(page.evaluate(CAPTION, topic).split(", ")[-1])
+    counts = [len(stamps[topic] - {""}) for topic in topics]
+    # A moment that waited for both would be shown once a second.
+    check(min(counts) >= 6 and sum(counts) >= 16 and not any("" in all for all in stamps.values()),
+          f"each of two cameras goes on by itself: {counts} frames in 10 s")
+
+
 def open_the_recording(page, file):
     errors = []
     page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
@@ -333,6 +350,10 @@ def main():
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
         with viewer(MODULO, "139", "--record", str(recording)) as process:
             drive(browser.new_page(viewport={"width": 1500, "height": 1000}), address(process, "http://"), folder)
+        scenes = [f"{camera}:=scene://{scene}?seed=3&frames=100000" for camera, scene in {"front": "tunnel", "rear": "glare"}.items()]
+        suite = [["launch", "launch/cameras.launch.yaml", "shared:=true", "engine:=rten", *scenes]]
+        with viewer(MODULO, "139", suite=suite) as process:
+            show_two_cameras(browser.new_page(viewport={"width": 1500, "height": 1000}), address(process, "http://"))
         open_the_recording(browser.new_page(viewport={"width": 1500, "height": 1000}), recording)
         browser.close()
 

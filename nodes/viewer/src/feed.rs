@@ -13,6 +13,7 @@ use modulo_runtime::topic::{Durability, Profile, Reliability};
 use modulo_runtime::wire::keys::{Endpoint, EntityKind, Token};
 use modulo_runtime::{Clock, Message, MessageKind, NodeName};
 
+use crate::cameras;
 use crate::protocol::{DetectorView, GraphView, LinkView, StatusView};
 
 /// Name of the player of ROS 2, and of the suite.
@@ -152,16 +153,20 @@ impl GraphView {
             })
         };
         let published = |message| of(EntityKind::Publisher, message);
-        let images: BTreeSet<String> = published(MessageKind::Image).map(|(_, topic)| topic).collect();
-        let images: Vec<String> = images.into_iter().collect();
+        let published_images: BTreeSet<_> = published(MessageKind::Image).collect();
+        let read_images: BTreeSet<_> = of(EntityKind::Subscription, MessageKind::Image).collect();
+        let images: BTreeSet<&String> = published_images.iter().map(|(_, topic)| topic).collect();
+        let mut images: Vec<String> = images.into_iter().cloned().collect();
         let detectors = published(MessageKind::Detections).map(|(node, topic)| {
-            let inputs = of(EntityKind::Subscription, MessageKind::Image);
-            let inputs = inputs.filter(|(reader, _)| *reader == node).map(|(_, input)| input).collect();
+            let inputs = read_images.iter().filter(|(reader, _)| *reader == node);
+            let inputs = inputs.map(|(_, input)| input.clone()).collect();
             DetectorView { inputs, offers: offers(&node, &images), node, topic }
         });
         // Labels are published with the type of boxes as well, by a node that reads no image.
         let (detectors, labels): (Vec<_>, Vec<_>) =
             detectors.partition(|detector| !detector.inputs.is_empty());
+        let cameras = cameras::cameras(&published_images, &read_images, &detectors);
+        cameras::sort(&mut images, &cameras);
         let statuses: BTreeSet<String> =
             published(MessageKind::Diagnostics).map(|(_, topic)| topic).collect();
         let mut nodes = graph.nodes_with_parameters();
@@ -174,6 +179,8 @@ impl GraphView {
             player: nodes.contains(PLAYER),
             nodes: nodes.into_iter().collect(),
             images,
+            first: Vec::new(),
+            cameras,
         }
     }
 }

@@ -12,6 +12,7 @@
 //! topic and browser, and sends the next images only when the browser has drawn the last ones. A token, which is part of
 //! the printed address, is needed for everything but the empty page.
 
+mod cameras;
 mod client;
 mod feed;
 #[cfg(feature = "foxglove")]

@@ -107,8 +107,13 @@ pub enum Event {
 /// The part of the graph that the page shows.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct GraphView {
-    /// Image topics that have a publisher.
+    /// Image topics that have a publisher, in the order in which they are listed.
     pub images: Vec<String>,
+    /// The image topics that are shown as long as the user has chosen none.
+    pub first: Vec<String>,
+    /// The camera of each image topic, by the name of its namespace.
+    #[serde(skip)]
+    pub cameras: BTreeMap<String, String>,
     /// The detectors.
     pub detectors: Vec<DetectorView>,
     /// Topics of labels: boxes of a node that reads no image.
@@ -291,8 +296,10 @@ pub struct PixelView {
 pub struct MomentHeader {
     /// When the message was made, ms since the epoch.
     pub at_ms: f64,
-    /// Whether these are all images of this moment, of one stamp, or single ones of topics that are shown as they come.
+    /// Whether these are all images of a moment of one camera, of one stamp, or single ones of topics that are shown as they come.
     pub together: bool,
+    /// The camera of the images, by the name of its namespace.
+    pub camera: String,
     /// The images, in the order of their files.
     pub images: Vec<ImageHeader>,
 }

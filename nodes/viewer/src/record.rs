@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use modulo_middleware::parameter::client::ParameterClient;
 use tokio::task::spawn_blocking;
 
-use crate::feed::{STREAMS, Session};
+use crate::feed::Session;
 use crate::page;
 use crate::protocol::{Event, GraphView, ParameterView};
 use crate::watch::{Audience, LOOK, Watch};
@@ -76,22 +76,14 @@ pub(crate) async fn record(session: Arc<Session>, recording: Arc<Mutex<Recording
                     seen.nodes.iter().filter(|node| !graph.nodes.contains(node)).cloned().collect();
                 note(watch.events(&mut graph, seen));
                 note(parameters(session.clone(), joined).await);
-                let shown = first_streams(&graph);
-                watch.inbox().streams.watch(&shown);
+                watch.inbox().streams.watch(&graph.first);
                 if let Some(moment) = watch.next(&graph).await {
                     lock().note_images(moment.at_ms, &moment.message());
-                    shown.iter().for_each(|topic| watch.inbox().streams.drawn(topic));
+                    graph.first.iter().for_each(|topic| watch.inbox().streams.drawn(topic));
                 }
             }
         }
     }
-}
-
-/// Returns the image topics that a page shows first: those of the suite's streams, else any one.
-fn first_streams(graph: &GraphView) -> Vec<String> {
-    let streams = STREAMS.iter().map(|stream| format!("/{stream}"));
-    let streams: Vec<String> = streams.filter(|topic| graph.images.contains(topic)).collect();
-    if streams.is_empty() { graph.images.iter().take(1).cloned().collect() } else { streams }
 }
 
 /// Returns the parameters of nodes; those of a node that does not answer are left out.

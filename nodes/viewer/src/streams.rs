@@ -11,13 +11,14 @@ use modulo_msgs::std_msgs::Time;
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::StampedFrame;
 
+use crate::cameras::namespace;
 use crate::feed::{MessageOrigin, input_topic};
 use crate::protocol::{DetectorView, GraphView, PixelView};
 
 /// Which images are shown at the same time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Pace {
-    /// Those of one stamp. All topics wait for the slowest one.
+    /// Those of a camera of one stamp. All topics of a camera wait for its slowest one.
     #[default]
     Together,
     /// The newest one of each topic. No topic waits for another one.
@@ -93,6 +94,9 @@ pub struct NextImage {
     /// Labels of its frame, by their topic.
     pub truth: Vec<TopicBoxes>,
 }
+
+/// A watched topic with its name.
+type WatchedOfCamera<'a> = (&'a String, &'a WatchedTopic);
 
 /// Boxes with their topic.
 type TopicBoxes = (String, Arc<Detection2DArray>);
@@ -174,7 +178,7 @@ impl Streams {
         }
     }
 
-    /// Returns the images that can be sent now: with [`Pace::Together`] those of one stamp, else a single one. An image that detectors
+    /// Returns the images that can be sent now: with [`Pace::Together`] those of a camera of one stamp, else a single one. An image that detectors
     /// answer is held back until their boxes are there, so that boxes are drawn on the image that they were found in. Nothing is
     /// waited for longer than a second, and what was not there after it is not waited for again before it has come: a replay that
     /// is paused for long, and then plays a single message, loses neither a topic nor the boxes.
@@ -183,12 +187,11 @@ impl Streams {
             Pace::Together => self.one_moment(graph, now_ns),
             Pace::Newest => self.newest(graph, now_ns),
         };
-        if chosen.is_empty() {
-            return Vec::new();
-        }
+        let Some((first, _)) = chosen.first() else { return Vec::new() };
+        let camera = graph.camera(first);
         self.give_up(graph, &chosen);
         if pace == Pace::Together {
-            for (topic, stream) in &mut self.topics {
+            for (topic, stream) in self.topics.iter_mut().filter(|(topic, _)| graph.camera(topic) == camera) {
                 stream.waiting_since_ns = now_ns;
                 stream.is_awaited &= chosen.iter().any(|(sent, _)| sent == topic);
             }
@@ -210,12 +213,27 @@ impl Streams {
         next.into_iter().map(image).collect()
     }
 
-    /// Returns for each topic that has an image of the next moment the place of this image.
+    /// Returns for each topic of a camera that has an image of its next moment the place of this image.
     fn one_moment(&self, graph: &GraphView, now_ns: u64) -> Vec<(String, usize)> {
-        if self.topics.values().any(|stream| stream.busy) {
+        let mut cameras: BTreeMap<&str, Vec<WatchedOfCamera<'_>>> = BTreeMap::new();
+        for (topic, stream) in &self.topics {
+            cameras.entry(graph.camera(topic)).or_default().push((topic, stream));
+        }
+        // A camera whose images were sent is busy until they are drawn, so that each one has its turn.
+        let moments = cameras.values().map(|topics| self.moment_of(graph, topics, now_ns));
+        { moments }.find(|chosen| !chosen.is_empty()).unwrap_or_default()
+    }
+
+    fn moment_of(
+        &self,
+        graph: &GraphView,
+        topics: &[WatchedOfCamera<'_>],
+        now_ns: u64,
+    ) -> Vec<(String, usize)> {
+        if topics.iter().any(|(_, stream)| stream.busy) {
             return Vec::new();
         }
-        let awaited = || self.topics.iter().filter(|(_, stream)| stream.is_awaited);
+        let awaited = || topics.iter().filter(|(_, stream)| stream.is_awaited);
         let is_whole = |stamp: &Time| {
             awaited().all(|(topic, stream)| {
                 let image = stream.place(*stamp).map(|place| &stream.waiting[place]);
@@ -224,11 +242,11 @@ impl Streams {
         };
         let of_first = awaited().next().into_iter().flat_map(|(_, stream)| stream.waiting.iter().rev());
         let of_first = of_first.map(|image| image.stamp);
-        let images = |stamp: Time| self.topics.iter().filter_map(move |(t, s)| Some((t, s.place(stamp)?)));
-        let overdue = self.topics.values().any(|stream| stream.is_overdue(now_ns));
+        let images = |stamp: Time| topics.iter().filter_map(move |(t, s)| Some((*t, s.place(stamp)?)));
+        let overdue = topics.iter().any(|(_, stream)| stream.is_overdue(now_ns));
         // As many as there are; of moments with equally many, the newest one.
         let most = || {
-            let stamps = self.topics.values().flat_map(|stream| &stream.waiting).map(|image| image.stamp);
+            let stamps = topics.iter().flat_map(|(_, stream)| &stream.waiting).map(|image| image.stamp);
             stamps.filter(|_| overdue).max_by_key(|stamp| images(*stamp).count())
         };
         let stamp = of_first.into_iter().find(is_whole).or_else(most);
@@ -306,7 +324,7 @@ impl Streams {
 
     /// Returns the labels of the frame that `image` of `topic` shows: those in the namespace of its camera.
     fn truth_of(&self, graph: &GraphView, topic: &str, image: &WaitingImage) -> Vec<TopicBoxes> {
-        let labels = graph.truths.iter().filter(|truth| namespace(truth) == namespace(topic));
+        let labels = graph.truths.iter().filter(|truth| namespace(truth) == graph.camera(topic));
         let of_image = |truth: &String| {
             Some((truth.clone(), self.results.get(truth)?.of_image(image).next()?.boxes.clone()))
         };
@@ -348,11 +366,6 @@ impl WatchedTopic {
     fn is_overdue(&self, now_ns: u64) -> bool {
         !self.waiting.is_empty() && now_ns.saturating_sub(self.waiting_since_ns) >= PATIENCE_NS
     }
-}
-
-/// Returns the namespace of a topic, without a slash at its end.
-pub(crate) fn namespace(topic: &str) -> &str {
-    topic.rsplit_once('/').map_or("", |(namespace, _)| namespace)
 }
 
 /// Returns whether `detector` finds its boxes in the image `topic` when it answers `streams`, names with commas between them. The
@@ -507,6 +520,31 @@ mod tests {
             assert_eq!(moment_at(&mut streams, 250), whole);
             both.iter().for_each(|topic| streams.drawn(topic));
         }
+    }
+
+    /// Two cameras have no stamp in common.
+    #[test]
+    fn each_camera_has_moments_of_its_own() {
+        let (mut streams, graph) = (Streams::default(), GraphView::default());
+        let topics = ["/front/modulo", "/front/recovered", "/rear/recovered"].map(str::to_owned);
+        streams.watch(&topics);
+        let mut shown = Vec::new();
+        for round in 0..3 {
+            let (front, rear, now_ns) = (10 * round + 1, 10 * round + 2, round * PATIENCE_NS / 10);
+            streams.image(&topics[0], image(front), now_ns);
+            streams.image(&topics[2], image(rear), now_ns);
+            // The first image of a topic says that there are more of them.
+            shown.extend(moment(&mut streams, &graph, now_ns).into_iter().filter(|_| round > 0));
+            streams.image(&topics[1], image(front), now_ns);
+            for _ in 0..2 {
+                shown.extend(moment(&mut streams, &graph, now_ns).into_iter().filter(|_| round > 0));
+            }
+            topics.iter().for_each(|topic| streams.drawn(topic));
+        }
+        let round = |rear: usize, ns| {
+            [(topics[rear].clone(), ns + 1, 0), (topics[0].clone(), ns, 0), (topics[1].clone(), ns, 0)]
+        };
+        assert_eq!(shown, [round(2, 11), round(2, 21)].concat());
     }
 
     #[test]

@@ -14,10 +14,11 @@ use modulo_runtime::{Message, MessageKind, StampedFrame, StreamScale};
 use tokio::sync::Notify;
 use tokio::task::spawn_blocking;
 
+use crate::cameras::{FirstStreams, namespace};
 use crate::feed::{Feed, Heard, MessageOrigin, Session, Statuses, state_topic};
 use crate::protocol::{BoxView, Event, GraphView, ImageHeader, MomentHeader, Notice, Step, moment_message};
 use crate::shown::ShownImage;
-use crate::streams::{NextImage, Pace, Streams, namespace};
+use crate::streams::{NextImage, Pace, Streams};
 
 /// Interval at which the graph and the statuses are looked at.
 pub(crate) const LOOK: Duration = Duration::from_millis(500);
@@ -50,6 +51,7 @@ pub(crate) struct Inbox {
     pub statuses: Statuses,
     notices: VecDeque<Notice>,
     lost_notices: usize,
+    first: FirstStreams,
     /// The sensors of the cameras, by their namespace.
     sensors: BTreeMap<String, SensorHistory>,
 }
@@ -65,6 +67,7 @@ pub(crate) struct JpegImage {
 pub(crate) struct Moment {
     pub at_ms: f64,
     pub together: bool,
+    camera: String,
     pub images: Vec<JpegImage>,
     pub errors: Vec<String>,
 }
@@ -73,7 +76,8 @@ impl Moment {
     /// Returns the binary message for the page.
     pub fn message(&self) -> Vec<u8> {
         let images = self.images.iter().map(|image| image.header.clone()).collect();
-        let header = MomentHeader { at_ms: self.at_ms, together: self.together, images };
+        let (together, camera) = (self.together, self.camera.clone());
+        let header = MomentHeader { at_ms: self.at_ms, together, camera, images };
         moment_message(&header, self.images.iter().map(|image| &*image.jpeg))
     }
 }
@@ -115,7 +119,9 @@ impl Watch {
             let (graph, errors) = feed.look(wanted);
             (feed, graph, errors)
         });
-        looked.await.expect("a look at the graph does not panic")
+        let (feed, mut graph, errors) = looked.await.expect("a look at the graph does not panic");
+        graph.first = self.inbox().first.of(&graph);
+        (feed, graph, errors)
     }
 
     /// Returns what is new for the page: the graph if it is no longer `known`, the statuses and the notices.
@@ -153,9 +159,7 @@ impl Watch {
             let with_scale = |image| (inbox.scale_of(&image), image);
             (next.into_iter().map(with_scale).collect::<Vec<_>>(), pace)
         };
-        if next.is_empty() {
-            return None;
-        }
+        let camera = graph.camera(&next.first()?.1.topic).to_owned();
         let audience = self.audience;
         let encode_all = move || -> Vec<_> {
             next.iter().map(|(scale, image)| (image.topic.clone(), encode(image, *scale, audience))).collect()
@@ -172,7 +176,7 @@ impl Watch {
             }
         }
         let at_ms = self.session.clock.now_ns() as f64 / 1e6;
-        Some(Moment { at_ms, together: pace == Pace::Together, images, errors })
+        Some(Moment { at_ms, together: pace == Pace::Together, camera, images, errors })
     }
 }
 

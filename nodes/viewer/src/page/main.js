@@ -9,7 +9,7 @@ import { Parameters } from "./parameters.js";
 import { Quick, Replay } from "./replay.js";
 import { openSocket, playRecording, recordingText } from "./source.js";
 import { Stage } from "./stage.js";
-import { find, hear, hearImages, momentOf, namespaceOf, newState, noticeOf, now } from "./state.js";
+import { find, hear, hearImages, momentOf, namespaceOf, newState, noticeOf, now, topicsOf } from "./state.js";
 import { Timeline, nearest } from "./timeline.js";
 
 const TICK_MS = 500;
@@ -52,11 +52,11 @@ let pointed = null; // where the pointer was last on an image
 
 // The confidence of each camera that is shown is needed for its overlay.
 function watch() {
-  const { topics, confidence } = state.choice;
-  const overlays = (topics ?? [])
+  const topics = topicsOf(state);
+  const overlays = topics
     .map((topic) => `${namespaceOf(topic)}/confidence`)
-    .filter((topic) => confidence && state.graph.images.includes(topic));
-  const all = [...new Set([...(topics ?? []), ...overlays])];
+    .filter((topic) => state.choice.confidence && state.graph.images.includes(topic));
+  const all = [...new Set([...topics, ...overlays])];
   if (all.join() === watched) return;
   watched = all.join();
   ask({ watch: all });
@@ -128,7 +128,7 @@ const actions = {
     redraw();
   },
   turn(topic) {
-    const shown = state.choice.topics ?? [];
+    const shown = topicsOf(state);
     actions.choose({ topics: shown.includes(topic) ? shown.filter((other) => other !== topic) : [...shown, topic] });
   },
   select: (topic) => actions.choose(state.choice.layout === "grid" ? { selected: topic } : { selected: topic, left: topic }),

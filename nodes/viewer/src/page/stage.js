@@ -1,6 +1,7 @@
 // The images: a grid that fills the window, one large image with a film strip, or two of them with a wipe between.
 
 import { byId, make, offer } from "./dom.js";
+import { topicsOf } from "./state.js";
 import { Tile } from "./tile.js";
 
 export const LAYOUTS = { grid: "Grid", one: "Large", wipe: "Wipe" };
@@ -30,7 +31,7 @@ export class Stage {
 
   draw(state) {
     const { choice } = state;
-    const topics = (choice.topics ?? []).slice().sort((a, b) => state.graph.images.indexOf(a) - state.graph.images.indexOf(b));
+    const topics = topicsOf(state).slice().sort((a, b) => state.graph.images.indexOf(a) - state.graph.images.indexOf(b));
     byId("empty").hidden = topics.length > 0;
     this.drawControls(state, topics);
     const left = topics.includes(choice.left) ? choice.left : topics[0];
@@ -104,16 +105,16 @@ export class Stage {
       );
     }
     byId("left-control").firstChild.textContent = choice.layout === "one" ? "Image " : "Left ";
-    this.drawTopics(graph, choice);
+    this.drawTopics(graph.images, topics);
   }
 
-  drawTopics(graph, choice) {
-    const text = JSON.stringify([graph.images, choice.topics]);
+  drawTopics(images, shown) {
+    const text = JSON.stringify([images, shown]);
     if (this.topicsAre === text) return;
     const focused = document.activeElement?.dataset?.topic;
     byId("topic-list").replaceChildren(
-      ...graph.images.map((topic, index) => {
-        const box = make("input", { type: "checkbox", checked: (choice.topics ?? []).includes(topic) });
+      ...images.map((topic, index) => {
+        const box = make("input", { type: "checkbox", checked: shown.includes(topic) });
         box.dataset.topic = topic;
         box.onchange = () => this.actions.turn(topic);
         return make("label", { title: index < 9 ? `Key: ${index + 1}` : "" }, box, ` ${topic}`);

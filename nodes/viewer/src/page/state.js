@@ -2,7 +2,6 @@
 
 export const KEPT_MOMENTS = 60;
 export const STRIP_MS = 120_000;
-const FIRST = ["modulo", "recovered", "saturated", "ideal"];
 const GONE_MS = 30_000;
 
 export function newState(recorded) {
@@ -10,7 +9,7 @@ export function newState(recorded) {
     recorded,
     link: { text: recorded ? "a recording" : "connecting", level: recorded ? "on" : "wait" },
     error: "",
-    graph: { images: [], detectors: [], truths: [], nodes: [], links: [], player: false },
+    graph: { images: [], first: [], detectors: [], truths: [], nodes: [], links: [], player: false },
     nodes: new Map(), // name -> { since, goneAt, restarts, history: [{ at, values }] }
     statuses: new Map(), // name -> status
     parameters: new Map(), // node -> list of parameters
@@ -86,12 +85,7 @@ function hearGraph(state, graph) {
   for (const [node, known] of state.nodes) {
     if (!graph.nodes.includes(node) && known.goneAt === null) known.goneAt = at;
   }
-  state.graph = { ...graph, images: inOrder(graph.images) };
-  const { choice } = state;
-  if (choice.topics === null && graph.images.length) {
-    const first = FIRST.map((name) => `/${name}`).filter((topic) => graph.images.includes(topic));
-    choice.topics = first.length ? first : graph.images.slice(0, 1);
-  }
+  state.graph = graph;
 }
 
 function hearStatus(state, status) {
@@ -133,12 +127,18 @@ function hearSet(state, { node, name, error }) {
 // Takes the images of a binary message. Returns the moment that they are a part of.
 export function hearImages(state, header, files) {
   advance(state, header.at_ms);
-  const images = header.images.map((image, index) => ({ ...image, key: stampKey(image.stamp), file: files[index] }));
+  const { camera } = header;
+  const images = header.images.map((image, index) => ({ ...image, camera, key: stampKey(image.stamp), file: files[index] }));
   for (const image of images) state.newest.set(image.topic, image);
-  const isShown = ({ topic }) => state.choice.topics?.includes(topic) || topic.endsWith("/confidence");
-  const all = header.together ? images : [...state.newest.values()].filter(isShown);
+  const isShown = ({ topic }) => topicsOf(state).includes(topic) || topic.endsWith("/confidence");
+  const before = state.moments.at(-1)?.images.values() ?? [];
+  // The images of the other cameras stay.
+  const all = header.together
+    ? [...[...before].filter((image) => image.camera !== camera && isShown(image)), ...images]
+    : [...state.newest.values()].filter(isShown);
   if (all.length === 0) return null;
-  const latest = all.reduce((best, image) => (stampMs(image.stamp) > stampMs(best.stamp) ? image : best), all[0]);
+  const made = header.together ? images : all;
+  const latest = made.reduce((best, image) => (stampMs(image.stamp) > stampMs(best.stamp) ? image : best), made[0]);
   const moment = {
     key: latest.key,
     stamp: latest.stamp,
@@ -151,6 +151,9 @@ export function hearImages(state, header, files) {
 }
 
 // ---- what follows from it ----
+
+// The image topics that are shown: those that the user has chosen, else those that the viewer offers first.
+export const topicsOf = (state) => state.choice.topics ?? state.graph.first;
 
 export function frameOf(state, moment) {
   return state.frames.findLast((frame) => frame.key === moment.key && frame.at <= moment.at);
@@ -229,12 +232,6 @@ export function noticeOf(state) {
   if (gone.length) return `Gone: ${gone.join(", ")}. The page goes on as soon as it is back.`;
   if (state.graph.player && state.player.paused) return "The replay is paused.";
   return state.error;
-}
-
-// Topics in the order in which they are shown: the streams of the suite first.
-export function inOrder(topics) {
-  const rank = (topic) => (FIRST.includes(topic.slice(1)) ? FIRST.indexOf(topic.slice(1)) : FIRST.length);
-  return [...topics].sort((a, b) => rank(a) - rank(b) || (a < b ? -1 : 1));
 }
 
 // The camera, its alpha and its sensor, if one has described itself.
