@@ -239,10 +239,9 @@ export function sensorOf(state) {
   return Object.fromEntries(state.statuses.get("sensor")?.values ?? []);
 }
 
+// The first node that has a settable parameter of this name, and whether it is one of several.
 export function find(state, name) {
-  for (const node of state.graph.nodes) {
-    const parameter = state.parameters.get(node)?.find((parameter) => parameter.name === name && !parameter.read_only);
-    if (parameter) return { node, parameter };
-  }
-  return null;
+  const parameterOf = (node) => state.parameters.get(node)?.find((parameter) => parameter.name === name && !parameter.read_only);
+  const [node, ...others] = state.graph.nodes.filter(parameterOf);
+  return node ? { node, parameter: parameterOf(node), several: others.length > 0 } : null;
 }
