@@ -329,15 +329,21 @@ def show_two_cameras(page, address):
           f"each of two cameras goes on by itself: {counts} frames in 10 s")
 
 
-def open_the_recording(page, file):
+def open_the_recording(page, file, topics):
     errors = []
     page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
     page.on("pageerror", lambda why: errors.append(str(why)))
     page.goto(f"file://{file}")
-    wait(page, f"(topic) => ({MEAN})(topic) > 5", "/recovered")
-    before = page.evaluate(CAPTION, "/recovered")
-    page.keyboard.press("ArrowLeft")
-    wait(page, f"(before) => ({CAPTION})('/recovered') !== before", before)
+    for topic in topics:
+        wait(page, f"(topic) => ({MEAN})(topic) > 5", topic)
+    before = [page.evaluate(CAPTION, topic) for topic in topics]
+    # A moment has new images of one camera only.
+    for topic, caption in zip(topics, before):
+        for _ in range(20):
+            if page.evaluate(CAPTION, topic) == caption:
+                page.keyboard.press("ArrowLeft")
+                page.wait_for_timeout(200)
+        check(page.evaluate(CAPTION, topic) != caption, f"an arrow key shows the frame of {topic} before that of the recording's end")
     clashes = page.evaluate(CLASHES)
     check(not clashes and not errors, f"a recording of {file.stat().st_size >> 10} KiB shows its frames without a viewer: {clashes[:3]} {errors}")
 
@@ -346,15 +352,16 @@ def main():
     global MODULO
     MODULO, folder = str(Path(sys.argv[1]).resolve()), (sys.argv[2:] or [None])[0]
     with tempfile.TemporaryDirectory() as scratch, sync_playwright() as playwright:
-        recording = Path(scratch) / "recording.html"
+        recordings = [Path(scratch) / name for name in ["one.html", "two.html"]]
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
-        with viewer(MODULO, "139", "--record", str(recording)) as process:
+        with viewer(MODULO, "139", "--record", str(recordings[0])) as process:
             drive(browser.new_page(viewport={"width": 1500, "height": 1000}), address(process, "http://"), folder)
         scenes = [f"{camera}:=scene://{scene}?seed=3&frames=100000" for camera, scene in {"front": "tunnel", "rear": "glare"}.items()]
         suite = [["launch", "launch/cameras.launch.yaml", "shared:=true", "engine:=rten", *scenes]]
-        with viewer(MODULO, "139", suite=suite) as process:
+        with viewer(MODULO, "139", "--record", str(recordings[1]), suite=suite) as process:
             show_two_cameras(browser.new_page(viewport={"width": 1500, "height": 1000}), address(process, "http://"))
-        open_the_recording(browser.new_page(viewport={"width": 1500, "height": 1000}), recording)
+        for recording, topics in zip(recordings, [["/recovered"], ["/front/recovered", "/rear/recovered"]]):
+            open_the_recording(browser.new_page(viewport={"width": 1500, "height": 1000}), recording, topics)
         browser.close()
 
 

@@ -77,10 +77,11 @@ pub(crate) async fn record(session: Arc<Session>, recording: Arc<Mutex<Recording
                 note(watch.events(&mut graph, seen));
                 note(parameters(session.clone(), joined).await);
                 watch.inbox().streams.watch(&graph.first);
-                if let Some(moment) = watch.next(&graph).await {
+                // One moment of each camera.
+                while let Some(moment) = watch.next(&graph).await {
                     lock().note_images(moment.at_ms, &moment.message());
-                    graph.first.iter().for_each(|topic| watch.inbox().streams.drawn(topic));
                 }
+                graph.first.iter().for_each(|topic| watch.inbox().streams.drawn(topic));
             }
         }
     }
