@@ -160,7 +160,11 @@ export function frameOf(state, moment) {
 }
 
 export function momentOf(state, frame) {
-  return state.moments.find((moment) => moment.key === frame.key && moment.at >= frame.at);
+  const isOf = (moment) => moment?.key === frame.key && moment.at >= frame.at;
+  let place = state.moments.findIndex(isOf);
+  // Cameras in step have moments of one stamp, the last of which shows all of them.
+  while (place >= 0 && isOf(state.moments[place + 1])) place += 1;
+  return state.moments[place];
 }
 
 // How long a frame took to each step, ms; null: not known. Stamps of a recording are no time of this clock.
