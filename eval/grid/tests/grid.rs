@@ -2,7 +2,8 @@
 //! ghosts where one capture has none; each frame of several sources in one bag has its own time stamp and labels.
 
 use std::path::Path;
-use std::time::{Duration, SystemTime};
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
 
 use clap::Parser as _;
 use modulo_ap::Difficulty;
@@ -61,11 +62,11 @@ impl Node for DriftingDetector {
         let clock = SystemClock::default();
         let mut inner = Context::new(cx.node(), &clock, &wanted[..1]);
         let flow = self.0.step(trigger, &mut inner)?;
-        // The deliberate mistake: the clock moves the boxes by up to 30 px.
-        let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
-        let drift = f64::from(now.subsec_nanos() % 30_011) / 1000.0;
+        static FIRST: OnceLock<Instant> = OnceLock::new();
         for (output, message) in inner.finish().messages {
             let Message::Detections(array) = message else { continue };
+            // The deliberate mistake: the clock moves all boxes but those of the very first image, by 1 px each ms.
+            let drift = 1e3 * FIRST.get_or_init(Instant::now).elapsed().as_secs_f64();
             let mut array: Detection2DArray = (*array).clone();
             array.detections.iter_mut().for_each(|d| d.bbox.center.position.x += drift);
             cx.emit(output, Message::Detections(array.into()));
