@@ -318,15 +318,17 @@ def show_two_cameras(page, address):
     topics = ["/front/recovered", "/rear/recovered"]
     for topic in topics:
         wait(page, f"(topic) => /[1-9][0-9]* boxes/.test(({CAPTION})(topic))", topic)
-    stamps = {topic: set() for topic in topics}
+    stamps, strips = {topic: set() for topic in topics}, set()
     for _ in range(50):
         page.wait_for_timeout(200)
+        strips.add(page.evaluate("() => document.querySelector('.kept').style.cssText"))
         for topic in topics:
             stamps[topic].add(page.evaluate(CAPTION, topic).split(", ")[-1])
     counts = [len(stamps[topic] - {""}) for topic in topics]
     # A moment that waited for both would be shown once a second.
     check(min(counts) >= 6 and sum(counts) >= 16 and not any("" in all for all in stamps.values()),
           f"each of two cameras goes on by itself: {counts} frames in 10 s")
+    check(len(strips) >= 15, f"the strip of time goes on with them: drawn {len(strips)} times")
 
 
 def open_the_recording(page, file, topics):

@@ -59,13 +59,16 @@ export class Timeline {
 
   draw(state) {
     const due = performance.now() - this.drawnAt >= STRIP_REDRAW_MS;
-    if (due || this.hover !== state.hover || this.stopped !== state.shown?.moment) {
-      [this.drawnAt, this.hover, this.stopped] = [performance.now(), state.hover, state.shown?.moment];
-      this.end = now(state);
-      this.width = this.plots.clientWidth;
-      if (due) this.drawRows(state);
-      this.drawCursor(state);
+    if (!due && this.hover === state.hover && this.stopped === state.shown?.moment) return;
+    [this.hover, this.stopped] = [state.hover, state.shown?.moment];
+    this.end = now(state);
+    this.width = this.plots.clientWidth;
+    if (due) {
+      // Moments that come faster than this draw the cursor only, and must not put the rows off.
+      this.drawnAt = performance.now();
+      this.drawRows(state);
     }
+    this.drawCursor(state);
   }
 
   x(at) {
