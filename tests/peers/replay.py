@@ -25,8 +25,8 @@ REPLAY = [
 
 @contextlib.contextmanager
 def viewer(modulo, domain, *options, suite=REPLAY):
-    """Starts the commands of `suite` (unwrap, the detector and a player) and the viewer with `options` in the ROS domain `domain`, and
-    ends them all. Gives the process of the viewer, whose standard output can be read."""
+    """Starts the commands of `suite` (by default unwrap, the detector and a player) and the viewer with `options` in the ROS domain
+    `domain`, and ends them all. Gives the process of the viewer, whose standard output can be read."""
     os.environ.setdefault("ROS_DOMAIN_ID", domain)
     started = []
 

@@ -3,9 +3,9 @@
     apt-get install chromium && pip install playwright==1.56.0
     python3 tests/peers/view.py target/debug/modulo
 
-Exit code 1 when the page shows no frame, shows images of two moments of a camera at once, lets one camera wait for another one, lays one text over another, has a control that the
-keyboard does not reach, or does not go on after a loss; when a control does not reach its node, the console has an error, the page
-asks for anything outside of its origin, or a script without the token can connect.
+Exit code 1 when the page shows no frame, shows images of two moments of a camera at once, lets one camera wait for another one, lays
+one text over another, has a control that the keyboard does not reach, or does not go on after a loss; when a control does not reach
+its node, the console has an error, the page asks for anything outside of its origin, or a script without the token can connect.
 """
 
 import os

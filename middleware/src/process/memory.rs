@@ -18,9 +18,9 @@ const MAPPED: i32 = 8 << 20;
 pub fn keep_freed_memory() {
     #[cfg(target_env = "gnu")]
     for (parameter, value) in [(libc::M_TRIM_THRESHOLD, KEPT), (libc::M_MMAP_THRESHOLD, MAPPED)] {
+        // The thresholds only save time, so that a refusal is not reported.
         #[expect(unsafe_code, reason = "a function of the C library")]
         // SAFETY: `mallopt` takes its own locks, and any value of these two parameters is sound.
-        // The thresholds only save time, so that a refusal needs no word.
         unsafe {
             libc::mallopt(parameter, value);
         }

@@ -6,8 +6,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::feed::STREAMS;
 use crate::protocol::{DetectorView, GraphView};
 
-/// The streams that are shown first; a publisher may invent more.
-const FIRST: usize = 64;
+/// The most streams that are remembered; a publisher may invent more.
+const MOST_SEEN: usize = 64;
 /// The stream that is shown of each of several cameras.
 const SHOWN: &str = "recovered";
 
@@ -23,11 +23,12 @@ impl GraphView {
     }
 }
 
-/// Returns the camera of each image topic of a publisher in `published`, (node, topic), named by a namespace.
+/// Returns the camera of each published image topic, named by a namespace. `published` and `read` have the nodes and the image topics
+/// that they publish and read.
 ///
 /// The images of a namespace are of one camera. An image that a detector has drawn is of the camera that the detector has read:
-/// `/detector/front/annotated` is of `/front`. Other nodes make images of those that they read, `(node, topic)` in `read`: these are of
-/// one camera, unless they come from several ones.
+/// `/detector/front/annotated` is of `/front`. What another node publishes is of the same camera as what it reads, unless it reads
+/// images of several cameras.
 pub(crate) fn cameras(
     published: &BTreeSet<(String, String)>,
     read: &BTreeSet<(String, String)>,
@@ -46,6 +47,7 @@ pub(crate) fn cameras(
     cameras
 }
 
+/// Returns the camera that the name of a topic tells.
 fn camera_by_name(topic: &str, detectors: &[DetectorView]) -> String {
     let below = |detector: &DetectorView| {
         let rest = topic.strip_prefix(&detector.node).filter(|rest| rest.starts_with('/'))?;
@@ -78,10 +80,11 @@ impl FirstStreams {
     pub fn of(&mut self, graph: &GraphView) -> Vec<String> {
         let streams = graph.images.iter().filter(|topic| rank(topic) < STREAMS.len());
         for topic in streams {
-            if self.seen.len() < FIRST {
+            if self.seen.len() < MOST_SEEN {
                 self.seen.insert(topic.clone());
             }
         }
+        // The graph knows no camera of a stream whose node is away; its namespace stays.
         let mut cameras: BTreeMap<&str, Vec<&String>> = BTreeMap::new();
         self.seen.iter().for_each(|topic| cameras.entry(namespace(topic)).or_default().push(topic));
         cameras.values_mut().for_each(|topics| topics.sort_by_key(|topic| rank(topic)));
@@ -176,8 +179,8 @@ mod tests {
         let two = ["/front/modulo", "/front/recovered", "/rear/modulo"];
         assert_eq!(first.of(&graph(&two)), ["/front/recovered", "/rear/modulo"]);
         assert_eq!(first.of(&graph(&["/rear/recovered"])), ["/front/recovered", "/rear/recovered"]);
-        let many: Vec<String> = (0..2 * FIRST).map(|camera| format!("/{camera}/modulo")).collect();
+        let many: Vec<String> = (0..2 * MOST_SEEN).map(|camera| format!("/{camera}/modulo")).collect();
         let many: Vec<&str> = many.iter().map(String::as_str).collect();
-        assert!(first.of(&graph(&many)).len() <= FIRST);
+        assert!(first.of(&graph(&many)).len() <= MOST_SEEN);
     }
 }

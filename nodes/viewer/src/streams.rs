@@ -96,7 +96,7 @@ pub struct NextImage {
 }
 
 /// A watched topic with its name.
-type WatchedOfCamera<'a> = (&'a String, &'a WatchedTopic);
+type NamedTopic<'a> = (&'a String, &'a WatchedTopic);
 
 /// Boxes with their topic.
 type TopicBoxes = (String, Arc<Detection2DArray>);
@@ -178,10 +178,11 @@ impl Streams {
         }
     }
 
-    /// Returns the images that can be sent now: with [`Pace::Together`] those of a camera of one stamp, else a single one. An image that detectors
-    /// answer is held back until their boxes are there, so that boxes are drawn on the image that they were found in. Nothing is
-    /// waited for longer than a second, and what was not there after it is not waited for again before it has come: a replay that
-    /// is paused for long, and then plays a single message, loses neither a topic nor the boxes.
+    /// Returns the images that can be sent now: with [`Pace::Together`] those of one camera and one stamp, else a single one. An image
+    /// that detectors answer is held back until their boxes are there, so that boxes are drawn on the image that they were found in.
+    ///
+    /// Nothing is waited for longer than a second, and what was not there after it is not waited for again before it has come: a
+    /// replay that is paused for long, and then plays a single message, loses neither a topic nor the boxes.
     pub fn next(&mut self, graph: &GraphView, pace: Pace, now_ns: u64) -> Vec<NextImage> {
         let chosen = match pace {
             Pace::Together => self.one_moment(graph, now_ns),
@@ -215,21 +216,17 @@ impl Streams {
 
     /// Returns for each topic of a camera that has an image of its next moment the place of this image.
     fn one_moment(&self, graph: &GraphView, now_ns: u64) -> Vec<(String, usize)> {
-        let mut cameras: BTreeMap<&str, Vec<WatchedOfCamera<'_>>> = BTreeMap::new();
+        let mut cameras: BTreeMap<&str, Vec<NamedTopic<'_>>> = BTreeMap::new();
         for (topic, stream) in &self.topics {
             cameras.entry(graph.camera(topic)).or_default().push((topic, stream));
         }
         // A camera whose images were sent is busy until they are drawn, so that each one has its turn.
-        let moments = cameras.values().map(|topics| self.moment_of(graph, topics, now_ns));
-        { moments }.find(|chosen| !chosen.is_empty()).unwrap_or_default()
+        let mut moments = cameras.values().map(|topics| self.moment_of(graph, topics, now_ns));
+        moments.find(|chosen| !chosen.is_empty()).unwrap_or_default()
     }
 
-    fn moment_of(
-        &self,
-        graph: &GraphView,
-        topics: &[WatchedOfCamera<'_>],
-        now_ns: u64,
-    ) -> Vec<(String, usize)> {
+    /// Returns for each of the `topics` of one camera that has an image of its next moment the place of this image.
+    fn moment_of(&self, graph: &GraphView, topics: &[NamedTopic<'_>], now_ns: u64) -> Vec<(String, usize)> {
         if topics.iter().any(|(_, stream)| stream.busy) {
             return Vec::new();
         }
@@ -293,14 +290,11 @@ impl Streams {
 
     /// Waits no longer for the detectors that have not answered one of the `chosen` images.
     fn give_up(&mut self, graph: &GraphView, chosen: &[(String, usize)]) {
-        let image = |topic: &String, place: &usize| self.topics.get(topic)?.waiting.get(*place);
-        let sent = chosen.iter().filter_map(|(topic, place)| Some((topic, image(topic, place)?)));
+        let sent = chosen.iter().map(|(topic, place)| (topic, &self.topics[topic].waiting[*place]));
         let missing = sent.flat_map(|(topic, image)| self.missing(graph, topic, image));
         let missing: Vec<String> = missing.cloned().collect();
-        for detector in &missing {
-            if let Some(results) = self.results.get_mut(detector) {
-                results.is_awaited = false;
-            }
+        for (topic, results) in &mut self.results {
+            results.is_awaited &= !missing.contains(topic);
         }
     }
 
