@@ -6,6 +6,7 @@ mod files;
 mod sources;
 #[cfg(feature = "sqlite")]
 mod sqlite;
+mod wounds;
 
 use std::path::{Path, PathBuf};
 
