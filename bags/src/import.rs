@@ -1,7 +1,7 @@
 //! [`import_kitti`]: a KITTI folder to a bag with images and ground truth; [`import_video`]: a video to a bag with its images.
 //!
 //! KITTI's object set has no times, so frame `i` is stamped `i` / 10 s after a fixed epoch, for sequences as well. No
-//! pixel and no label is changed or left out.
+//! pixel and no label is changed. Frames that cannot be decoded are left out with their labels, and counted.
 
 use std::path::{Path, PathBuf};
 
@@ -31,7 +31,7 @@ pub struct ImportReport {
     pub labelled: usize,
     /// Labelled objects, areas to leave out included.
     pub objects: usize,
-    /// Frames of a video that are missing or cannot be decoded, and are left out.
+    /// Frames that are missing, damaged or cannot be decoded, and are left out.
     pub missing: usize,
 }
 
@@ -59,7 +59,7 @@ pub enum ImportError {
 /// `/ground_truth`, 10 Hz.
 ///
 /// # Errors
-/// [`ImportError`] of the first image, label or write that fails.
+/// [`ImportError`] of the first label or write that fails, and of a float image. Images that are damaged are counted.
 pub fn import_kitti(
     folder: &Path,
     out: &Path,
@@ -76,6 +76,7 @@ pub fn import_kitti(
 /// [`ImportError`] of a video that cannot be read, and of a write that fails. Single frames that are missing are counted.
 pub fn import_video(video: &Path, out: &Path, compression: Compression) -> Result<ImportReport, ImportError> {
     let mut frames = VideoFile::open(video).map_err(SourceError::from)?;
+    frames.warnings().iter().for_each(|warning| tracing::warn!("{warning}"));
     let mut import = Import::new(BagWriter::create(out, compression)?, false)?;
     let written = std::iter::from_fn(|| frames.next_frame()).try_for_each(|frame| {
         let Ok(frame) = frame.inspect_err(|why| tracing::warn!("left out: {why}")) else {
@@ -143,7 +144,15 @@ impl Import {
 
     fn frame(&mut self, folder: &KittiFolder, image: &Path, stamp: u64) -> Result<(), ImportError> {
         let header = Header { stamp: Time::from_ns(stamp), frame_id: FRAME_ID.to_owned() };
-        self.image(&header, &codes(image)?)?;
+        let frame = match codes(image) {
+            Err(ImportError::Source(why)) => {
+                tracing::warn!("left out: {why}");
+                self.report.missing += 1;
+                return Ok(());
+            }
+            frame => frame?,
+        };
+        self.image(&header, &frame)?;
         if let (Some(labels), Some(topic)) = (folder.labels_of(image)?, self.labels) {
             let message = cdr::to_vec(&to_detections(&labels, &header))?;
             self.bag.write(topic, stamp, stamp, &message)?;

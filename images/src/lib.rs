@@ -4,6 +4,8 @@
 //! dropped, and an image is turned as its EXIF orientation says. Only [`White`] changes values. This crate knows no
 //! source, stream or message.
 
+mod jpeg;
+mod radiance;
 mod white;
 
 use std::fs::File;
@@ -46,6 +48,11 @@ pub enum ImageError {
 
 /// File name extensions of images, in lower case.
 pub const EXTENSIONS: [&str; 5] = ["png", "jpg", "jpeg", "exr", "hdr"];
+
+/// Returns whether a file is hidden, such as the `._1.png` that macOS writes beside `1.png`.
+pub fn is_hidden(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
+}
 
 /// Reads one image file. The format is recognised by the content, not by the name.
 ///
@@ -93,7 +100,10 @@ pub enum SampleDepth {
 }
 
 /// Returns the depth of the samples of an image, of which only the header is read; `None` when it is no readable image.
-pub fn sample_depth(image: impl BufRead + Seek) -> Option<SampleDepth> {
+pub fn sample_depth(mut image: impl BufRead + Seek) -> Option<SampleDepth> {
+    if image.fill_buf().ok()?.starts_with(radiance::SIGNATURE) {
+        return Some(SampleDepth::F32);
+    }
     let decoder = ImageReader::new(image).with_guessed_format().ok()?.into_decoder().ok()?;
     Some(match decoder.color_type() {
         ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8 => SampleDepth::U8,
@@ -109,11 +119,7 @@ pub fn sample_depth(image: impl BufRead + Seek) -> Option<SampleDepth> {
 /// As [`read_image`].
 pub fn decode(bytes: &[u8], origin: &str) -> Result<Frame, ImageError> {
     let bad = |why: String| ImageError::Undecodable(origin.to_owned(), why);
-    let reader =
-        ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| bad(e.to_string()))?;
-    check_container(reader.format(), bytes).map_err(bad)?;
-    let image = upright(reader).map_err(|e| bad(e.to_string()))?;
-    let frame = match image {
+    let frame = match picture(bytes).map_err(bad)? {
         DynamicImage::ImageLuma8(i) => Frame::from_u8(samples(&i, |p: &Luma<u8>| p.0)),
         DynamicImage::ImageLumaA8(i) => Frame::from_u8(samples(&i, |p: &LumaA<u8>| [p.0[0]])),
         DynamicImage::ImageRgb8(i) => Frame::from_u8(samples(&i, |p: &Rgb<u8>| p.0)),
@@ -131,6 +137,22 @@ pub fn decode(bytes: &[u8], origin: &str) -> Result<Frame, ImageError> {
         other => return Err(bad(format!("colour type {:?} is not supported", other.color()))),
     };
     frame.map_err(|e| bad(e.to_string()))
+}
+
+/// Decodes an image of any format. The error is the reason.
+fn picture(bytes: &[u8]) -> Result<DynamicImage, String> {
+    let why = |error: image::ImageError| match error {
+        image::ImageError::IoError(why) if why.kind() == io::ErrorKind::UnexpectedEof => {
+            "is truncated; copy the whole file again".to_owned()
+        }
+        error => error.to_string(),
+    };
+    if bytes.starts_with(radiance::SIGNATURE) {
+        return radiance::read(bytes).map_err(why);
+    }
+    let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| e.to_string())?;
+    check_container(reader.format(), bytes)?;
+    upright(reader).map_err(why)
 }
 
 /// Decodes an image and turns it as its EXIF orientation says.
@@ -240,9 +262,7 @@ pub fn encode(frame: &Frame, format: FileFormat) -> Result<Vec<u8>, image::Image
 /// Checks the container of an image of `format`. The error is the reason and the remedy.
 fn check_container(format: Option<ImageFormat>, bytes: &[u8]) -> Result<(), String> {
     match format {
-        Some(ImageFormat::Jpeg) if jpeg_end(bytes).is_none() => {
-            Err(String::from("this JPEG is truncated: its end marker is missing; copy the whole file again"))
-        }
+        Some(ImageFormat::Jpeg) => jpeg::check(bytes),
         Some(ImageFormat::Png) => match apng_frames(bytes) {
             Some(frames) if frames > 1 => Err(format!(
                 "this PNG is an animation of {frames} frames (APNG), but only single images are read; save each frame \
@@ -252,24 +272,6 @@ fn check_container(format: Option<ImageFormat>, bytes: &[u8]) -> Result<(), Stri
         },
         Some(ImageFormat::OpenExr) => exr_channels(bytes),
         _ => Ok(()),
-    }
-}
-
-/// Follows the markers of a JPEG to its end marker. `None` if the file ends first.
-fn jpeg_end(bytes: &[u8]) -> Option<usize> {
-    // The decoder fills what is missing at the end of a file with grey. The last bytes alone decide nothing: a thumbnail
-    // within the file has an end marker of its own, and cameras write other data behind the image.
-    let mut place = 2;
-    loop {
-        // In compressed data, FF 00 is a byte FF, and FF D0 to FF D7 are restart markers. FF FF is padding.
-        let is_marker = |pair: &[u8]| pair[0] == 0xff && !matches!(pair[1], 0x00 | 0xd0..=0xd7 | 0xff);
-        place += bytes.get(place..)?.windows(2).position(is_marker)?;
-        match bytes[place + 1] {
-            0xd9 => return Some(place),
-            // These markers have no segment.
-            0x01 | 0xd8 => place += 2,
-            _ => place += 2 + usize::from(u16::from_be_bytes(*bytes.get(place + 2..)?.first_chunk()?)),
-        }
     }
 }
 

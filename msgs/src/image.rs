@@ -52,6 +52,19 @@ pub enum ImageMessageError {
         /// Bytes of the data.
         got: usize,
     },
+    /// The picture of a compressed image is not that of the encoding.
+    #[error(
+        "picture of {depth} bits and {channels} channels in a compressed image whose format is '{format}'; publish it as png, or with \
+         the format of its picture"
+    )]
+    Format {
+        /// The format of the message.
+        format: String,
+        /// Bits of a sample of the picture.
+        depth: u8,
+        /// Channels of the picture.
+        channels: usize,
+    },
     /// The sizes are not those of a frame, or a float sample is not finite.
     #[error(transparent)]
     Frame(#[from] FrameError),
@@ -361,11 +374,31 @@ fn bayer(mosaic: Mosaic, depth: u8) -> &'static str {
     named.expect("a mosaic has integers of 8 or 16 bits").0
 }
 
-/// Returns the mosaic of an encoding such as `bayer_rggb8`; `None` for any other text.
-pub fn mosaic_of(encoding: &str) -> Option<Mosaic> {
-    match Encoding::of(encoding)?.channels {
-        Channels::Bayer(mosaic) => Some(mosaic),
-        _ => None,
+/// Returns the image that was compressed to `picture`. `format` is that of the message, as `compressed_image_transport` writes it: the
+/// encoding of the image, `;`, the format of the file and the order of its channels. A file does not tell that its grey pixels are a
+/// colour mosaic.
+///
+/// # Errors
+/// [`ImageMessageError::Format`] when the picture is not that of the encoding, such as one of 8 bits for `mono16`, whose codes were lost.
+pub fn restore(picture: Frame, format: &str) -> Result<Frame, ImageMessageError> {
+    let (encoding, file) = format.split_once(';').unwrap_or((format, ""));
+    let Some(encoding) = Encoding::of(encoding.trim()) else { return Ok(picture) };
+    let depth = match encoding.depth {
+        Depth::U8 => 8,
+        Depth::U16 => 16,
+        Depth::F32 => 32,
+    };
+    match encoding.channels {
+        Channels::Mono | Channels::Bayer(_) if file.contains("bgr") || file.contains("rgb") => Ok(picture),
+        Channels::Mono if picture.channels() == 1 && picture.depth() == depth => Ok(picture),
+        Channels::Bayer(mosaic) if picture.channels() == 1 && picture.depth() == depth => {
+            Ok(picture.with_mosaic(mosaic)?)
+        }
+        Channels::Mono | Channels::Bayer(_) => {
+            let (depth, channels) = (picture.depth(), picture.channels());
+            Err(ImageMessageError::Format { format: format.to_owned(), depth, channels })
+        }
+        _ => Ok(picture),
     }
 }
 

@@ -9,7 +9,7 @@ use clap::{Args, Subcommand};
 use modulo_bags::bag::{
     self, BagError, BagInfo, BagReader, BagWarning, BagWriter, Compression, Split, WriteOptions,
 };
-use modulo_bags::import::{ImportError, import_kitti, import_video};
+use modulo_bags::import::{ImportError, ImportReport, import_kitti, import_video};
 use modulo_bags::source::SourceError;
 use modulo_bags_live::capture::capture;
 use modulo_bags_live::play::{PlayOptions, PlaybackClock, PlaybackState, Player, Repeat};
@@ -156,14 +156,18 @@ pub fn bag(args: &Bag) -> Result<Ended, Failure> {
         Bag::Import(BagImport::Kitti { folder, out }) => {
             let report = import_kitti(folder, out, Compression::None).map_err(import_failed)?;
             say!("{} frames, {} labelled, {} objects", report.frames, report.labelled, report.objects);
-            Ok(Ended::Done)
+            Ok(missing(report))
         }
         Bag::Import(BagImport::Video { video, out }) => {
             let report = import_video(video, out, Compression::None).map_err(import_failed)?;
             say!("{} frames, {} missing", report.frames, report.missing);
-            Ok(if report.missing > 0 { Ended::WithLoss } else { Ended::Done })
+            Ok(missing(report))
         }
     }
+}
+
+fn missing(report: ImportReport) -> Ended {
+    if report.missing > 0 { Ended::WithLoss } else { Ended::Done }
 }
 
 fn import_failed(why: ImportError) -> Failure {

@@ -98,7 +98,14 @@ pub fn grid(args: &Grid, source: &[String], out: &Path) -> Result<Ended, Failure
     };
     let progress = GridProgress::new();
     let timer = SystemClock::default();
-    let outcome = run(&request, &Suite, &timer, &|event| progress.tell(event)).map_err(failure)?;
+    let outcome = match run(&request, &Suite, &timer, &|event| progress.tell(event)) {
+        // All frames are left out, each for its reason.
+        Err(why @ GridError::Nothing { frames: 1.., .. }) => {
+            eprintln!("modulo: {why}");
+            return Ok(Ended::WithLoss);
+        }
+        outcome => outcome.map_err(failure)?,
+    };
     progress.bar.finish_and_clear();
     let (lost, whole) = (outcome.lost(), outcome.whole);
     let mut results = outcome.results;

@@ -8,7 +8,10 @@ use modulo_runtime::secret::without_secrets;
 use crate::VideoError;
 
 /// File name extensions of videos, in lower case. Any other file is a video with [`PREFIX`] before its path.
-const EXTENSIONS: [&str; 6] = ["mp4", "m4v", "mkv", "avi", "mov", "webm"];
+const EXTENSIONS: [&str; 26] = [
+    "mp4", "m4v", "mkv", "avi", "mov", "webm", "ts", "mts", "m2ts", "mpg", "mpeg", "vob", "flv", "wmv",
+    "asf", "ogv", "3gp", "h264", "264", "hevc", "h265", "mjpeg", "mjpg", "ivf", "mxf", "y4m",
+];
 /// Before the path of a video whose name has another extension.
 const PREFIX: &str = "video:";
 /// Schemes of live cameras, and the protocols that ffmpeg may use for each. None of them reads a local file.
@@ -123,11 +126,11 @@ mod tests {
 
     #[test]
     fn videos_are_told_by_their_name() {
-        for spec in ["a.mp4", "/x/B.MKV", "a.b.webm", "video:clip.ts", "video:a.mp4"] {
+        for spec in ["a.mp4", "/x/B.MKV", "a.b.webm", "dash.ts", "video:clip.dat", "video:a.mp4"] {
             let path = spec.strip_prefix("video:").unwrap_or(spec);
             assert_eq!(of(spec), Some(VideoAddress::File(path.into())), "{spec}");
         }
-        for spec in ["clip.ts", "a.png", "scene://day", "topic:/a.mp4/image", "/", "concat:a.mp4|b.mp3"] {
+        for spec in ["clip.dat", "a.png", "scene://day", "topic:/a.mp4/image", "/", "concat:a.mp4|b.mp3"] {
             assert_eq!(of(spec), None, "{spec}");
         }
     }

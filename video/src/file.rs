@@ -54,6 +54,8 @@ struct FrameIndex {
     /// The time of the container at which a seek begins to count, ns; `None` where a seek is not exact.
     seek_from: Option<i64>,
     told: Told,
+    /// The transfer function of an HDR video.
+    hdr: Option<&'static str>,
 }
 
 impl VideoFile {
@@ -86,6 +88,18 @@ impl VideoFile {
         self.index.found + self.index.missing
     }
 
+    /// Returns a line for a video whose codes stand for light in another way than those of other videos.
+    pub fn warnings(&self) -> Vec<String> {
+        let line = |hdr| {
+            format!(
+                "{}: is an HDR video ({hdr}), whose codes are read like those of other videos, so that its bright parts are too dark; \
+                 convert it to BT.709 first",
+                self.path.display()
+            )
+        };
+        self.index.hdr.into_iter().map(line).collect()
+    }
+
     /// Goes on behind the next `frames` frames. ffmpeg seeks to the next one where the container allows it, and otherwise decodes those
     /// before it.
     pub fn skip(&mut self, frames: u64) {
@@ -99,7 +113,7 @@ impl VideoFile {
         (self.decoding, self.early) = (None, None);
     }
 
-    /// Returns the next frame; `None` at the end. A frame that is missing or cannot be decoded is an error, and the next call goes on behind
+    /// Returns the next frame; `None` at the end. A frame that is missing, damaged or cannot be decoded is an error, and the next call goes on behind
     /// it. An ffmpeg that was killed is started again.
     pub fn next_frame(&mut self) -> Option<Result<VideoFrame, VideoError>> {
         if self.next >= self.frames() {
@@ -116,6 +130,11 @@ impl VideoFile {
             if self.index.is_behind(number, info) {
                 self.early = Some((frame, info));
                 return Err(self.missing(number));
+            }
+            if info.is_damaged {
+                let of = format!("frame {} of {}", number + 1, self.frames());
+                let why = "is damaged, or is predicted from a damaged one, as ffmpeg reports";
+                return Err(VideoError::failed(self.path.display(), format!("{of} {why}")));
             }
             let since = |pts: i64| {
                 u64::try_from(pts.saturating_sub(self.index.times.first().copied().unwrap_or(0))).ok()
@@ -177,7 +196,7 @@ impl VideoFile {
             Some(seconds) => options.extend(["-ss".into(), seconds.into()]),
             None => first = format!(r"select=gte(n\,{})", self.next),
         }
-        let started = Decoding::start(&[options, input(&self.path)].concat(), &first, &self.version);
+        let started = Decoding::start(&[options, input(&self.path)].concat(), &first, &self.version, 2);
         started.map_err(|why| VideoError::failed(self.path.display(), why))
     }
 }
@@ -194,7 +213,8 @@ fn input(path: &Path) -> Vec<OsString> {
 impl FrameIndex {
     /// Lists the frames of the video at `path`. An error is a reason.
     fn read(path: &Path) -> Result<Self, String> {
-        let entries = "stream=nb_frames,time_base:format=format_name,start_time:packet=pts,flags";
+        let entries =
+            "stream=nb_frames,time_base,color_transfer:format=format_name,start_time:packet=pts,flags";
         let output = command("ffprobe")
             .args([
                 "-loglevel",
@@ -211,7 +231,9 @@ impl FrameIndex {
             .map_err(|why| format!("ffprobe: {why}"))?;
         let mut told = Told::default();
         let said = String::from_utf8_lossy(&output.stderr);
-        said.lines().for_each(|line| told.take(line));
+        said.lines().for_each(|line| {
+            told.take(line);
+        });
         if !output.status.success() {
             return Err(match told.first {
                 _ if said.contains("not on whitelist") => {
@@ -260,7 +282,12 @@ impl FrameIndex {
         let start = value(format, "start_time").and_then(|start| start.parse::<f64>().ok());
         let is_seekable = SEEKABLE.iter().any(|seekable| name.starts_with(seekable)) && !times.is_empty();
         let seek_from = start.filter(|_| is_seekable).map(|start| (start * 1e9).round() as i64);
-        Ok(Self { times, found, missing, seek_from, told })
+        let hdr = match value(stream, "color_transfer").as_deref() {
+            Some("smpte2084") => Some("PQ"),
+            Some("arib-std-b67") => Some("HLG"),
+            _ => None,
+        };
+        Ok(Self { times, found, missing, seek_from, told, hdr })
     }
 
     /// Returns whether a decoded frame comes later than that of this number.
@@ -299,7 +326,7 @@ mod tests {
         assert_eq!(index.times, [50_000_000, 100_000_000, 150_000_000]);
         assert_eq!((index.found, index.missing), (3, 2), "six were promised, one of four is not shown");
         assert_eq!(index.seek_to(2).as_deref(), Some("75000us"));
-        let at = |ms: i64| FrameInfo { pts_ns: Some(ms * 1_000_000), bits: 8 };
+        let at = |ms: i64| FrameInfo { pts_ns: Some(ms * 1_000_000), bits: 8, is_damaged: false };
         assert!(index.is_behind(0, at(100)) && !index.is_behind(0, at(51)) && !index.is_behind(2, at(900)));
     }
 

@@ -19,10 +19,8 @@ const SILENCE_NS: u64 = 8_000_000_000;
 const LATEST_NS: i64 = 1_500_000_000;
 /// The fastest frame is found anew in this time, since the clocks of camera and machine drift apart, ns.
 const DRIFT_NS: u64 = 600_000_000_000;
-/// Options of ffmpeg that keep no frame back: one thread works on a frame at a time, and little is read before the first one.
-const PROMPT: [&str; 12] = [
-    "-threads",
-    "1",
+/// Options of ffmpeg that keep no frame back: it waits for no other frame, and little is read before the first one.
+const PROMPT: [&str; 10] = [
     "-fflags",
     "nobuffer",
     "-flags",
@@ -71,7 +69,7 @@ struct Shared {
 
 #[derive(Default)]
 struct State {
-    newest: Option<LiveFrame>,
+    newest: Option<Result<LiveFrame, VideoError>>,
     counts: LiveCounts,
     /// The ffmpeg of this connection, and the ticks of its last frame or its start.
     child: Option<(Arc<Mutex<Child>>, u64)>,
@@ -96,8 +94,8 @@ impl LiveVideo {
         Ok(Self { shared, reader: Some(std::thread::spawn(move || of_thread.read())) })
     }
 
-    /// Returns the newest frame that was not returned before, and waits up to `patience` for it.
-    pub fn newest(&self, patience: Duration) -> Option<LiveFrame> {
+    /// Returns the newest frame that was not returned before, and waits up to `patience` for it. The error is a damaged frame.
+    pub fn newest(&self, patience: Duration) -> Option<Result<LiveFrame, VideoError>> {
         let state = self.shared.state();
         let waits = |state: &mut State| state.newest.is_none();
         let waited = self.shared.changed.wait_timeout_while(state, patience, waits);
@@ -170,7 +168,7 @@ impl Shared {
     /// Reads frames until the connection ends. Returns their number and the reason of the end.
     fn read_connection(&self) -> (u64, String) {
         let options = PROMPT.into_iter().map(str::to_owned).chain(self.address.input());
-        let decoding = Decoding::start(&options.collect::<Vec<_>>(), "null", &self.version);
+        let decoding = Decoding::start(&options.collect::<Vec<_>>(), "null", &self.version, 1);
         let mut decoding = match decoding {
             Ok(decoding) => decoding,
             Err(why) => return (0, format!("ffmpeg cannot be started: {why}")),
@@ -182,7 +180,7 @@ impl Shared {
             }
             state.child = Some((decoding.child(), self.clock.ticks_ns()));
         }
-        let (mut frames, mut lateness) = (0, Lateness::default());
+        let (mut frames, mut lateness, mut whole) = (0, Lateness::default(), self.clock.ticks_ns());
         while let Ok(Some((frame, info))) = decoding.next() {
             let ticks = self.clock.ticks_ns();
             let late = info.pts_ns.map_or(0, |pts| lateness.of(ticks, pts));
@@ -196,8 +194,18 @@ impl Shared {
                 );
             }
             frames += 1;
-            let pixels = Pixels { frame, bits: info.bits };
-            self.put(LiveFrame { pixels, stamp_ns: self.clock.now_ns() }, ticks, frames == 1);
+            if !info.is_damaged {
+                whole = ticks;
+            } else if ticks.saturating_sub(whole) > SILENCE_NS {
+                return (frames, "all frames are damaged".to_owned());
+            }
+            let stamped =
+                LiveFrame { pixels: Pixels { frame, bits: info.bits }, stamp_ns: self.clock.now_ns() };
+            let damaged = || {
+                VideoError::failed(&self.address, "a frame is damaged, or is predicted from a damaged one")
+            };
+            let frame = if info.is_damaged { Err(damaged()) } else { Ok(stamped) };
+            self.put(frame, ticks, frames == 1);
         }
         let (told, signal) = decoding.end();
         let why = match (told.first, signal) {
@@ -208,7 +216,7 @@ impl Shared {
         (frames, why)
     }
 
-    fn put(&self, frame: LiveFrame, ticks: u64, is_first: bool) {
+    fn put(&self, frame: Result<LiveFrame, VideoError>, ticks: u64, is_first: bool) {
         let mut state = self.state();
         state.counts.arrived += 1;
         state.counts.connections += u64::from(is_first);

@@ -68,6 +68,54 @@ pub(crate) struct FrameInfo {
     pub pts_ns: Option<i64>,
     /// Bits of a sample before ffmpeg has made 8 or 16 of them.
     pub bits: u32,
+    /// Whether ffmpeg has reported damage in it, or in a frame from which it may be predicted.
+    pub is_damaged: bool,
+}
+
+/// Which frames are damaged, by what ffmpeg reports while it decodes them on one thread.
+#[derive(Clone, Copy, Debug)]
+struct Damage {
+    /// Key frames that are to come before frames are whole again; 0 for whole frames.
+    keys: u32,
+    /// `keys` at damage of which it is not known in which frame it is.
+    most: u32,
+    /// Whether the next frame is reported as a corrupt one.
+    is_next: bool,
+    /// Whether a frame was shown that is no key frame.
+    is_predicting: bool,
+}
+
+impl Damage {
+    /// Takes a report that is not about a frame that is shown.
+    fn take(&mut self, said: &str, is_error: bool) {
+        /// Errors about what is beside the pictures, which some encoders always cause.
+        const HARMLESS: [&str; 4] = ["APP fields", "SEI", "VUI", "sps_id"];
+        let tells = |what| said.contains(what);
+        self.is_next |= tells("corrupt decoded frame");
+        let is_damage = said.starts_with("concealing ")
+            || ["corrupt decoded frame", "corrupt input packet", "Packet corrupt"].into_iter().any(tells);
+        if is_damage || (is_error && !HARMLESS.iter().any(|harmless| said.contains(harmless))) {
+            self.keys = self.most;
+        }
+        // The damaged frame is not shown, and none is predicted from it.
+        let is_gone =
+            ["Error while decoding stream", "Error submitting packet to decoder"].into_iter().any(tells);
+        if is_gone && !self.is_predicting {
+            self.keys = 0;
+        }
+    }
+
+    /// Returns whether the frame that is shown now is damaged. A decoder hides damage, but all frames up to the next key frame are
+    /// predicted from what it hides.
+    fn of_frame(&mut self, is_key: bool) -> bool {
+        self.is_predicting |= !is_key;
+        if std::mem::take(&mut self.is_next) {
+            self.keys = 1;
+            return true;
+        }
+        self.keys -= u32::from(is_key && self.keys > 0);
+        self.keys > 0
+    }
 }
 
 /// The errors that a program has told.
@@ -80,16 +128,20 @@ pub(crate) struct Told {
 }
 
 impl Told {
-    /// Takes a line of a program at the log level `level+...`.
-    pub fn take(&mut self, line: &str) {
-        // Only a name such as `[h264 @ 0x5581]` may stand before the level.
-        let said =
-            if line.contains(" @ 0x") { line.split_once("] ").map_or("", |(_, said)| said) } else { line };
-        let Some(said) = said.strip_prefix("[error] ").or_else(|| said.strip_prefix("[fatal] ")) else {
-            return;
-        };
-        self.first.get_or_insert_with(|| without_secrets(said.trim()).into_owned());
-        self.count += 1;
+    /// Takes a line of a program at the log level `level+...`. Returns what it says and whether that is an error.
+    pub fn take<'a>(&mut self, line: &'a str) -> (&'a str, bool) {
+        // Only names such as `[h264 @ 0x5581]` may stand before the level.
+        let mut said = line;
+        while let Some((name, rest)) = said.split_once("] ").filter(|(name, _)| name.contains(" @ 0x")) {
+            said = if name.starts_with('[') { rest } else { "" };
+        }
+        let Some((level, said)) = said.split_once("] ") else { return (said, false) };
+        let is_error = matches!(level, "[error" | "[fatal");
+        if is_error {
+            self.first.get_or_insert_with(|| without_secrets(said.trim()).into_owned());
+            self.count += 1;
+        }
+        (said, is_error)
     }
 }
 
@@ -103,13 +155,21 @@ pub(crate) struct Decoding {
 
 impl Decoding {
     /// Starts to decode the first video stream of `input`, which is the options of ffmpeg for it. Each frame passes the filter
-    /// `first`, such as `null`.
-    pub fn start<S: AsRef<OsStr>>(input: &[S], first: &str, version: &str) -> std::io::Result<Self> {
+    /// `first`, such as `null`. After damage frames are whole again with key frame number `keys`: 1 if a decoder keeps no frame back,
+    /// else 2, since a key frame from before the damage may be shown after it.
+    pub fn start<S: AsRef<OsStr>>(
+        input: &[S],
+        first: &str,
+        version: &str,
+        keys: u32,
+    ) -> std::io::Result<Self> {
         // Three channels for grey videos as well, since ffmpeg changes their range only together with the number of channels.
         // With a scaler of its own ffmpeg puts none before `showinfo`, which then tells the format of the video.
         let filters = format!("{first},showinfo=checksum=0,scale=flags=bicubic,format=rgb24|rgb48be");
         let mut child = command("ffmpeg")
             .args(["-nostdin", "-hide_banner", "-nostats", "-loglevel", "level+info"])
+            // With several threads, reports come at other frames than those that they are about.
+            .args(["-threads", "1"])
             .args(input)
             // `V`: a picture on the cover of a song is no video.
             .args(["-map", "0:V:0", "-vf", &filters])
@@ -121,7 +181,7 @@ impl Decoding {
         let frames = BufReader::new(child.stdout.take().expect("it is piped"));
         let lines = child.stderr.take().expect("it is piped");
         let (sender, infos) = sync_channel(AHEAD);
-        let told = std::thread::spawn(move || listen(lines, &sender));
+        let told = std::thread::spawn(move || listen(lines, &sender, keys));
         Ok(Self { child: Arc::new(Mutex::new(child)), frames, infos, told: Some(told) })
     }
 
@@ -172,21 +232,41 @@ pub(crate) fn kill(child: &Mutex<Child>) {
 }
 
 /// Reads what ffmpeg says until it ends.
-fn listen(lines: ChildStderr, infos: &SyncSender<FrameInfo>) -> Told {
+fn listen(lines: ChildStderr, infos: &SyncSender<FrameInfo>, keys: u32) -> Told {
     let (mut lines, mut told, mut base) = (BufReader::new(lines), Told::default(), TimeBase(1, 1));
+    let mut damage = Damage { keys: 0, most: keys, is_next: false, is_predicting: false };
+    let mut decoder = String::new();
     while let Some(line) = next_line(&mut lines) {
         let said = line.starts_with("[Parsed_showinfo_").then(|| line.split_once("] [info] ")).flatten();
         match said {
             Some((_, said)) if said.starts_with("config in time_base:") => {
                 base = time_base(said).unwrap_or(base)
             }
-            // A reader that is gone needs no more.
-            Some((_, said)) if said.starts_with("n:") => drop(infos.send(frame_info(said, base))),
+            Some((_, said)) if said.starts_with("n:") => {
+                let is_damaged = damage.of_frame(said.contains(" iskey:1"));
+                // A reader that is gone needs no more.
+                let _ = infos.send(FrameInfo { is_damaged, ..frame_info(said, base) });
+            }
             Some(_) => {}
-            None => told.take(&line),
+            None => {
+                let (said, is_error) = told.take(&line);
+                // `Stream #0:0 -> #0:0 (h264 (native) -> pam (native))`
+                if let Some((_, codecs)) = said.trim().split_once(" -> #0:0 (") {
+                    decoder = codecs.split(" -> ").next().unwrap_or_default().to_owned();
+                }
+                damage.take(said, is_error && is_of(&line, &decoder));
+            }
         }
     }
     told
+}
+
+/// Returns whether a line comes from `decoder`, such as `h264 (native)`, or from ffmpeg itself, and not from what reads the container.
+fn is_of(line: &str, decoder: &str) -> bool {
+    let Some((name, _)) = line.strip_prefix('[').and_then(|line| line.split_once(" @ 0x")) else {
+        return !decoder.is_empty();
+    };
+    decoder.split([' ', '(', ')']).any(|word| !word.is_empty() && name.contains(word))
 }
 
 /// Reads a line; a long one in parts. `None` at the end.
@@ -224,7 +304,8 @@ fn time_base(said: &str) -> Option<TimeBase> {
 fn frame_info(said: &str, base: TimeBase) -> FrameInfo {
     let value = |key: &str| said.split_once(key)?.1.split_whitespace().next();
     let pts = value(" pts:").and_then(|pts| pts.parse().ok());
-    FrameInfo { pts_ns: pts.and_then(|pts| base.ns(pts)), bits: value(" fmt:").map_or(8, bits_of) }
+    let bits = value(" fmt:").map_or(8, bits_of);
+    FrameInfo { pts_ns: pts.and_then(|pts| base.ns(pts)), bits, is_damaged: false }
 }
 
 /// Returns the bits of a sample in a pixel format of ffmpeg, such as 10 for `yuv420p10le`. Formats of more than 8 bits end with the
@@ -270,7 +351,8 @@ mod tests {
         let base = time_base("config in time_base: 1001/30000, frame_rate: 30000/1001").expect("a time base");
         let said =
             "n:   0 pts: 3600000 pts_time:120120  pos:  3534 fmt:yuv420p sar:1/1 s:64x48 i:P iskey:0 type:P";
-        assert_eq!(frame_info(said, base), FrameInfo { pts_ns: Some(120_120_000_000_000), bits: 8 });
+        let info = FrameInfo { pts_ns: Some(120_120_000_000_000), bits: 8, is_damaged: false };
+        assert_eq!(frame_info(said, base), info);
         assert_eq!(frame_info("n: 1 pts: NOPTS pts_time:NOPTS fmt:gray10le", base).pts_ns, None);
         assert_eq!(time_base("config in time_base: 0/0, frame_rate: 0/0"), None);
     }
@@ -282,6 +364,37 @@ mod tests {
         {
             assert_eq!(frame_options(version)[0], option, "{version}");
         }
+    }
+
+    #[test]
+    fn frames_are_damaged_up_to_the_next_key_frame() {
+        let mut damage = Damage { keys: 0, most: 2, is_next: false, is_predicting: false };
+        let mut told = Told::default();
+        let decoder = "h264 (native)";
+        let mut shown = |line: &str| {
+            let (said, is_error) = told.take(line);
+            if let "K" | "P" = said {
+                return Some(damage.of_frame(said == "K"));
+            }
+            damage.take(said, is_error && is_of(line, decoder));
+            None
+        };
+        let of_others = [
+            "[mov,mp4 @ 0x1] [error] stream 1, timescale not set",
+            "[h264 @ 0x1] [error] SEI type 5 truncated",
+        ];
+        assert!(of_others.into_iter().all(|line| shown(line).is_none()));
+        // A frame that is gone damages no other one while all are key frames.
+        shown("[error] Error while decoding stream #0:0: Invalid data found when processing input");
+        assert_eq!(["K", "P"].map(&mut shown), [Some(false); 2]);
+        // The first key frame may be from before the damage.
+        shown("[h264 @ 0x1] [error] error while decoding MB 8 2, bytestream 4164");
+        assert_eq!(["P", "K", "P", "K", "P"].map(&mut shown), [true, true, true, false, false].map(Some));
+        shown("[h264 @ 0x1] [info] concealing 80 DC, 80 AC, 80 MV errors in P frame");
+        assert_eq!(shown("P"), Some(true));
+        // ffmpeg names the frame, in version 7 with two names in front.
+        shown("[vist#0:0/h264 @ 0x1] [dec:h264 @ 0x2] [warning] corrupt decoded frame");
+        assert_eq!(["P", "P", "K", "P"].map(&mut shown), [true, true, false, false].map(Some));
     }
 
     #[test]

@@ -52,7 +52,7 @@ fn open(port: u16, path: &str) -> LiveVideo {
 fn next(video: &LiveVideo, patience: Duration) -> Option<LiveFrame> {
     let end = Instant::now() + patience;
     loop {
-        let frame = video.newest(Duration::from_millis(100));
+        let frame = video.newest(Duration::from_millis(100)).transpose().expect("a whole frame");
         if frame.is_some() || Instant::now() > end {
             return frame;
         }

@@ -118,6 +118,24 @@ fn frames_that_an_edit_list_hides_do_not_count() {
 }
 
 #[test]
+fn a_video_of_another_transfer_function_is_named() {
+    let Some(bench) = bench() else { return };
+    for (name, trc, told) in [
+        ("pq.mp4", "smpte2084", Some("PQ")),
+        ("hlg.mp4", "arib-std-b67", Some("HLG")),
+        ("sdr.mp4", "bt709", None),
+    ] {
+        let path = video(bench.path(), name, &format!("-c:v libx264 -pix_fmt yuv420p -color_trc {trc}"));
+        let warnings = open(&path).warnings();
+        assert_eq!(warnings.len(), usize::from(told.is_some()), "{name}: {warnings:?}");
+        assert!(
+            told.is_none_or(|told| warnings[0].contains(told) && warnings[0].contains(name)),
+            "{warnings:?}"
+        );
+    }
+}
+
+#[test]
 fn a_turned_video_is_the_right_way_up() {
     let Some(bench) = bench() else { return };
     let flat = bench.path().join("flat.mp4");

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use modulo_core::Frame;
 use modulo_images::{ImageError, SampleDepth, White, decode, sample_depth};
 use modulo_msgs::cdr;
+use modulo_msgs::image::restore;
 use modulo_msgs::sensor_msgs::{CameraInfo, CompressedImage, Image};
 use modulo_msgs::std_msgs::Header;
 use modulo_msgs::vision_msgs::Detection2DArray;
@@ -200,7 +201,8 @@ fn read_camera_info(bag: &BagReader, images: &TopicCount) -> Result<Option<Arc<C
 fn read_message(message: &RawMessage) -> Result<(Header, Frame), SourceError> {
     if message.topic.type_name == MessageKind::CompressedImage.type_name() {
         let image: CompressedImage = cdr::from_slice(&message.data).map_err(|e| bad(message, e))?;
-        return Ok((image.header, decode(&image.data, &origin(message))?));
+        let picture = decode(&image.data, &origin(message))?;
+        return Ok((image.header, restore(picture, &image.format).map_err(|e| bad(message, e))?));
     }
     let image: Image = cdr::from_slice(&message.data).map_err(|e| bad(message, e))?;
     let header = image.header.clone();

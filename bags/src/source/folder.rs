@@ -6,7 +6,7 @@ use std::ffi::OsStr;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
-use modulo_images::{EXTENSIONS, White, check_regular, open_regular, read_image, sample_depth};
+use modulo_images::{EXTENSIONS, White, check_regular, is_hidden, open_regular, read_image, sample_depth};
 
 use super::{FRAME_ID, GroundTruth, Source, SourceError, SourceFrame, SourceOptions};
 use crate::FileError;
@@ -17,6 +17,8 @@ pub struct FolderSource {
     images: Vec<PathBuf>,
     next: usize,
     white: White,
+    /// The folder of which these are all images.
+    folder: Option<PathBuf>,
 }
 
 impl FolderSource {
@@ -25,13 +27,19 @@ impl FolderSource {
     /// # Errors
     /// [`SourceError`] when the folder holds no image or cannot be read.
     pub fn open(path: &Path, options: &SourceOptions) -> Result<Self, SourceError> {
-        let images = if path.is_dir() { list_images(path)? } else { vec![one_image(path)?] };
-        Self::of(images, options)
+        let is_folder = path.is_dir();
+        let images = if is_folder { list_images(path)? } else { vec![one_image(path)?] };
+        Ok(Self::of(images, options)?.with_all_of(is_folder.then_some(path)))
     }
 
     /// Creates a source of just these images, in this order.
     pub(crate) fn of(images: Vec<PathBuf>, options: &SourceOptions) -> Result<Self, SourceError> {
-        Ok(Self { images, next: 0, white: options.white()? })
+        Ok(Self { images, next: 0, white: options.white()?, folder: None })
+    }
+
+    /// Says that these are all images of `folder`, so that those of other formats are left out.
+    pub(super) fn with_all_of(self, folder: Option<&Path>) -> Self {
+        Self { folder: folder.map(Path::to_owned), ..self }
     }
 }
 
@@ -70,6 +78,23 @@ impl Source for FolderSource {
         Some(self.images.len())
     }
 
+    fn warnings(&self) -> Vec<String> {
+        let files =
+            self.folder.iter().flat_map(std::fs::read_dir).flatten().flatten().map(|entry| entry.path());
+        let mut unread: Vec<_> =
+            files.filter(|path| has_extension(path, &UNREAD) && !is_hidden(path)).collect();
+        unread.sort();
+        let first = unread.first().into_iter();
+        first
+            .map(|first| {
+                let (count, first) = (unread.len(), first.display());
+                format!(
+                    "{count} images of other formats are left out, the first: {first}; convert them to png"
+                )
+            })
+            .collect()
+    }
+
     fn rewind(&mut self) -> Result<(), SourceError> {
         self.next = 0;
         Ok(())
@@ -100,8 +125,7 @@ pub(super) fn warn_without_image(what: &str, names: &[String]) -> Vec<String> {
 pub(super) fn texts_without_image(folder: &Path, images: &[PathBuf]) -> Vec<PathBuf> {
     let stems: BTreeSet<String> = images.iter().map(|image| stem(image)).collect();
     let files = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
-    let texts =
-        files.filter(|path| path.extension().is_some_and(|extension| extension == "txt") && path.is_file());
+    let texts = files.filter(|path| has_extension(path, &["txt"]) && !is_hidden(path) && path.is_file());
     let mut alone: Vec<PathBuf> = texts.filter(|path| !stems.contains(&stem(path))).collect();
     // The order of `read_dir` depends on the file system.
     alone.sort();
@@ -136,7 +160,7 @@ impl<L: Labels> Source for LabelledSource<L> {
     }
 
     fn warnings(&self) -> Vec<String> {
-        self.labels.without_image(&self.frames.images)
+        [self.labels.without_image(&self.frames.images), self.frames.warnings()].concat()
     }
 
     fn rewind(&mut self) -> Result<(), SourceError> {
@@ -150,7 +174,7 @@ pub(crate) fn list_images(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
     let mut images = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(io)? {
         let path = entry.map_err(io)?.path();
-        if is_image(&path) {
+        if is_image(&path) && !is_hidden(&path) {
             check_file(&path)?;
             images.push(path);
         }
@@ -185,8 +209,26 @@ fn one_image(path: &Path) -> Result<PathBuf, SourceError> {
 
 /// Returns whether `path` is called as an image is, and is not a folder.
 fn is_image(path: &Path) -> bool {
+    path.exists() && !path.is_dir() && has_extension(path, &EXTENSIONS)
+}
+
+/// File name extensions of images that are not read, in lower case.
+const UNREAD: [&str; 16] = [
+    "bmp", "webp", "tif", "tiff", "gif", "heic", "heif", "avif", "jp2", "jxl", "pgm", "ppm", "pnm", "pfm",
+    "tga", "dng",
+];
+
+/// Returns whether the name of `path` ends in one of these, in either case.
+fn has_extension(path: &Path, extensions: &[&str]) -> bool {
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
-    path.exists() && !path.is_dir() && extension.is_some_and(|e| EXTENSIONS.contains(&e.as_str()))
+    extension.is_some_and(|e| extensions.contains(&e.as_str()))
+}
+
+/// Reads a text of labels, or of names. A byte order mark is no part of it.
+pub(super) fn read_text(path: &Path) -> Result<String, FileError> {
+    let text = check_regular(path).and_then(|()| std::fs::read_to_string(path));
+    let text = text.map_err(|why| FileError::new(path, why))?;
+    Ok(text.strip_prefix('\u{feff}').map_or_else(|| text.clone(), str::to_owned))
 }
 
 /// Refuses a pipe or a device.

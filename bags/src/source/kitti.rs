@@ -2,7 +2,8 @@
 //! `image_02/DRIVE` of the tracking set beside `label_02/DRIVE.txt`; labels optional per frame.
 //!
 //! Label lines are `type truncated occluded alpha x1 y1 x2 y2 h w l x y z ry` (15 columns, object development kit); a
-//! tracking line has the frame and the track in front of that (17 columns).
+//! tracking line has the frame and the track in front of that (17 columns). Results have a score behind it (16 and 18 columns), and so
+//! have labels of some programs, which is not used.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -10,10 +11,10 @@ use std::path::{Path, PathBuf};
 use modulo_core::BBox;
 
 use super::folder::{
-    FolderSource, LabelledSource, Labels, list_images, stem, texts_without_image, warn_without_image,
+    FolderSource, LabelledSource, Labels, list_images, read_text, stem, texts_without_image,
+    warn_without_image,
 };
 use super::{GroundTruth, SourceError, SourceOptions};
-use crate::FileError;
 
 /// Folders of a KITTI folder: images, and labels by preference.
 const LAYOUTS: [(&str, &[&str]); 2] =
@@ -115,7 +116,8 @@ impl KittiSource {
     /// # Errors
     /// [`SourceError`] for a `white` that is not a valid radiance.
     pub fn of(folder: KittiFolder, options: &SourceOptions) -> Result<Self, SourceError> {
-        let frames = FolderSource::of(folder.images.clone(), options)?;
+        let images = folder.images.first().and_then(|image| image.parent()).filter(|_| !folder.listed);
+        let frames = FolderSource::of(folder.images.clone(), options)?.with_all_of(images);
         Ok(Self { frames, labels: folder })
     }
 }
@@ -158,20 +160,18 @@ fn tracking_file(path: &Path) -> Option<PathBuf> {
 }
 
 fn read_drive(path: &Path) -> Result<BTreeMap<u64, Vec<GroundTruth>>, SourceError> {
-    let text = std::fs::read_to_string(path).map_err(|e| FileError::new(path, e))?;
+    let text = read_text(path)?;
     let mut frames: BTreeMap<u64, Vec<GroundTruth>> = BTreeMap::new();
     for (line, text) in (1..).zip(text.lines()).filter(|(_, text)| !text.trim().is_empty()) {
         let bad = |why| SourceError::Label { path: path.to_owned(), line, why };
-        let frame = text.split_whitespace().next().unwrap_or_default();
-        let frame =
-            frame.parse().map_err(|_| bad(format!("frame '{frame}' found, a whole number needed")))?;
+        let frame = whole("frame", text.split_whitespace().next().unwrap_or_default()).map_err(bad)?;
         frames.entry(frame).or_default().push(parse_label(text).map_err(bad)?);
     }
     Ok(frames)
 }
 
 fn read_labels(path: &Path) -> Result<Vec<GroundTruth>, SourceError> {
-    let text = std::fs::read_to_string(path).map_err(|e| FileError::new(path, e))?;
+    let text = read_text(path)?;
     let lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
     lines
         .map(|(i, line)| {
@@ -183,9 +183,20 @@ fn read_labels(path: &Path) -> Result<Vec<GroundTruth>, SourceError> {
 fn parse_label(line: &str) -> Result<GroundTruth, String> {
     let mut columns: Vec<&str> = line.split_whitespace().collect();
     match columns.len() {
-        15 => {}
-        17 => drop(columns.drain(..2)),
-        found => return Err(format!("{found} columns found, 15 needed (17 for tracking)")),
+        15 | 16 => {}
+        17 | 18 => drop(columns.drain(..2)),
+        found => {
+            return Err(format!(
+                "{found} columns found, 15 needed (17 for tracking, and one more with a score)"
+            ));
+        }
+    }
+    if number(columns[0]).is_ok() {
+        return Err(format!(
+            "'{}' found in {} columns, where a class is needed",
+            columns[0],
+            line.split_whitespace().count()
+        ));
     }
     // All columns are read, so that a damaged line is found even where its box is readable.
     let numbers = columns[1..].iter().map(|c| number(c)).collect::<Result<Vec<f32>, String>>()?;
@@ -196,10 +207,16 @@ fn parse_label(line: &str) -> Result<GroundTruth, String> {
     if x1 > x2 || y1 > y2 {
         return Err(format!("box {x1} {y1} {x2} {y2} found, x1 <= x2 and y1 <= y2 needed"));
     }
-    let occluded =
-        columns[2].parse().map_err(|_| format!("occluded '{}' found, a whole number needed", columns[2]))?;
+    let occluded = whole("occluded", columns[2])?;
     let class = columns[0].to_ascii_lowercase();
     Ok(GroundTruth { bbox: BBox { x1, y1, x2, y2 }, class, truncated, occluded })
+}
+
+/// Reads a column that has a whole number, which some programs write as `1.00`. `what` is its name in the error.
+pub(super) fn whole<T: TryFrom<i64>>(what: &str, column: &str) -> Result<T, String> {
+    let value = column.parse::<f64>().ok().filter(|value| value.fract() == 0.0 && value.abs() < 1e15);
+    let value = value.and_then(|value| T::try_from(value as i64).ok());
+    value.ok_or_else(|| format!("{what} '{column}' found, a whole number needed"))
 }
 
 /// Reads a column of a label line.
@@ -227,7 +244,7 @@ impl FrameList {
     /// # Errors
     /// [`SourceError`] when the file cannot be read or names no frame.
     pub fn read(path: &Path) -> Result<Self, SourceError> {
-        let text = std::fs::read_to_string(path).map_err(|why| FileError::new(path, why))?;
+        let text = read_text(path)?;
         let (mut frames, mut drives) = (Vec::new(), BTreeMap::new());
         for (line, text) in (1..).zip(text.lines()) {
             // Comments may also follow an entry.
@@ -273,7 +290,14 @@ mod tests {
     #[test]
     fn object_and_tracking_lines_are_the_same_label() {
         let label = parse_label(CAR).expect("15 columns");
-        assert_eq!(label, parse_label(&format!("3 7 {CAR}")).expect("17 columns"));
+        for (line, columns) in [
+            (format!("3 7 {CAR}"), "17 columns"),
+            (format!("{CAR} 0.9"), "16 columns"),
+            (format!("3 7 {CAR} 0.9\r"), "18 columns"),
+            (CAR.replace(" 1 ", " 1.00 "), "a number with digits behind the point"),
+        ] {
+            assert_eq!(parse_label(&line).as_ref(), Ok(&label), "{columns}");
+        }
         let bbox = BBox { x1: 0.0, y1: 171.72, x2: 149.3, y2: 236.4 };
         assert_eq!(label, GroundTruth { bbox, class: "car".into(), truncated: 0.08, occluded: 1 });
     }
@@ -282,7 +306,9 @@ mod tests {
     fn bad_lines_say_what_was_found_and_what_is_needed() {
         for (line, found, needed) in [
             ("Car 0.0 1", "3 columns", "15 needed"),
-            (&format!("{CAR} 0.9"), "16 columns", "17 for tracking"),
+            (&format!("{CAR} 0.9 1 1 1"), "19 columns", "17 for tracking"),
+            (&format!("3 {CAR}"), "'3'", "class"),
+            (&format!("{CAR} good"), "'good'", "number"),
             (&CAR.replace("171.72", "top"), "'top'", "number"),
             (&CAR.replace("171.72", "NaN"), "'NaN'", "finite"),
             (&CAR.replace(" 1 ", " 0.5 "), "'0.5'", "whole"),

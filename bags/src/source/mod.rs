@@ -70,7 +70,10 @@ pub enum SourceError {
     #[error("{file}: no image in this folder, at least one png, jpg, jpeg, exr or hdr is needed", file = .0.display())]
     Empty(PathBuf),
     /// A file that is not an image by its name.
-    #[error("{file}: not an image, possible are png, jpg, jpeg, exr, hdr, .mcap and .db3", file = .0.display())]
+    #[error(
+        "{file}: not an image, possible are png, jpg, jpeg, exr, hdr, .mcap and .db3; a video is read with 'video:' before its path, \
+         such as video:{file}", file = .0.display()
+    )]
     Extension(PathBuf),
     /// The system does not read a file.
     #[error(transparent)]
@@ -143,7 +146,7 @@ pub trait Source: Send {
         None
     }
 
-    /// Returns one line for each kind of label that belongs to no frame, so that no frame comes with it.
+    /// Returns one line for each kind of label or image that is left out, and for what its frames may be wrong in.
     fn warnings(&self) -> Vec<String> {
         Vec::new()
     }

@@ -46,6 +46,10 @@ impl Source for VideoSource {
         usize::try_from(self.video.frames()).ok()
     }
 
+    fn warnings(&self) -> Vec<String> {
+        self.video.warnings()
+    }
+
     fn rewind(&mut self) -> Result<(), SourceError> {
         self.video.rewind();
         Ok(())

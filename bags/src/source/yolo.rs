@@ -1,5 +1,6 @@
 //! Images with YOLO's labels: a text file an image, lines `class cx cy width height` as shares of the image, or `class
-//! x y x y ...`, a polygon, of which the box is taken.
+//! x y x y ...`, a polygon or a rotated box, of which the box is taken. Where the data set has `kpt_shape`, key points follow the box,
+//! and are not used.
 //!
 //! Labels lie where ultralytics looks for them: in `labels` beside `images`, else beside the image.
 
@@ -10,11 +11,10 @@ use modulo_core::BBox;
 use modulo_runtime::yaml::{self, Content, Item};
 
 use super::folder::{
-    FolderSource, LabelledSource, Labels, list_images, texts_without_image, warn_without_image,
+    FolderSource, LabelledSource, Labels, list_images, read_text, texts_without_image, warn_without_image,
 };
-use super::kitti::number;
+use super::kitti::{number, whole};
 use super::{GroundTruth, SourceError, SourceOptions};
-use crate::FileError;
 
 /// Files that may contain the names of the classes.
 const NAME_FILES: [&str; 4] = ["data.yaml", "dataset.yaml", "classes.txt", "labels/classes.txt"];
@@ -22,9 +22,14 @@ const NAME_FILES: [&str; 4] = ["data.yaml", "dataset.yaml", "classes.txt", "labe
 /// A folder of images with YOLO's labels.
 pub type YoloSource = LabelledSource<YoloLabels>;
 
-/// The names of the classes of YOLO's labels, by number.
-#[derive(Debug)]
-pub struct YoloLabels(BTreeMap<usize, String>);
+/// How YOLO's labels of a data set are read.
+#[derive(Debug, Default)]
+pub struct YoloLabels {
+    /// The names of the classes, by number.
+    names: BTreeMap<usize, String>,
+    /// Numbers of the key points of an object.
+    key_points: Option<usize>,
+}
 
 impl YoloSource {
     /// Opens `folder`: one that holds `images` and `labels`, a folder of images whose path has a part `images`, or one
@@ -42,8 +47,9 @@ impl YoloSource {
             ));
         }
         let inside = folder.join("images");
-        let images = list_images(if inside.is_dir() { &inside } else { folder })?;
-        Ok(Self { frames: FolderSource::of(images, options)?, labels: YoloLabels(names(folder)?) })
+        let images = if inside.is_dir() { &inside } else { folder };
+        let frames = FolderSource::of(list_images(images)?, options)?.with_all_of(Some(images));
+        Ok(Self { frames, labels: YoloLabels::of(folder)? })
     }
 }
 
@@ -54,12 +60,12 @@ impl Labels for YoloLabels {
         (height, width): (usize, usize),
     ) -> Result<Option<Vec<GroundTruth>>, SourceError> {
         let Some(path) = label_files(image).into_iter().find(|path| path.is_file()) else { return Ok(None) };
-        let text = std::fs::read_to_string(&path).map_err(|why| FileError::new(&path, why))?;
+        let text = read_text(&path)?;
         // Numbered before blank lines are left out, so that errors name the line of the file.
         let lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty());
         let label = |(line, text): (usize, &str)| {
             let bad = |why| SourceError::Label { path: path.clone(), line, why };
-            let (class, bbox) = parse(text, width as f32, height as f32).map_err(bad)?;
+            let (class, bbox) = parse(text, (width as f32, height as f32), self.key_points).map_err(bad)?;
             let class = self.name(class).map_err(bad)?;
             Ok(GroundTruth { bbox, class, truncated: -1.0, occluded: -1 })
         };
@@ -71,22 +77,36 @@ impl Labels for YoloLabels {
         let folders: BTreeSet<PathBuf> = folders.filter_map(|file| Some(file.parent()?.to_owned())).collect();
         let texts = folders.iter().flat_map(|folder| texts_without_image(folder, images));
         // Other texts, such as lists of names, may lie beside the labels.
-        let is_label = |line: &str| line.trim().is_empty() || parse(line, 1.0, 1.0).is_ok();
-        let labels =
-            texts.filter(|path| std::fs::read_to_string(path).is_ok_and(|text| text.lines().all(is_label)));
+        let is_label =
+            |line: &str| line.trim().is_empty() || parse(line, (1.0, 1.0), self.key_points).is_ok();
+        let labels = texts.filter(|path| read_text(path).is_ok_and(|text| text.lines().all(is_label)));
         warn_without_image("label files", &labels.map(|path| path.display().to_string()).collect::<Vec<_>>())
     }
 }
 
 impl YoloLabels {
+    /// Reads how the labels of `folder` are to be read. A split such as `images/val` lies two folders below the file of the data set.
+    fn of(folder: &Path) -> Result<Self, SourceError> {
+        let files = folder.ancestors().take(3).flat_map(|folder| NAME_FILES.map(|name| folder.join(name)));
+        let Some(path) = files.into_iter().find(|path| path.is_file()) else { return Ok(Self::default()) };
+        let text = read_text(&path)?;
+        if path.extension().is_some_and(|extension| extension == "txt") {
+            let names = text.lines().map(|line| line.trim().to_owned()).enumerate().collect();
+            return Ok(Self { names, key_points: None });
+        }
+        let bad = |why: String| SourceError::Label { path: path.clone(), line: 1, why };
+        listed(&text).map_err(|why| bad(format!("no readable `names`: {why}")))
+    }
+
     /// Returns the name of class `number`, or the number itself if the data set names no class.
     fn name(&self, number: usize) -> Result<String, String> {
-        let (Some((first, _)), Some((last, _))) = (self.0.first_key_value(), self.0.last_key_value()) else {
+        let (Some((first, _)), Some((last, _))) = (self.names.first_key_value(), self.names.last_key_value())
+        else {
             return Ok(number.to_string());
         };
         let unnamed =
             || format!("class {number} found, but the data set has names for the classes {first} to {last}");
-        self.0.get(&number).cloned().ok_or_else(unnamed)
+        self.names.get(&number).cloned().ok_or_else(unnamed)
     }
 }
 
@@ -105,44 +125,54 @@ fn label_files(image: &Path) -> Vec<PathBuf> {
     swapped.into_iter().chain([image.to_owned()]).map(|path| path.with_extension("txt")).collect()
 }
 
-/// Returns the number of the class and the box in px of a line.
-fn parse(line: &str, width: f32, height: f32) -> Result<(usize, BBox), String> {
+/// Returns the number of the class and the box in px of a line. `key_points` are the numbers that follow a box.
+fn parse(
+    line: &str,
+    (width, height): (f32, f32),
+    key_points: Option<usize>,
+) -> Result<(usize, BBox), String> {
     let mut words = line.split_whitespace();
-    let class = words.next().unwrap_or_default();
-    let class = class.parse().map_err(|_| format!("class '{class}' found, a whole number needed"))?;
+    let class = whole("class", words.next().unwrap_or_default())?;
     let numbers = words.map(number).collect::<Result<Vec<f32>, String>>()?;
-    let bbox = match numbers[..] {
+    let count = numbers.len();
+    let shape = match key_points {
+        Some(more) if count == 4 + more => &numbers[..4],
+        Some(more) if count != 4 => {
+            return Err(format!("{} columns found, {} needed by kpt_shape", count + 1, 5 + more));
+        }
+        // Corners are pairs, of which a polygon needs three at least.
+        None if count != 4 && (count < 6 || count % 2 == 1) => {
+            return Err(format!(
+                "{} columns found, 5 needed (7, 9, ... for a polygon; key points need kpt_shape in data.yaml)",
+                count + 1
+            ));
+        }
+        _ => &numbers[..],
+    };
+    if let Some(far) = shape.iter().find(|share| !SHARES.contains(share)) {
+        return Err(format!("{far} found, but all columns are shares of the image, 0 to 1"));
+    }
+    let bbox = match *shape {
         [cx, cy, w, h] if w >= 0.0 && h >= 0.0 => BBox::from_centre((cx, cy), (w, h)),
         [_, _, w, h] => return Err(format!("box of {w} x {h} found, 0 or more needed")),
-        [x, y, ..] if numbers.len() >= 6 && numbers.len() % 2 == 0 => {
-            let start = BBox { x1: x, y1: y, x2: x, y2: y };
-            numbers.chunks_exact(2).fold(start, |b, point| BBox {
+        _ => {
+            let start = BBox { x1: shape[0], y1: shape[1], x2: shape[0], y2: shape[1] };
+            shape.chunks_exact(2).fold(start, |b, point| BBox {
                 x1: b.x1.min(point[0]),
                 y1: b.y1.min(point[1]),
                 x2: b.x2.max(point[0]),
                 y2: b.y2.max(point[1]),
             })
         }
-        // A polygon needs three corners at least.
-        _ => return Err(format!("{} columns found, 5 needed (7, 9, ... for a polygon)", numbers.len() + 1)),
     };
     Ok((class, BBox { x1: bbox.x1 * width, y1: bbox.y1 * height, x2: bbox.x2 * width, y2: bbox.y2 * height }))
 }
 
-fn names(folder: &Path) -> Result<BTreeMap<usize, String>, SourceError> {
-    // A split such as `images/val` lies two folders below the file of the data set.
-    let files = folder.ancestors().take(3).flat_map(|folder| NAME_FILES.map(|name| folder.join(name)));
-    let Some(path) = files.into_iter().find(|path| path.is_file()) else { return Ok(BTreeMap::new()) };
-    let text = std::fs::read_to_string(&path).map_err(|why| FileError::new(&path, why))?;
-    if path.extension().is_some_and(|extension| extension == "txt") {
-        return Ok(text.lines().map(|line| line.trim().to_owned()).enumerate().collect());
-    }
-    let bad = |why: String| SourceError::Label { path: path.clone(), line: 1, why };
-    listed(&text).map_err(|why| bad(format!("no readable `names`: {why}")))
-}
+/// The shares that are read: rounding may carry them a little beyond the image.
+const SHARES: std::ops::RangeInclusive<f32> = -0.01..=1.01;
 
-/// Reads `names` of a data set's file: a list, or a mapping by number.
-fn listed(text: &str) -> Result<BTreeMap<usize, String>, String> {
+/// Reads a data set's file: `names`, a list or a mapping by number, and `kpt_shape`, a list of two numbers.
+fn listed(text: &str) -> Result<YoloLabels, String> {
     let file = yaml::read(text).map_err(|why| why.to_string())?;
     let names =
         file.entry("names").ok_or("no value of 'names' at the top of the file, where it is needed")?;
@@ -160,7 +190,15 @@ fn listed(text: &str) -> Result<BTreeMap<usize, String>, String> {
     };
     let text = |(number, name): (usize, &Item)| Some((number, name.text()?.to_owned()));
     let bad = "a name of a class is empty, a list or a mapping; a word is needed";
-    names.into_iter().map(text).collect::<Option<_>>().ok_or_else(|| bad.to_owned())
+    let names = names.into_iter().map(text).collect::<Option<_>>().ok_or(bad)?;
+    let key_points = file.entry("kpt_shape").map(|shape| {
+        let Content::List(sides) = &shape.content else { return None };
+        let sides = sides.iter().map(|side| side.text()?.parse().ok()).collect::<Option<Vec<usize>>>()?;
+        (sides.len() == 2).then(|| sides[0].checked_mul(sides[1])).flatten()
+    });
+    let key_points =
+        key_points.map(|count| count.ok_or("kpt_shape must be a list of two numbers, such as [17, 3]"));
+    Ok(YoloLabels { names, key_points: key_points.transpose()? })
 }
 
 #[cfg(test)]
@@ -169,9 +207,9 @@ mod tests {
 
     #[test]
     fn boxes_are_shares_of_the_image() {
-        let (class, bbox) = parse("2 0.5 0.5 0.25 0.5", 200.0, 100.0).expect("five columns");
+        let (class, bbox) = parse("2 0.5 0.5 0.25 0.5", (200.0, 100.0), None).expect("five columns");
         assert_eq!((class, bbox), (2, BBox { x1: 75.0, y1: 25.0, x2: 125.0, y2: 75.0 }));
-        let (_, bbox) = parse("0 0.1 0.2 0.5 0.9 0.3 0.4", 100.0, 100.0).expect("a polygon");
+        let (_, bbox) = parse("0.0 0.1 0.2 0.5 0.9 0.3 0.4", (100.0, 100.0), None).expect("a polygon");
         assert!((bbox.x1 - 10.0).abs() < 1e-4 && (bbox.y2 - 90.0).abs() < 1e-4, "{bbox:?}");
     }
 
@@ -181,11 +219,30 @@ mod tests {
             ("car 0 0 1 1", "'car'"),
             ("0 0 0 1", "4 columns found, 5 needed"),
             ("0 0 0 nan 1", "'nan'"),
-            ("0 0.5 0.5 -1 1", "-1 x 1"),
+            ("0 0.5 0.5 -0.005 1", "-0.005 x 1"),
+            ("0 0.5 0.5 20 12", "20 found, but all columns are shares"),
+            ("0 0.5 0.5 0.2 0.2 0.9", "6 columns found"),
+            ("0 0.5 0.5 0.2 0.2 0.4 0.4 2 0.6 0.6 2", "2 found"),
+            ("1.5 0.5 0.5 0.2 0.2", "'1.5'"),
         ] {
-            let why = parse(line, 10.0, 10.0).expect_err(line);
+            let why = parse(line, (10.0, 10.0), None).expect_err(line);
             assert!(why.contains(told), "{why}");
         }
+    }
+
+    #[test]
+    fn key_points_are_read_as_far_as_the_data_set_tells_their_number() {
+        let labels = listed("names: [person]\nkpt_shape: [3, 2]\n").expect("readable");
+        let pose = "0 0.5 0.5 0.2 0.4 0.45 0.4 0.55 0.4 0.5 0.6";
+        let (_, bbox) = parse(pose, (100.0, 100.0), labels.key_points).expect("a box and three points");
+        assert_eq!(
+            (bbox.x1.round(), bbox.y1.round(), bbox.x2.round(), bbox.y2.round()),
+            (40.0, 30.0, 60.0, 70.0)
+        );
+        let why =
+            parse("0 0.5 0.5 0.2 0.4 0.45 0.4", (1.0, 1.0), labels.key_points).expect_err("two numbers more");
+        assert!(why.contains("7 columns found, 11 needed by kpt_shape"), "{why}");
+        assert!(listed("names: [person]\nkpt_shape: 17\n").is_err());
     }
 
     #[test]
@@ -224,7 +281,7 @@ mod tests {
         ] {
             let folder = tempfile::tempdir().expect("a folder");
             std::fs::write(folder.path().join("data.yaml"), text).expect("written");
-            let names = names(folder.path()).expect("readable");
+            let names = YoloLabels::of(folder.path()).expect("readable").names;
             assert_eq!((names[&0].as_str(), names[&1].as_str()), ("car", last));
         }
     }

@@ -2,6 +2,9 @@
 
 mod bags;
 mod damage;
+mod damaged_pictures;
+#[path = "../../../tests/harness/data.rs"]
+mod data;
 mod files;
 mod sources;
 #[cfg(feature = "sqlite")]

@@ -1,9 +1,6 @@
 //! Image files and KITTI folders as sources, KITTI folders as bags, and recordings of others. The last are skipped where the
 //! data folder is absent.
 
-#[path = "../../../tests/harness/data.rs"]
-mod data;
-
 use std::path::{Path, PathBuf};
 
 use image::{ImageBuffer, Rgb, Rgba};
@@ -19,7 +16,7 @@ use modulo_runtime::Qos;
 use ndarray::Array3;
 use proptest::prelude::*;
 
-use crate::{COMPRESSIONS, frame, read_all, temporary, write_kitti};
+use crate::{COMPRESSIONS, data, frame, read_all, temporary, write_kitti};
 
 fn error_of(path: &Path) -> String {
     match open(&path.display().to_string(), &SourceOptions::default()) {
@@ -190,6 +187,59 @@ fn numbers_in_names_are_in_order_of_their_value() {
 }
 
 #[test]
+fn hidden_files_are_no_images_and_other_formats_are_counted() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| folder.path().join(name);
+    save_png(&path("1.png"), &frame(1)).expect("saved");
+    for name in ["._1.png", ".DS_Store", "Thumbs.db", "2.webp", "3.BMP", "._3.bmp"] {
+        std::fs::write(path(name), "no image").expect("written");
+    }
+    assert_eq!(frames(folder.path(), 0.0).len(), 1);
+    let source = open(&folder.path().display().to_string(), &SourceOptions::default()).expect("a source");
+    let [warning] = &source.warnings()[..] else { panic!("one line") };
+    assert!(warning.contains("2 images of other formats") && warning.contains("2.webp"), "{warning}");
+    let of_one = open(&path("1.png").display().to_string(), &SourceOptions::default()).expect("a source");
+    assert!(of_one.warnings().is_empty(), "nobody asked for the folder");
+}
+
+/// A file does not tell that its pixels are a mosaic, but the message does.
+#[test]
+fn a_compressed_mosaic_is_the_mosaic() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let grey =
+        Frame::from_u8(Array3::from_shape_fn((8, 8, 1), |(y, x, _)| (90 * (y % 2) + 60 * (x % 2)) as u8));
+    let grey = grey.expect("8 x 8");
+    let png = modulo_images::encode(&grey, modulo_images::FileFormat::Png).expect("encoded");
+    let read = |name: &str, type_name: &str, payload: Vec<u8>| {
+        let path = folder.path().join(name);
+        let mut bag = BagWriter::create(&path, Compression::None).expect("a new bag");
+        let topic = bag.topic(&BagTopic::new("/image", type_name, Qos::Images)).expect("a topic");
+        bag.write(topic, 1, 1, &payload).expect("written");
+        bag.finish().expect("finished");
+        let mut source = open(&path.display().to_string(), &SourceOptions::default()).expect("a source");
+        source.next().expect("a frame").map(|frame| frame.radiance).map_err(|why| why.to_string())
+    };
+    let mosaic = grey.clone().with_mosaic(modulo_core::Mosaic::Rggb).expect("a mosaic");
+    let raw = cdr::to_vec(&Image::from_frame(Header::default(), &mosaic)).expect("short");
+    let raw = read("raw", "sensor_msgs/msg/Image", raw).expect("readable");
+    assert_eq!(raw.dim(), (8, 8, 3));
+    let mut compressed = |name: &str, format: &str| {
+        let message = CompressedImage { header: Header::default(), format: format.into(), data: png.clone() };
+        read(name, "sensor_msgs/msg/CompressedImage", cdr::to_vec(&message).expect("short"))
+    };
+    assert_eq!(compressed("bayer", "bayer_rggb8; png compressed "), Ok(raw));
+    for (name, format) in [("grey", "mono8; png compressed "), ("plain", "png")] {
+        assert_eq!(compressed(name, format).expect(format).dim(), (8, 8, 1));
+    }
+    for (name, format) in
+        [("deep", "mono16; jpeg compressed "), ("deep_bayer", "bayer_rggb16; jpeg compressed ")]
+    {
+        let why = compressed(name, format).expect_err(format);
+        assert!(why.contains(format) && why.contains("8 bits"), "{why}");
+    }
+}
+
+#[test]
 fn linear_values_are_scaled_by_white_and_alpha_is_dropped() {
     let (_folder, path) = temporary("sky.exr");
     ImageBuffer::from_fn(2, 1, |x, _| Rgba([x as f32, 2.0, 4.0, 0.5])).save(&path).expect("saved");
@@ -346,6 +396,20 @@ fn a_bad_label_names_file_and_line_and_leaves_no_bag() {
     let error = import_kitti(&kitti, &out, Compression::None).expect_err("a bad line").to_string();
     assert!(error.contains("000002.txt:3: 6 columns found, 15 needed"), "{error}");
     assert!(!out.exists());
+}
+
+#[test]
+fn an_import_leaves_damaged_images_out_and_counts_them() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let kitti = folder.path().join("kitti");
+    write_kitti(&kitti, 3);
+    let damaged = kitti.join("image_2/000000.png");
+    let bytes = std::fs::read(&damaged).expect("read");
+    std::fs::write(&damaged, &bytes[..bytes.len() / 2]).expect("written");
+    let out = folder.path().join("out");
+    let report = import_kitti(&kitti, &out, Compression::None).expect("imported");
+    assert_eq!(report, ImportReport { frames: 2, labelled: 1, objects: 2, missing: 1 });
+    assert_eq!(frames(&out, 0.0).len(), 2);
 }
 
 #[test]

@@ -196,6 +196,7 @@ impl ModuloCamera {
     fn step_live(&mut self, cx: &mut Context<'_>) -> Result<(), StepError> {
         let CameraInput::Live(video) = &self.input else { return Ok(()) };
         let Some(live) = video.newest(LIVE_PATIENCE) else { return Ok(()) };
+        let live = live.map_err(|why| StepError::Skip(why.to_string()))?;
         self.taken += 1;
         let (transfer, header) =
             (self.parameters.sensor.transfer, self.header(Time::from_ns(live.stamp_ns), FRAME_ID));
@@ -388,6 +389,7 @@ impl CameraInput {
         let topic = Some(parameters.source_topic.clone()).filter(|t| !t.is_empty());
         let options = SourceOptions { white, transfer, topic };
         let source = source::open(spec, &options).map_err(|why| refuse(why.to_string()))?;
+        source.warnings().iter().for_each(|warning| tracing::warn!("{warning}"));
         Ok(Self::Frames(FrameReader::new(source, parameters.r#loop)))
     }
 
@@ -410,16 +412,16 @@ impl FrameReader {
     /// Returns the next frame; `None` at the end.
     ///
     /// # Errors
-    /// [`StepError::Skip`] for a frame that cannot be read, [`StepError::Fatal`] when the source is over and no frame
-    /// of it was good, or when it cannot start again.
+    /// [`StepError::Skip`] for a frame that cannot be read, [`StepError::Fatal`] when the source is to start again, but cannot, or no frame
+    /// of it was good.
     fn next_frame(&mut self) -> Result<Option<SourceFrame>, StepError> {
         let mut next = self.source.next();
         if next.is_none() {
-            // A source without a single good frame would repeat its errors without end.
-            if let (false, Some(why)) = (self.given, self.bad.take()) {
-                return Err(StepError::Fatal(format!("no frame of the source is good: {why}")));
-            }
             if self.repeat {
+                // A source without a single good frame would repeat its errors without end.
+                if let (false, Some(why)) = (self.given, self.bad.take()) {
+                    return Err(StepError::Fatal(format!("no frame of the source is good: {why}")));
+                }
                 self.source.rewind().map_err(|why| StepError::Fatal(why.to_string()))?;
                 self.given = false;
                 next = self.source.next();

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use modulo_core::{Exposure, Frame, Range, Sensor, Transfer};
-use modulo_images::{EXTENSIONS, White, read_image};
+use modulo_images::{EXTENSIONS, White, is_hidden, read_image};
 use modulo_scene::{Preset, Scene};
 use ndarray::Array3;
 
@@ -122,7 +122,8 @@ fn list(folder: &Path) -> Result<Vec<PathBuf>, BenchError> {
     for entry in fs::read_dir(folder).map_err(io)? {
         let path = entry.map_err(io)?.path();
         let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
-        if path.is_file() && extension.is_some_and(|e| EXTENSIONS.contains(&e.as_str())) {
+        if path.is_file() && !is_hidden(&path) && extension.is_some_and(|e| EXTENSIONS.contains(&e.as_str()))
+        {
             files.push(path);
         }
     }

@@ -52,6 +52,7 @@ struct Notes {
     twice: Vec<String>,
     unreadable: Vec<String>,
     outside: Vec<String>,
+    flat: Vec<String>,
     digest: Sha256,
 }
 
@@ -159,6 +160,8 @@ impl Notes {
             }
             if bbox.area() > 0.0 {
                 kept.push(GroundTruth { bbox, ..label });
+            } else if !beyond && label.class != DONT_CARE {
+                self.flat.push(format!("{} of {name}", label.class));
             }
         }
         kept
@@ -173,6 +176,7 @@ impl Notes {
             warning("frames have no labels and are left out", &self.unlabelled),
             warning("frames are there twice and count once", &self.twice),
             warning("labels reach outside the image and are cut", &self.outside),
+            warning("labels have no area and are left out", &self.flat),
         ]
         .into_iter()
         .flatten()

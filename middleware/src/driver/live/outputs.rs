@@ -5,7 +5,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use modulo_images::FileFormat;
-use modulo_msgs::image::{encoding_of, mosaic_of};
+use modulo_msgs::image::{encoding_of, restore};
 use modulo_msgs::sensor_msgs::CompressedImage;
 use modulo_runtime::topic::ImageCompression;
 use modulo_runtime::{Address, Message, MessageKind, NodeName, Parameters, StampedFrame, Topic};
@@ -110,12 +110,7 @@ pub(super) fn decompress(file: &CompressedImage, topic: &Topic) -> Result<Stampe
         );
     }
     let frame = modulo_images::decode(&file.data, &file.format).map_err(|why| why.to_string())?;
-    // A file does not tell that its grey pixels are a mosaic; the encoding of the image stands first in the format.
-    let encoding = file.format.split(';').next().unwrap_or(&file.format).trim();
-    let frame = match mosaic_of(encoding) {
-        Some(mosaic) => frame.with_mosaic(mosaic).map_err(|why| why.to_string())?,
-        None => frame,
-    };
+    let frame = restore(frame, &file.format).map_err(|why| why.to_string())?;
     Ok(StampedFrame { header: file.header.clone(), frame })
 }
 
