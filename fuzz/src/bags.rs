@@ -52,11 +52,11 @@ fn whole() -> Vec<u8> {
 fn file(name: &str, data: &[u8]) {
     let folder = super::folder(&[(name, data)]);
     let path = folder.path().join(name);
-    for (number, bag) in [BagReader::open(&path), BagReader::salvage(&path)].iter().flatten().enumerate() {
-        // A bag that breaks off, or has too many messages, cannot be compared with its copy.
-        let Some(read) = messages(bag) else { continue };
-        let out = folder.path().join(format!("out{number}"));
-        if copy(bag, &out, Compression::None).is_ok() {
+    // A bag that breaks off, or has too many messages, cannot be compared with its copy.
+    let bag = BagReader::open(&path).ok();
+    if let Some((bag, read)) = bag.and_then(|bag| messages(&bag).map(|read| (bag, read))) {
+        let out = folder.path().join("out");
+        if copy(&bag, &out, Compression::None).is_ok() {
             let copied = BagReader::open(&out).expect("a copy is a bag");
             assert!(copied.warnings().iter().all(|w| !w.is_loss()), "{:?}", copied.warnings());
             assert_eq!(messages(&copied), Some(read));

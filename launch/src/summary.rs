@@ -37,6 +37,8 @@ pub struct Summary {
     pub topics: BTreeMap<String, TopicCounts>,
     /// Restarts after crashes, by process; only those that had one.
     pub restarts: BTreeMap<String, u32>,
+    /// Processes that have done their work but have lost something, such as a player of a bag that was cut, with the reason.
+    pub with_loss: Vec<String>,
     /// Topics that are read as best effort: the sender does not promise that all messages arrive.
     #[serde(skip)]
     pub best_effort: BTreeSet<String>,
@@ -105,12 +107,12 @@ impl Summary {
     /// A live run promises the newest image, so an image that a newer one replaced, or that was dropped on its way to
     /// a reader that was late, is only counted. So is one that was left unread at the end. With `strict` these are
     /// losses too. These always are: a message that could not be read, processed or sent, a message lost on
-    /// the way of a reliable topic, and what was lost in a crash.
+    /// the way of a reliable topic, what was lost in a crash, and what a process says that it has lost.
     pub fn lost(&self, strict: bool) -> bool {
         let broken = |(topic, n): (&String, &TopicCounts)| {
             n.bad > 0 || (n.lost > 0 && !self.best_effort.contains(topic)) || (strict && n.dropped > 0)
         };
-        !self.lost_in_crashes.is_empty() || self.topics.iter().any(broken)
+        !self.lost_in_crashes.is_empty() || !self.with_loss.is_empty() || self.topics.iter().any(broken)
     }
 
     /// Writes the summary to `file` as JSON.

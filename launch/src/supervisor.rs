@@ -118,6 +118,9 @@ pub struct ProcessOutcome {
 pub enum ProcessEnd {
     /// By itself, with exit status 0.
     Exited,
+    /// By itself, a command of this suite with exit status 3: it has done its work, but something was lost. With the last line of
+    /// its standard error.
+    WithLoss(String),
     /// Because it was told to.
     ShutDown,
     /// By itself, otherwise; with the status in words.
@@ -140,6 +143,7 @@ impl fmt::Display for ProcessEnd {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Exited => write!(f, "ended"),
+            Self::WithLoss(why) => write!(f, "ended with a loss: {why}"),
             Self::ShutDown => write!(f, "was shut down"),
             Self::Crashed(status) => write!(f, "crashed: {status}"),
             Self::GaveUp { crashes, status } => write!(
@@ -173,7 +177,11 @@ impl Outcome {
 
     /// The nodes' reports added up.
     pub fn summary(&self) -> Summary {
-        Summary::new(&self.reports, self.processes.iter().map(|p| (p.label.as_str(), p.restarts)))
+        let with_loss = self.processes.iter().filter(|p| matches!(p.end, ProcessEnd::WithLoss(_)));
+        Summary {
+            with_loss: with_loss.map(|p| format!("{} {}", p.label, p.end)).collect(),
+            ..Summary::new(&self.reports, self.processes.iter().map(|p| (p.label.as_str(), p.restarts)))
+        }
     }
 }
 

@@ -58,7 +58,7 @@ impl Source {
     fn new(py: Python<'_>, parameters: &Bound<'_, PyDict>) -> PyResult<Self> {
         let (source, options) = options(parameters)?;
         let source = py.detach(|| source::open(&source, &options)).map_err(value_error)?;
-        warn(py, source.warnings().into_iter())?;
+        warn(py, [source.losses(), source.warnings()].concat().into_iter())?;
         Ok(Self(Mutex::new(source)))
     }
 

@@ -151,8 +151,8 @@ pub fn bag(args: &Bag) -> Result<Ended, Failure> {
             say!("{}", BagInfo(&reader).to_string().trim_end());
             Ok(loss(reader.warnings()))
         }
-        Bag::Recover(args) => copy(&BagReader::salvage(&args.bag)?, args),
-        Bag::Convert(args) => copy(&BagReader::open(&args.bag)?, args),
+        // Both copy what can be read; only the reason to call them differs.
+        Bag::Recover(args) | Bag::Convert(args) => copy(&BagReader::open(&args.bag)?, args),
         Bag::Import(BagImport::Kitti { folder, out }) => {
             let report = import_kitti(folder, out, Compression::None).map_err(import_failed)?;
             say!("{} frames, {} labelled, {} objects", report.frames, report.labelled, report.objects);
@@ -269,6 +269,8 @@ fn play(args: &BagPlay) -> Result<Ended, Failure> {
         eprintln!("modulo: {} messages that cannot be read were left out", player.left_out());
         return Ok(Ended::WithLoss);
     }
+    // Told again, because a launcher gives the last line as the reason.
+    player.bag().warnings().iter().filter(|w| w.is_loss()).for_each(|why| eprintln!("modulo: {why}"));
     Ok(ended)
 }
 

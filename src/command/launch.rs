@@ -111,6 +111,7 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
     if evaluable && completed && failure.is_none() && summary.frames > 0 && !summary.detections.is_empty() {
         tell_pictures(file, &args.arguments);
     }
+    summary.with_loss.iter().for_each(|why| eprintln!("[launch] {why}"));
     match failure {
         Some(failure) => Err(failure),
         None if summary.lost(args.strict) => Ok(Ended::WithLoss),

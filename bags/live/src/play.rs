@@ -114,9 +114,10 @@ impl Player {
                     let position = self.began.saturating_add(message.log_time.saturating_sub(start));
                     return Some(Ok(NextMessage { position, message }));
                 }
-                Some(Err(bad @ BagError::BadMessage { .. })) => {
-                    tracing::warn!("{bad}");
-                    self.left_out += 1;
+                Some(Err(BagError::LeftOut(left_out))) => {
+                    tracing::warn!("{left_out}");
+                    // Where the damage hides their number, it is one at least.
+                    self.left_out += left_out.messages.unwrap_or(1);
                 }
                 Some(Err(error)) => {
                     // The position in the bag is unknown after an error, so it is not repeated.

@@ -2,18 +2,26 @@
 
 use std::collections::HashMap;
 use std::fs::File;
-use std::io::{Read, Seek, SeekFrom};
+use std::io::{self, Read, Seek};
+use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use mcap::Summary;
-use mcap::sans_io::indexed_reader::{IndexedReadEvent, IndexedReader, IndexedReaderOptions, ReadOrder};
+use mcap::read::ChannelAccumulator;
+use mcap::records::{ChunkIndex, Record};
 use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
+use mcap::{McapError, Summary};
 
-use super::scan::{MAX_CHUNK, UnchunkedMessage, scan};
-use super::storage::{Cursor, FileSummary, IndexUse, Storage};
-use super::{BagError, BagTopic, BagWarning, RawMessage, Selection, TopicCount, type_hash};
+use super::chunk::{self, MAX_CHUNK};
+use super::scan::{Scan, UnchunkedMessage, crc_of, scan};
+use super::storage::{Cursor, FileSummary, Merge, MergeInput, Storage};
+use super::{
+    BagError, BagTopic, BagWarning, LeftOut, RawMessage, Selection, TopicCount, type_hash, unpacked,
+};
 use crate::FileError;
+
+/// The length of the footer with the magic bytes behind it: opcode, length, two offsets and the CRC.
+const FOOTER: u64 = 9 + 20 + 8;
 
 /// The index of one file.
 #[derive(Debug)]
@@ -26,30 +34,117 @@ pub(super) struct McapFile {
 }
 
 impl McapFile {
-    /// Takes the file's summary, or scans the file when that is not usable.
-    pub(super) fn open(path: &Path, index: IndexUse) -> Result<Self, BagError> {
+    /// Takes the file's summary and looks at what lies between the chunks of it, or scans the file when there is no usable summary.
+    pub(super) fn open(path: &Path) -> Result<Self, BagError> {
         let io = |e| FileError::new(path, e);
         let mut file = File::open(path).map_err(io)?;
         let size = file.metadata().map_err(io)?.len();
-        let summary = match index {
-            IndexUse::Trusted => read_summary(&mut file, size).filter(|summary| is_complete(summary, size)),
-            IndexUse::Ignored => None,
-        };
-        let (summary, loose, mut warnings) = match summary {
-            Some(summary) => (summary, Vec::new(), Vec::new()),
-            None => {
-                // The search for the summary has moved the position.
-                file.rewind().map_err(io)?;
-                let mut found = scan(path, file, size)?;
-                // The caller has not asked for the index.
-                found.warnings.retain(|w| index == IndexUse::Trusted || !matches!(w, BagWarning::NoIndex(_)));
-                (found.summary, found.loose, found.warnings)
-            }
-        };
+        let index = Index::read(&mut file, size).map_err(io)?;
+        let begins = begins_as_mcap(&file, size).map_err(io)?;
+        if !begins && index.is_none() {
+            return Err(BagError::NotBag(path.to_owned()));
+        }
+        let Scan { summary, loose, mut warnings, .. } = walk(path, &file, size, index.as_ref())?;
+        if !begins {
+            let why = "it is not that of an MCAP file".to_owned();
+            warnings.insert(0, BagWarning::Skipped { path: path.to_owned(), byte: 0, why });
+        }
         let topics = cdr_topics(path, &summary, &mut warnings);
         let summed = sum(&summary, &topics, size, warnings);
         Ok(Self { path: path.to_owned(), index: summary, loose, topics, summary: summed })
     }
+
+    /// Returns the messages of the `wanted` channels in a chunk, by time; none of them when any of it is damaged.
+    fn messages_of(&self, file: &File, chunk: &ChunkIndex, wanted: &Wanted) -> Result<Vec<Item>, McapError> {
+        let record = chunk::read(file, chunk)?;
+        let mut known = ChannelAccumulator::from_summary(&self.index);
+        let (mut messages, mut unknown) = (Vec::new(), 0);
+        chunk::unpack(chunk, &record, |record| match record {
+            Record::Message { header, data } => {
+                // Two channels may share a name, and only one of them be CDR.
+                if let Some(topic) = wanted.topics.get(&header.channel_id) {
+                    messages.push((topic, header, data.into_owned()));
+                } else if !self.index.channels.contains_key(&header.channel_id) {
+                    unknown += 1;
+                }
+                Ok(())
+            }
+            record => chunk::define(&mut known, record.into_owned()),
+        })?;
+        messages.retain(|(_, header, _)| header.log_time >= wanted.start);
+        // The sort is stable, so messages of one time stay in the order of the file.
+        messages.sort_by_key(|(_, header, _)| header.log_time);
+        let mut items: Vec<_> = messages
+            .into_iter()
+            .map(|(topic, header, data)| self.message(topic, header.log_time, header.publish_time, data))
+            .collect();
+        if unknown > 0 {
+            let why = chunk::fault("the index does not know their channel");
+            let left_out = chunk::left_out(&self.path, chunk.chunk_start_offset, Some(unknown), &why);
+            items.push(Err(BagError::LeftOut(left_out)));
+        }
+        Ok(items)
+    }
+
+    fn message(&self, topic: &Arc<BagTopic>, log_time: u64, publish_time: u64, data: Vec<u8>) -> Item {
+        let data = unpacked(data).map_err(|why| LeftOut::one(&self.path, topic, why))?;
+        Ok(RawMessage { topic: Arc::clone(topic), log_time, publish_time, data })
+    }
+}
+
+/// A message, or the report of one that is left out.
+type Item = Result<RawMessage, BagError>;
+
+/// The selected messages.
+struct Wanted {
+    topics: HashMap<u16, Arc<BagTopic>>,
+    /// From this log time on, ns since the epoch.
+    start: u64,
+}
+
+/// The index at the end of a file.
+struct Index {
+    summary: Summary,
+    /// Whether a CRC shows that it is whole.
+    is_checked: bool,
+}
+
+impl Index {
+    /// Returns the index; `None` when it cannot be read or cannot be right, since the scan then finds the reason.
+    fn read(file: &mut File, size: u64) -> io::Result<Option<Self>> {
+        let Some(start) = size.checked_sub(FOOTER) else { return Ok(None) };
+        let mut footer = [0; FOOTER as usize];
+        file.read_exact_at(&mut footer, start)?;
+        let number = |at: usize| footer[at..at + 8].try_into().map(u64::from_le_bytes).expect("eight bytes");
+        let saved = u32::from_le_bytes(footer[25..29].try_into().expect("four bytes"));
+        let summary_start = number(9);
+        // The CRC is of all bytes from the start of the summary up to itself; 0 is none.
+        let is_damaged = saved != 0 && crc_of(file, summary_start.min(size), start + 25)? != saved;
+        let summary = if is_damaged { None } else { read_summary(file, size) };
+        let summary = summary.filter(|summary| is_complete(summary, summary_start));
+        Ok(summary.map(|summary| Self { summary, is_checked: saved != 0 }))
+    }
+}
+
+/// Looks at what the index leaves open; all of the file without one, or with one that the file contradicts.
+fn walk(path: &Path, file: &File, size: u64, index: Option<&Index>) -> Result<Scan, BagError> {
+    let found = scan(path, file, size, index.map(|index| &index.summary))?;
+    let Some(index) = index else { return Ok(found) };
+    let is_damaged = found.warnings.iter().any(BagWarning::is_loss);
+    if !(found.is_index_short || is_damaged && !index.is_checked) {
+        return Ok(found);
+    }
+    let all = scan(path, file, size, None)?;
+    let messages = |found: &Scan| found.summary.stats.as_ref().map_or(0, |stats| stats.message_count);
+    Ok(if found.is_index_short || messages(&all) >= messages(&found) { all } else { found })
+}
+
+/// Returns whether the file begins with the magic bytes, or ends within them.
+fn begins_as_mcap(file: &File, size: u64) -> io::Result<bool> {
+    let length = mcap::MAGIC.len().min(usize::try_from(size).unwrap_or(usize::MAX));
+    let mut start = vec![0; length];
+    file.read_exact_at(&mut start, 0)?;
+    Ok(mcap::MAGIC.starts_with(&start))
 }
 
 fn sum(
@@ -88,14 +183,80 @@ impl Storage for McapFile {
     }
 
     fn messages(self: Arc<Self>, selection: &Selection) -> Result<Option<Box<dyn Cursor>>, BagError> {
-        let messages = McapMessages::open(self, selection)?;
-        Ok(messages.map(|messages| Box::new(messages) as Box<dyn Cursor>))
+        let topics = self.topics.iter().filter(|(_, topic)| selection.has(&topic.name));
+        let topics: HashMap<_, _> = topics.map(|(id, topic)| (*id, Arc::clone(topic))).collect();
+        if topics.is_empty() {
+            return Ok(None);
+        }
+        let file = Arc::new(File::open(&self.path).map_err(|e| FileError::new(&self.path, e))?);
+        let wanted = Arc::new(Wanted { topics, start: selection.start_ns.unwrap_or(0) });
+        let is_wanted = |chunk: &&ChunkIndex| {
+            // A file may have no message indexes.
+            let channels = &chunk.message_index_offsets;
+            let is_here = channels.keys().any(|channel| wanted.topics.contains_key(channel));
+            chunk.message_end_time >= wanted.start && (is_here || channels.is_empty())
+        };
+        let chunks = self.index.chunk_indexes.iter().filter(is_wanted).cloned();
+        let mut inputs: Vec<_> = chunks.map(|chunk| chunk_input(&self, &file, &wanted, chunk)).collect();
+        let is_wanted =
+            |m: &&UnchunkedMessage| m.log_time >= wanted.start && wanted.topics.contains_key(&m.channel);
+        let rest: Vec<_> = self.loose.iter().filter(is_wanted).copied().collect();
+        if let Some(first) = rest.first() {
+            let (index, start) = (Arc::clone(&self), first.log_time);
+            let loose = LooseMessages { index, file, wanted, rest: rest.into_iter() };
+            inputs.push(MergeInput { start, open: Box::new(move || Ok(Some(Box::new(loose)))) });
+        }
+        Ok(Some(Box::new(Merge::of(inputs))))
     }
 }
 
-/// Returns the summary at the end of the file; `None` when it cannot be read, since the scan then finds the reason.
+/// Returns the messages of a chunk, which is read when the first of them may be next.
+fn chunk_input(
+    index: &Arc<McapFile>,
+    file: &Arc<File>,
+    wanted: &Arc<Wanted>,
+    chunk: ChunkIndex,
+) -> MergeInput {
+    let (index, file, wanted) = (Arc::clone(index), Arc::clone(file), Arc::clone(wanted));
+    let start = chunk.message_start_time;
+    let open = move || match index.messages_of(&file, &chunk, &wanted) {
+        Ok(messages) => Ok(Some(Box::new(messages.into_iter()) as Box<dyn Cursor>)),
+        Err(why) => {
+            let messages = chunk::count(&file, &chunk, |channel| wanted.topics.contains_key(&channel));
+            Err(chunk::left_out(&index.path, chunk.chunk_start_offset, messages, &why).into())
+        }
+    };
+    MergeInput { start, open: Box::new(open) }
+}
+
+impl Cursor for std::vec::IntoIter<Item> {
+    fn next(&mut self) -> Result<Option<RawMessage>, BagError> {
+        Iterator::next(self).transpose()
+    }
+}
+
+/// Selected messages outside of chunks.
+struct LooseMessages {
+    index: Arc<McapFile>,
+    file: Arc<File>,
+    wanted: Arc<Wanted>,
+    rest: std::vec::IntoIter<UnchunkedMessage>,
+}
+
+impl Cursor for LooseMessages {
+    fn next(&mut self) -> Result<Option<RawMessage>, BagError> {
+        let Some(loose) = self.rest.next() else { return Ok(None) };
+        let topic = self.wanted.topics.get(&loose.channel).expect("only wanted messages are kept");
+        let mut data = vec![0; loose.length];
+        let read = self.file.read_exact_at(&mut data, loose.offset);
+        read.map_err(|e| FileError::new(&self.index.path, e))?;
+        self.index.message(topic, loose.log_time, loose.publish_time, data).map(Some)
+    }
+}
+
+/// Returns the summary at the end of the file.
 fn read_summary(file: &mut File, size: u64) -> Option<Summary> {
-    let options = SummaryReaderOptions::default().with_file_size(size);
+    let options = SummaryReaderOptions::default().with_file_size(size).with_record_length_limit(MAX_CHUNK);
     let mut reader = SummaryReader::new_with_options(options);
     while let Some(event) = reader.next_event() {
         match event.ok()? {
@@ -106,21 +267,21 @@ fn read_summary(file: &mut File, size: u64) -> Option<Summary> {
             SummaryReadEvent::SeekRequest(to) => reader.notify_seeked(file.seek(to).ok()?),
         }
     }
-    reader.finish()
+    let mut summary = reader.finish()?;
+    summary.chunk_indexes.sort_by_key(|chunk| chunk.chunk_start_offset);
+    Some(summary)
 }
 
-/// Returns whether the summary is enough to find every message.
-fn is_complete(summary: &Summary, size: u64) -> bool {
+/// Returns whether the summary, which begins at `start`, is enough to find every message.
+fn is_complete(summary: &Summary, start: u64) -> bool {
     let Some(stats) = &summary.stats else { return false };
     let chunks = &summary.chunk_indexes;
-    let inside = |start: u64, length: u64| start.checked_add(length).is_some_and(|end| end <= size);
     // An index with fewer chunks than the file counts would hide messages.
     stats.chunk_count as usize == chunks.len()
-        // Messages outside of chunks have no index; only a scan finds them.
-        && (stats.message_count == 0 || !chunks.is_empty())
         && stats.message_start_time <= stats.message_end_time
         && stats.channel_message_counts.keys().all(|id| summary.channels.contains_key(id))
-        && chunks.iter().all(|chunk| inside(chunk.chunk_start_offset, chunk.chunk_length))
+        && chunks.iter().all(|chunk| chunk::is_consistent(chunk) && chunk::end_of(chunk) <= start)
+        && chunks.is_sorted_by(|a, b| chunk::end_of(a) <= b.chunk_start_offset)
 }
 
 fn cdr_topics(path: &Path, summary: &Summary, warnings: &mut Vec<BagWarning>) -> HashMap<u16, Arc<BagTopic>> {
@@ -129,12 +290,9 @@ fn cdr_topics(path: &Path, summary: &Summary, warnings: &mut Vec<BagWarning>) ->
         if channel.message_encoding == "cdr" {
             topics.insert(id, Arc::new(topic(channel)));
         } else {
-            warnings.push(BagWarning::LeftOut {
-                path: path.to_owned(),
-                topic: channel.topic.clone(),
-                messages: message_count(summary, id),
-                why: format!("they are '{}', cdr is needed", channel.message_encoding),
-            });
+            let why = format!("they are '{}', cdr is needed", channel.message_encoding);
+            let messages = message_count(summary, id);
+            warnings.push(LeftOut::of_topic(path, &channel.topic, messages, why).into());
         }
     }
     topics
@@ -155,103 +313,4 @@ fn topic(channel: &mcap::Channel<'_>) -> BagTopic {
         schema_encoding,
         schema,
     }
-}
-
-/// The selected messages of one file.
-struct McapMessages {
-    index: Arc<McapFile>,
-    file: File,
-    wanted: HashMap<u16, Arc<BagTopic>>,
-    chunked: IndexedReader,
-    /// Selected messages outside of chunks that are still to come, the next one last.
-    loose: Vec<UnchunkedMessage>,
-    /// The next message of the chunks, read to compare its time.
-    ahead: Option<RawMessage>,
-}
-
-impl McapMessages {
-    fn open(index: Arc<McapFile>, selection: &Selection) -> Result<Option<Self>, BagError> {
-        let wanted: HashMap<_, _> = index
-            .topics
-            .iter()
-            .filter(|(_, topic)| selection.has(&topic.name))
-            .map(|(id, topic)| (*id, Arc::clone(topic)))
-            .collect();
-        // The MCAP reader takes an empty list of topics for all topics.
-        if wanted.is_empty() {
-            return Ok(None);
-        }
-        let start = selection.start_ns.unwrap_or(0);
-        let options = IndexedReaderOptions::new()
-            .with_order(ReadOrder::LogTime)
-            .include_topics(wanted.values().map(|topic| topic.name.clone()))
-            .starting_at(start)
-            // A broken length must not decide how much memory is allocated.
-            .with_record_length_limit(MAX_CHUNK);
-        let chunked = IndexedReader::new_with_options(&index.index, options)
-            .map_err(|e| BagError::damaged(&index.path, e))?;
-        let is_wanted = |m: &&UnchunkedMessage| m.log_time >= start && wanted.contains_key(&m.channel);
-        let loose = index.loose.iter().filter(is_wanted).rev().copied().collect();
-        let file = File::open(&index.path).map_err(|e| FileError::new(&index.path, e))?;
-        Ok(Some(Self { index, file, wanted, chunked, loose, ahead: None }))
-    }
-
-    fn next_chunked(&mut self) -> Result<Option<RawMessage>, BagError> {
-        let path = &self.index.path;
-        while let Some(event) = self.chunked.next_event() {
-            match event.map_err(|e| BagError::damaged(path, e))? {
-                IndexedReadEvent::ReadChunkRequest { offset, length } => {
-                    let bytes = read_at(&mut self.file, &self.index, offset, length)?;
-                    let taken = self.chunked.insert_chunk_record_data(offset, &bytes);
-                    taken.map_err(|e| BagError::damaged(path, e))?;
-                }
-                IndexedReadEvent::Message { header, data } => {
-                    // Two channels may share a name, and only one of them be CDR.
-                    let Some(topic) = self.wanted.get(&header.channel_id) else { continue };
-                    return Ok(Some(RawMessage {
-                        topic: Arc::clone(topic),
-                        log_time: header.log_time,
-                        publish_time: header.publish_time,
-                        data: data.to_vec(),
-                    }));
-                }
-            }
-        }
-        Ok(None)
-    }
-
-    fn next_loose(&mut self) -> Result<Option<RawMessage>, BagError> {
-        let Some(loose) = self.loose.pop() else { return Ok(None) };
-        let Some(topic) = self.wanted.get(&loose.channel) else { return Ok(None) };
-        let data = read_at(&mut self.file, &self.index, loose.offset, loose.length)?;
-        let (log_time, publish_time) = (loose.log_time, loose.publish_time);
-        Ok(Some(RawMessage { topic: Arc::clone(topic), log_time, publish_time, data }))
-    }
-}
-
-impl Cursor for McapMessages {
-    fn next(&mut self) -> Result<Option<RawMessage>, BagError> {
-        if self.ahead.is_none() {
-            self.ahead = self.next_chunked()?;
-        }
-        match (&self.ahead, self.loose.last()) {
-            (Some(ahead), Some(loose)) if loose.log_time < ahead.log_time => self.next_loose(),
-            (None, Some(_)) => self.next_loose(),
-            _ => Ok(self.ahead.take()),
-        }
-    }
-}
-
-/// Reads `length` bytes at `offset` of the file; a length beyond its end is refused before it is allocated.
-fn read_at(file: &mut File, index: &McapFile, offset: u64, length: usize) -> Result<Vec<u8>, BagError> {
-    let end = offset.checked_add(length as u64).filter(|&end| end <= index.summary.size);
-    if end.is_none() {
-        let why = format!("{length} bytes at {offset} are beyond its end at {}", index.summary.size);
-        return Err(BagError::damaged(&index.path, why));
-    }
-    let io = |e| FileError::new(&index.path, e);
-    let mut bytes = vec![0; length];
-    file.seek(SeekFrom::Start(offset)).map_err(io)?;
-    file.read_exact(&mut bytes).map_err(io)?;
-    Ok(bytes)
 }

@@ -3,8 +3,10 @@
 //! The files take precedence: reading a bag takes only the list of its files and their form from here.
 
 use std::fmt::Write;
+use std::io::Read as _;
 use std::path::Path;
 
+use modulo_images::open_regular;
 use modulo_runtime::parameter::yaml_text::of_string as quoted;
 use modulo_runtime::yaml::{self, Content, Item};
 
@@ -12,6 +14,9 @@ use super::{BagError, TopicCount, qos};
 use crate::{FileError, stays_inside};
 
 pub(super) const FILE_NAME: &str = "metadata.yaml";
+
+/// No more of the file is read, bytes.
+const LONGEST: u64 = 64 << 20;
 
 /// Key of the mapping that holds all of the metadata.
 const ROOT: &str = "rosbag2_bagfile_information";
@@ -25,6 +30,8 @@ pub(super) struct Metadata {
     pub(super) storage_identifier: String,
     pub(super) relative_file_paths: Vec<String>,
     pub(super) compression_mode: String,
+    pub(super) compression_format: String,
+    pub(super) message_count: Option<u64>,
     pub(super) ros_distro: Option<String>,
 }
 
@@ -43,24 +50,23 @@ pub(super) struct Contents<'a> {
     pub(super) topics: &'a [TopicCount],
 }
 
-/// Reads a `metadata.yaml` of any version and checks that its files are of a form that is read here.
+/// Reads a `metadata.yaml` of any version and checks that its files are of a form that is read here. What the files are, their
+/// first bytes tell.
 pub(super) fn read(path: &Path) -> Result<Metadata, BagError> {
-    let text = std::fs::read_to_string(path).map_err(|e| FileError::new(path, e))?;
+    let mut text = String::new();
+    let read = open_regular(path).and_then(|file| file.take(LONGEST).read_to_string(&mut text));
+    read.map_err(|e| match e.kind() {
+        std::io::ErrorKind::InvalidData => BagError::Metadata(path.to_owned(), e.to_string()),
+        _ => FileError::new(path, e).into(),
+    })?;
     let metadata = parse(&text).map_err(|why| BagError::Metadata(path.to_owned(), why))?;
     let refuse = |what, found: &str, possible| {
         let why = format!("{what} '{found}' is not supported, possible is {possible}");
         Err(BagError::Unsupported(path.to_owned(), why))
     };
-    if !["mcap", "sqlite3"].contains(&metadata.storage_identifier.as_str()) {
-        return refuse("storage", &metadata.storage_identifier, "mcap or sqlite3");
-    }
-    // rosbag2 compresses either whole files or single messages.
-    if !["", "none", "storage"].contains(&metadata.compression_mode.to_ascii_lowercase().as_str()) {
-        return refuse(
-            "compression_mode",
-            &metadata.compression_mode,
-            "none or storage, which `ros2 bag convert` makes",
-        );
+    let is_by_message = metadata.compression_mode.eq_ignore_ascii_case("message");
+    if is_by_message && !["", "zstd"].contains(&&*metadata.compression_format) {
+        return refuse("compression_format of messages", &metadata.compression_format, "zstd");
     }
     if let Some(outside) = metadata.relative_file_paths.iter().find(|name| !stays_inside(Path::new(name))) {
         return refuse(
@@ -92,10 +98,11 @@ fn parse(text: &str) -> Result<Metadata, String> {
     let files = files
         .ok_or_else(|| format!("{ROOT}.relative_file_paths is no list of file names, which is needed"))?;
     Ok(Metadata {
-        storage_identifier: word("storage_identifier")?
-            .ok_or_else(|| format!("{ROOT}.storage_identifier has no value, mcap or sqlite3 is needed"))?,
+        storage_identifier: word("storage_identifier")?.unwrap_or_default(),
         relative_file_paths: files.into_iter().map(str::to_owned).collect(),
         compression_mode: word("compression_mode")?.unwrap_or_default(),
+        compression_format: word("compression_format")?.unwrap_or_default(),
+        message_count: word("message_count")?.and_then(|count| count.parse().ok()),
         ros_distro: word("ros_distro")?,
     })
 }
@@ -204,7 +211,6 @@ mod tests {
         for (text, told) in [
             (String::new(), ROOT),
             ("a: 1".to_owned(), ROOT),
-            (document("relative_file_paths: [a]"), "storage_identifier has no value, mcap or sqlite3"),
             (document("storage_identifier: mcap"), "relative_file_paths is no list of file names"),
             (
                 document("{storage_identifier: mcap, relative_file_paths: [[a]]}"),
@@ -225,16 +231,12 @@ mod tests {
     fn what_is_not_read_is_refused_by_name() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let path = folder.path().join(FILE_NAME);
-        for (ours, other, named) in [
-            ("identifier: mcap", "identifier: lance", "lance"),
-            ("compression_mode: \"\"", "compression_mode: FILE", "FILE"),
-            ("compression_mode: \"\"", "compression_mode: message", "message"),
-        ] {
-            let text = text_of(&[]).replace(ours, other);
-            assert!(text.contains(other));
-            std::fs::write(&path, text).expect("written");
-            let error = read(&path).expect_err(other).to_string();
-            assert!(error.contains(named), "{error}");
-        }
+        let none = "compression_format: \"\"\n  compression_mode: \"\"";
+        let text = text_of(&[]);
+        assert!(text.contains(none));
+        let lz4 = text.replace(none, "compression_format: lz4\n  compression_mode: MESSAGE");
+        std::fs::write(&path, lz4).expect("written");
+        let error = read(&path).expect_err("lz4").to_string();
+        assert!(error.contains("lz4") && error.contains("zstd"), "{error}");
     }
 }

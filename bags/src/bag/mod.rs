@@ -4,6 +4,7 @@
 //! [`BagWarning`].
 
 mod bag_file;
+mod chunk;
 mod mcap_file;
 mod metadata;
 pub mod qos;
@@ -26,7 +27,7 @@ use crate::FileError;
 pub use bag_file::Compression;
 pub use reader::{BagInfo, BagReader, Messages};
 pub use storage::Selection;
-use storage::{IndexUse, Storage};
+use storage::Storage;
 pub use writer::{BagWriter, Copied, Split, TopicId, WriteOptions, copy};
 
 /// A topic of a bag, from its channel and its schema.
@@ -92,7 +93,8 @@ pub struct RawMessage {
 }
 
 /// Returns whether `path` is to be opened as a bag: a `.mcap`, `.db3` or `.bag` file, or a folder with `metadata.yaml` or
-/// with such files. Opening a `.bag` file of ROS 1 gives an error that names the remedy.
+/// with such files. Opening a `.bag` file of ROS 1, or a file that is compressed (`.mcap.zstd`), gives an error that names the
+/// remedy.
 pub fn is_bag(path: &Path) -> bool {
     if path.is_dir() {
         return path.join(metadata::FILE_NAME).is_file()
@@ -102,7 +104,7 @@ pub fn is_bag(path: &Path) -> bool {
 }
 
 /// Opens the file `path`.
-fn open(path: &Path, index: IndexUse) -> Result<Arc<dyn Storage>, BagError> {
+fn open(path: &Path) -> Result<Arc<dyn Storage>, BagError> {
     let mut start = Vec::new();
     let file = open_regular(path).map_err(|e| FileError::new(path, e))?;
     // The longest of the signatures, that of SQLite, has 16 bytes.
@@ -111,10 +113,28 @@ fn open(path: &Path, index: IndexUse) -> Result<Arc<dyn Storage>, BagError> {
         open_sqlite(path)?
     } else if start.starts_with(b"#ROSBAG V") {
         return Err(BagError::Ros1(path.to_owned()));
+    } else if start.starts_with(&ZSTD) {
+        return Err(BagError::Compressed(path.to_owned()));
     } else {
         // Anything else is read as MCAP, whose reader names the error.
-        Arc::new(mcap_file::McapFile::open(path, index)?)
+        Arc::new(mcap_file::McapFile::open(path)?)
     })
+}
+
+/// The first bytes of what zstd has compressed. CDR never begins so: its first byte is 0.
+const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
+
+/// Returns the payload of a message, which is compressed on its own in bags of the `compression_mode` message.
+fn unpacked(payload: Vec<u8>) -> Result<Vec<u8>, String> {
+    if !payload.starts_with(&ZSTD) {
+        return Ok(payload);
+    }
+    let mut message = Vec::new();
+    // A broken length must not decide how much memory is allocated.
+    let most = chunk::MAX_CHUNK as u64;
+    let read = zstd::Decoder::new(&payload[..]).and_then(|zstd| zstd.take(most).read_to_end(&mut message));
+    read.map_err(|why| format!("its zstd compression is broken: {why}"))?;
+    Ok(message)
 }
 
 #[cfg(feature = "sqlite")]
@@ -147,6 +167,9 @@ pub enum BagError {
          `rosbags`) makes a ROS 2 bag that can be read here", file = .0.display()
     )]
     Ros1(PathBuf),
+    /// The whole file is compressed.
+    #[error("{file}: is compressed as a whole; unpack it with `zstd -d {file}`", file = .0.display())]
+    Compressed(PathBuf),
     /// The metadata file describes a bag of a form that is not supported.
     #[error("{file}: {1}", file = .0.display())]
     Unsupported(PathBuf, String),
@@ -156,18 +179,9 @@ pub enum BagError {
     /// The file is damaged or was not closed. The last field names a remedy.
     #[error("{file}: {1}; {2}", file = .0.display())]
     Damaged(PathBuf, String, &'static str),
-    /// One message cannot be read; the messages after it can.
-    #[error("{}: a message of topic '{topic}' cannot be read: {why}", path.display())]
-    BadMessage {
-        /// The file.
-        path: PathBuf,
-        /// Name of the topic.
-        topic: String,
-        /// Time of the recording, ns since the epoch.
-        log_time: u64,
-        /// Description of the fault.
-        why: String,
-    },
+    /// Messages cannot be read; those after them can.
+    #[error(transparent)]
+    LeftOut(#[from] LeftOut),
     /// The folder of a new bag cannot be made.
     #[error(transparent)]
     Output(#[from] OutputError),
@@ -200,10 +214,32 @@ impl BagError {
     pub fn is_without_place(&self) -> bool {
         matches!(self, Self::Output(_) | Self::Exists(_) | Self::Name(_))
     }
+}
 
-    /// Returns the error of a damaged MCAP file.
-    pub(super) fn damaged(path: &Path, why: impl std::fmt::Display) -> Self {
-        Self::Damaged(path.to_owned(), why.to_string(), "`modulo bag recover` may save the rest")
+/// Messages of a bag that cannot be read, while those after them can.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{}: {}messages of {place} are left out: {why}", path.display(), .messages.map_or(String::new(), |n| format!("{n} ")))]
+pub struct LeftOut {
+    /// The file.
+    pub path: PathBuf,
+    /// The topic of the messages, or the part of the file that holds them.
+    pub place: String,
+    /// Number of the messages; `None` when the damage hides it.
+    pub messages: Option<u64>,
+    /// Description of their fault, or of the fault of the first one.
+    pub why: String,
+}
+
+/// The first word of a [`LeftOut::place`] that is a topic.
+const TOPIC: &str = "topic";
+
+impl LeftOut {
+    fn of_topic(path: &Path, topic: &str, messages: u64, why: String) -> Self {
+        Self { path: path.to_owned(), place: format!("{TOPIC} '{topic}'"), messages: Some(messages), why }
+    }
+
+    fn one(path: &Path, topic: &BagTopic, why: String) -> Self {
+        Self::of_topic(path, &topic.name, 1, why)
     }
 }
 
@@ -216,11 +252,20 @@ pub enum BagWarning {
     /// The file is not a readable `metadata.yaml`.
     #[error("{file}: {1}; all files of its folder are read by their start time", file = .0.display())]
     BadMetadata(PathBuf, String),
-    /// The file is complete, but has no index.
-    #[error("{file}: no index, the whole file was scanned", file = .0.display())]
+    /// The file is complete, but has no index, or a damaged one.
+    #[error("{file}: no index that is whole, the whole file was scanned", file = .0.display())]
     NoIndex(PathBuf),
+    /// `metadata.yaml` and the files contradict each other, and the files are right.
+    #[error("{file}: {1}", file = .0.display())]
+    Metadata(PathBuf, String),
+    /// A file of the bag is left out, for the reason of the text.
+    #[error("{0}; the other files of the bag are read")]
+    Part(String),
+    /// The file has changed since it was written, and nobody knows which messages are damaged or missing.
+    #[error("{file}: {1}; any of its messages may be damaged or missing", file = .0.display())]
+    Contradiction(PathBuf, String),
     /// The file ends too early; everything up to the last complete chunk is read.
-    #[error("{}: cut at byte {byte} ({why}); {messages} messages before it are read", path.display())]
+    #[error("{}: cut at byte {byte} ({why}), or still being recorded; {messages} messages before it are read", path.display())]
     Truncated {
         /// The file.
         path: PathBuf,
@@ -241,18 +286,9 @@ pub enum BagWarning {
         /// Description of the fault.
         why: String,
     },
-    /// Messages of a topic are left out.
-    #[error("{}: {messages} messages of topic '{topic}' are left out: {why}", path.display())]
-    LeftOut {
-        /// The file.
-        path: PathBuf,
-        /// Name of the topic.
-        topic: String,
-        /// Number of the messages.
-        messages: u64,
-        /// Description of their fault, or of the fault of the first one.
-        why: String,
-    },
+    /// Messages are left out.
+    #[error(transparent)]
+    LeftOut(#[from] LeftOut),
     /// The type of a topic is defined neither by the bag nor by the suite.
     #[error("{}: topic '{topic}': the bag does not define {type_name}, nor does this suite", path.display())]
     NoDefinition {
@@ -268,6 +304,19 @@ pub enum BagWarning {
 impl BagWarning {
     /// Returns whether recorded messages cannot be read.
     pub fn is_loss(&self) -> bool {
-        matches!(self, Self::Truncated { .. } | Self::Skipped { .. } | Self::LeftOut { .. })
+        match self {
+            Self::Truncated { .. }
+            | Self::Skipped { .. }
+            | Self::LeftOut(_)
+            | Self::Part(_)
+            | Self::Contradiction(..) => true,
+            Self::NoMetadata(_) | Self::BadMetadata(..) | Self::NoIndex(_) | Self::Metadata(..) => false,
+            Self::NoDefinition { .. } => false,
+        }
+    }
+
+    /// Returns whether recorded messages cannot be read, of which nobody knows that they are all of one topic.
+    pub fn is_loss_of_any_topic(&self) -> bool {
+        self.is_loss() && !matches!(self, Self::LeftOut(left_out) if left_out.place.starts_with(TOPIC))
     }
 }

@@ -1,5 +1,6 @@
 //! [`BagReader`]: a file or a bag folder, its messages in log-time order, and [`BagInfo`], its content in words.
 
+use std::collections::HashSet;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -7,7 +8,7 @@ use std::sync::Arc;
 use modulo_runtime::clock::utc;
 
 use super::metadata::{self, Metadata};
-use super::storage::{self, Cursor, IndexUse, Merge, MergeInput, Storage};
+use super::storage::{self, Cursor, Merge, MergeInput, Storage};
 use super::{BagError, BagWarning, RawMessage, Selection, TopicCount};
 
 /// An open bag: its index is known, and no message has been read yet.
@@ -38,47 +39,58 @@ pub struct BagReader {
 
 impl BagReader {
     /// Opens a file (MCAP, rosbag2's SQLite), or a folder with `metadata.yaml` or with such files. An MCAP file
-    /// without a summary, such as a truncated one, is scanned.
+    /// without a summary, such as a truncated one, is scanned. A file of a folder that cannot be read is left out.
     ///
     /// # Errors
     /// [`BagError`] when there is no bag, or one in a form that is not read.
     pub fn open(path: &Path) -> Result<Self, BagError> {
-        Self::open_with(path, IndexUse::Trusted)
-    }
-
-    /// Opens a bag as [`BagReader::open`] does, but scans every MCAP file: damage inside of a file with a good index is
-    /// then known, and the messages around it are read.
-    ///
-    /// # Errors
-    /// As [`BagReader::open`].
-    pub fn salvage(path: &Path) -> Result<Self, BagError> {
-        Self::open_with(path, IndexUse::Ignored)
-    }
-
-    fn open_with(path: &Path, index: IndexUse) -> Result<Self, BagError> {
         let mut warnings = Vec::new();
-        let mut ros_distro = None;
-        let paths = match metadata_of(path, &mut warnings)? {
-            Some(metadata) => {
-                let paths = metadata.relative_file_paths.iter().map(|name| place(path, name)).collect();
-                ros_distro = metadata.ros_distro;
-                paths
-            }
+        let metadata = metadata_of(path, &mut warnings)?;
+        let paths = match &metadata {
+            Some(metadata) => listed(path, metadata, &mut warnings)?,
             None if path.is_dir() => storage::files_in(path)?,
             None => vec![path.to_owned()],
         };
-        if paths.is_empty() {
-            return Err(BagError::NoBag(path.to_owned()));
-        }
-        let mut files = Vec::new();
+        let (mut files, mut unread) = (Vec::new(), Vec::new());
         for path in paths {
-            let file = super::open(&path, index)?;
-            warnings.extend(file.summary().warnings.iter().cloned());
-            files.push((path, file));
+            match super::open(&path) {
+                Ok(file) => files.push((path, file)),
+                Err(why) => unread.push(why),
+            }
         }
+        if files.is_empty() {
+            return Err(unread.into_iter().next().unwrap_or_else(|| BagError::NoBag(path.to_owned())));
+        }
+        warnings.extend(unread.iter().map(|why| BagWarning::Part(why.to_string())));
+        warnings.extend(files.iter().flat_map(|(_, file)| file.summary().warnings.iter().cloned()));
         // Files without messages have no start and must not come first.
         files.sort_by_key(|(_, file)| file.summary().span.map_or(u64::MAX, |(start, _)| start));
-        Ok(Self { path: path.to_owned(), files, ros_distro, warnings })
+        let ros_distro = metadata.as_ref().and_then(|metadata| metadata.ros_distro.clone());
+        let mut bag = Self { path: path.to_owned(), files, ros_distro, warnings };
+        if let Some(metadata) = metadata {
+            bag.compare(&metadata);
+        }
+        Ok(bag)
+    }
+
+    /// Notes where `metadata` contradicts the files.
+    fn compare(&mut self, metadata: &Metadata) {
+        let mut contradictions = Vec::new();
+        let (stated, found) = (&metadata.storage_identifier, self.storage_id());
+        if stated != found {
+            contradictions.push(format!("its storage_identifier is '{stated}', its files are {found}"));
+        }
+        if metadata.compression_mode.eq_ignore_ascii_case("file") {
+            contradictions.push("its compression_mode is 'file', its files are not compressed".to_owned());
+        }
+        let count = self.message_count();
+        // Where messages are missing, their number is no contradiction.
+        let is_whole = !self.warnings.iter().any(BagWarning::is_loss);
+        if let Some(stated) = metadata.message_count.filter(|stated| is_whole && *stated != count) {
+            contradictions.push(format!("its message_count is {stated}, its files have {count} messages"));
+        }
+        let path = self.path.join(metadata::FILE_NAME);
+        self.warnings.extend(contradictions.into_iter().map(|why| BagWarning::Metadata(path.clone(), why)));
     }
 
     /// Returns the path that was opened.
@@ -152,7 +164,7 @@ impl BagReader {
     }
 }
 
-/// Messages of a bag; ends after the first error that is not [`BagError::BadMessage`].
+/// Messages of a bag; ends after the first error that is not [`BagError::LeftOut`].
 pub struct Messages {
     merged: Option<Merge>,
 }
@@ -163,7 +175,7 @@ impl Iterator for Messages {
     fn next(&mut self) -> Option<Self::Item> {
         let next = self.merged.as_mut()?.next();
         // After any other error the position in the file is unknown.
-        if !matches!(next, Ok(Some(_)) | Err(BagError::BadMessage { .. })) {
+        if !matches!(next, Ok(Some(_)) | Err(BagError::LeftOut(_))) {
             self.merged = None;
         }
         next.transpose()
@@ -188,11 +200,46 @@ fn metadata_of(path: &Path, warnings: &mut Vec<BagWarning>) -> Result<Option<Met
     Ok(None)
 }
 
+/// Returns the files of the bag `folder` that `metadata` lists, each of them once.
+fn listed(
+    folder: &Path,
+    metadata: &Metadata,
+    warnings: &mut Vec<BagWarning>,
+) -> Result<Vec<PathBuf>, BagError> {
+    let own = folder.join(metadata::FILE_NAME);
+    let present = storage::files_in(folder)?;
+    let (mut paths, mut known) = (Vec::new(), HashSet::new());
+    for name in &metadata.relative_file_paths {
+        let path = place(folder, name);
+        if known.insert(canonical(&path)) {
+            paths.push(path);
+        } else {
+            let why = format!("'{name}' is listed more than once, and read once");
+            warnings.push(BagWarning::Metadata(own.clone(), why));
+        }
+    }
+    if !present.is_empty() && !paths.iter().any(|path| path.exists()) {
+        warnings.push(BagWarning::BadMetadata(own, "no file that it lists is here".to_owned()));
+        return Ok(present);
+    }
+    for path in present.iter().filter(|path| !known.contains(&canonical(path))) {
+        let why = "is not listed in metadata.yaml; without metadata.yaml all files of a folder are read";
+        warnings.push(BagWarning::Part(format!("{}: {why}", path.display())));
+    }
+    Ok(paths)
+}
+
+/// Returns the one path of a file that several paths may lead to.
+fn canonical(path: &Path) -> PathBuf {
+    path.canonicalize().unwrap_or_else(|_| path.to_owned())
+}
+
 /// Returns the path of the file that the metadata calls `name`. Before version 4 the name begins with that of the
-/// folder.
+/// folder; and a file that was compressed may be unpacked.
 fn place(folder: &Path, name: &str) -> PathBuf {
-    let listed = folder.join(name);
-    let bare = Path::new(name).file_name().map(|name| folder.join(name));
+    let given = folder.join(name);
+    let listed = storage::decompressed(&given).filter(|path| path.exists()).unwrap_or(given);
+    let bare = listed.file_name().map(|name| folder.join(name));
     bare.filter(|bare| !listed.exists() && bare.exists()).unwrap_or(listed)
 }
 

@@ -1,28 +1,23 @@
-//! [`scan`]: makes the summary of an MCAP file without one from its records, from the start to the last complete one.
+//! [`scan`]: walks over the records of an MCAP file, from the start to the last complete one. With an index, the chunks that it
+//! knows are passed over, so that only what lies between them is read.
 //!
 //! A chunk counts as a whole or not at all. Nothing that a broken file claims about lengths is allocated before it is
 //! compared with the file's size.
 
 use std::fs::File;
-use std::io::Read;
+use std::io;
+use std::os::unix::fs::FileExt as _;
 use std::path::Path;
 use std::sync::Arc;
 
 use mcap::read::ChannelAccumulator;
-use mcap::records::{ChunkHeader, ChunkIndex, Record, Statistics, op};
-use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::records::{ChunkIndex, Record, Statistics, op};
 use mcap::{McapError, Summary, parse_record};
 
+use super::chunk::{self, MAX_CHUNK, RECORD_HEAD};
 use super::{BagError, BagWarning};
 use crate::FileError;
 
-/// No chunk may unpack to more, bytes: recorders write a few MiB.
-pub(super) const MAX_CHUNK: usize = 1 << 30;
-
-/// Opcode and length in front of every record.
-const RECORD_HEAD: u64 = 9;
-/// A chunk's times, size, CRC and lengths in front of its data, without the name of its compression.
-const CHUNK_HEAD: u64 = 40;
 /// Channel, sequence and two times in front of a message's data.
 const MESSAGE_HEAD: u64 = 22;
 
@@ -43,38 +38,62 @@ pub(super) struct Scan {
     /// The messages by log time, then by position in the file.
     pub(super) loose: Vec<UnchunkedMessage>,
     pub(super) warnings: Vec<BagWarning>,
+    /// Whether there is a chunk that the index does not know.
+    pub(super) is_index_short: bool,
 }
 
 /// Walks over `file`, which is `size` bytes long; `path` is for the warnings.
-pub(super) fn scan(path: &Path, mut file: File, size: u64) -> Result<Scan, BagError> {
-    // No record is longer than its file, so a broken length is found before memory is allocated for it.
-    let limit = usize::try_from(size).unwrap_or(usize::MAX);
-    let options = LinearReaderOptions::default()
-        .with_emit_chunks(true)
-        .with_skip_end_magic(true)
-        .with_record_length_limit(limit);
-    let mut reader = LinearReader::new_with_options(options);
-    let mut walk = Walk::new(path);
-    let end = loop {
-        match reader.next_event() {
-            None => break Some("no end of data".to_owned()),
-            Some(Err(McapError::BadMagic)) => return Err(BagError::NotBag(path.to_owned())),
-            Some(Err(e)) => break Some(e.to_string()),
-            Some(Ok(LinearReadEvent::ReadRequest(need))) => {
-                let read = file.read(reader.insert(need)).map_err(|e| FileError::new(path, e))?;
-                reader.notify_read(read);
-            }
-            Some(Ok(LinearReadEvent::Record { opcode: op::DATA_END, .. })) => break None,
-            // No record has this opcode: blocks of zeros are the trace of a power cut.
-            Some(Ok(LinearReadEvent::Record { opcode: 0, .. })) => break Some("zeros".to_owned()),
-            Some(Ok(LinearReadEvent::Record { data, opcode })) => walk.record(opcode, data),
-        }
-    };
-    Ok(walk.finish(end))
+pub(super) fn scan(path: &Path, file: &File, size: u64, index: Option<&Summary>) -> Result<Scan, BagError> {
+    let mut walk = Walk::new(path, file, size, index);
+    let end = walk.to_the_end().map_err(|e| FileError::new(path, e))?;
+    let mut scan = walk.finish(&end);
+    // The CRC of the data needs the whole file. Chunks have CRCs of their own, and where damage is known it says nothing new.
+    let is_read = index.is_none() || !scan.loose.is_empty() || end.passed_unknown;
+    if let Some(saved) = end.crc.filter(|&crc| crc != 0 && is_read)
+        && !scan.warnings.iter().any(BagWarning::is_loss)
+        && crc_of(file, 0, end.offset).map_err(|e| FileError::new(path, e))? != saved
+    {
+        let why = "the CRC of its data is wrong".to_owned();
+        scan.warnings.push(BagWarning::Contradiction(path.to_owned(), why));
+    }
+    Ok(scan)
+}
+
+/// Returns the CRC-32 of the bytes from `start` to `end`.
+pub(super) fn crc_of(file: &File, start: u64, end: u64) -> io::Result<u32> {
+    let (mut hasher, mut bytes, mut at) = (crc32fast::Hasher::new(), vec![0; 1 << 16], start);
+    while at < end {
+        let most = usize::try_from(end - at).unwrap_or(usize::MAX).min(bytes.len());
+        file.read_exact_at(&mut bytes[..most], at)?;
+        hasher.update(&bytes[..most]);
+        at += most as u64;
+    }
+    Ok(hasher.finalize())
+}
+
+/// Where a walk ended.
+struct WalkEnd {
+    offset: u64,
+    /// Why it ended before the end of the data.
+    why: Option<String>,
+    /// The CRC of the data, at their end.
+    crc: Option<u32>,
+    /// Whether records that no version of MCAP defines were passed over.
+    passed_unknown: bool,
+}
+
+/// A record, or what stands in place of one.
+enum Step {
+    Record { opcode: u8, length: u64 },
+    DataEnd { crc: u32 },
+    Broken(String),
 }
 
 struct Walk<'a> {
     path: &'a Path,
+    file: &'a File,
+    size: u64,
+    index: Option<&'a Summary>,
     offset: u64,
     known: ChannelAccumulator<'static>,
     stats: Statistics,
@@ -82,10 +101,12 @@ struct Walk<'a> {
     channels: Vec<u16>,
     loose: Vec<UnchunkedMessage>,
     warnings: Vec<BagWarning>,
+    is_index_short: bool,
+    passed_unknown: bool,
 }
 
 impl<'a> Walk<'a> {
-    fn new(path: &'a Path) -> Self {
+    fn new(path: &'a Path, file: &'a File, size: u64, index: Option<&'a Summary>) -> Self {
         let stats = Statistics {
             message_count: 0,
             schema_count: 0,
@@ -100,60 +121,147 @@ impl<'a> Walk<'a> {
         };
         Self {
             path,
+            file,
+            size,
+            index,
             offset: mcap::MAGIC.len() as u64,
-            known: ChannelAccumulator::default(),
+            known: index.map(ChannelAccumulator::from_summary).unwrap_or_default(),
             stats,
             chunks: Vec::new(),
             channels: Vec::new(),
             loose: Vec::new(),
             warnings: Vec::new(),
+            is_index_short: false,
+            passed_unknown: false,
         }
     }
 
-    fn record(&mut self, opcode: u8, body: &[u8]) {
-        let length = RECORD_HEAD + body.len() as u64;
-        if let Err(e) = self.take(opcode, body, length) {
-            let (path, byte, why) = (self.path.to_owned(), self.offset, e.to_string());
-            self.warnings.push(BagWarning::Skipped { path, byte, why });
+    fn to_the_end(&mut self) -> io::Result<WalkEnd> {
+        let mut chunks = self.index.map_or(&[][..], |index| &index.chunk_indexes).iter().peekable();
+        loop {
+            if let Some(chunk) = chunks.next_if(|chunk| chunk.chunk_start_offset == self.offset) {
+                self.offset = chunk::end_of(chunk);
+                continue;
+            }
+            let next = chunks.peek().map(|chunk| chunk.chunk_start_offset);
+            let (why, crc) = match self.step(next.unwrap_or(self.size))? {
+                Step::Record { opcode, length } => {
+                    self.record(opcode, length);
+                    continue;
+                }
+                Step::DataEnd { crc } => (None, Some(crc)),
+                Step::Broken(why) => (Some(why), None),
+            };
+            let Some(next) = next else {
+                let (offset, passed_unknown) = (self.offset.min(self.size), self.passed_unknown);
+                return Ok(WalkEnd { offset, why, crc, passed_unknown });
+            };
+            // The index knows where the next chunk begins, whatever is broken before it.
+            self.skip(why.unwrap_or_else(|| "an end of the data before their end".to_owned()));
+            self.offset = next;
+        }
+    }
+
+    /// Looks at the record at the present offset, which has to end before `limit`.
+    fn step(&self, limit: u64) -> io::Result<Step> {
+        let broken = |why: &str| Ok(Step::Broken(why.to_owned()));
+        let Some(left) = limit.checked_sub(self.offset + RECORD_HEAD) else {
+            return broken(match self.size {
+                0 => "the file is empty: its recorder has written nothing",
+                size if self.offset >= size => "no end of data",
+                _ => "it ends within a record",
+            });
+        };
+        let mut head = [0; RECORD_HEAD as usize];
+        self.file.read_exact_at(&mut head, self.offset)?;
+        let [opcode, length @ ..] = head;
+        let length = u64::from_le_bytes(length);
+        match opcode {
+            // No record has this opcode: blocks of zeros are the trace of a power cut.
+            0 => broken("zeros"),
+            _ if length > left => broken("a record is longer than what is left"),
+            op::DATA_END if length >= 4 => {
+                let mut crc = [0; 4];
+                self.file.read_exact_at(&mut crc, self.offset + RECORD_HEAD)?;
+                Ok(Step::DataEnd { crc: u32::from_le_bytes(crc) })
+            }
+            op::DATA_END | op::FOOTER => broken("no end of data"),
+            _ => Ok(Step::Record { opcode, length }),
+        }
+    }
+
+    fn skip(&mut self, why: String) {
+        self.warnings.push(BagWarning::Skipped { path: self.path.to_owned(), byte: self.offset, why });
+    }
+
+    fn record(&mut self, opcode: u8, length: u64) {
+        match self.take(opcode, length) {
+            Ok(()) => {}
+            Err(why) if opcode == op::CHUNK => {
+                let left_out = chunk::left_out(self.path, self.offset, None, &why);
+                self.warnings.push(BagWarning::LeftOut(left_out));
+            }
+            Err(why) => self.skip(chunk::told(&why)),
         }
         // A record that is skipped still has its length, so the scan continues behind it.
-        self.offset += length;
+        self.offset += RECORD_HEAD + length;
     }
 
-    fn take(&mut self, opcode: u8, body: &[u8], length: u64) -> Result<(), McapError> {
+    fn take(&mut self, opcode: u8, length: u64) -> Result<(), McapError> {
         match opcode {
-            op::SCHEMA | op::CHANNEL => self.define(parse_record(opcode, body)?.into_owned()),
-            op::MESSAGE => {
-                // The opcode tells the record; the pattern only satisfies the type.
-                let Record::Message { header, data } = parse_record(opcode, body)? else { return Ok(()) };
-                self.count(header.channel_id, header.log_time)?;
-                self.loose.push(UnchunkedMessage {
-                    channel: header.channel_id,
-                    log_time: header.log_time,
-                    publish_time: header.publish_time,
-                    offset: self.offset + RECORD_HEAD + MESSAGE_HEAD,
-                    length: data.len(),
-                });
+            op::SCHEMA | op::CHANNEL => {
+                let record = self.read(length)?;
+                self.define(parse_record(opcode, &record[RECORD_HEAD as usize..])?.into_owned())
+            }
+            op::MESSAGE => self.message(length),
+            op::CHUNK if self.index.is_some() => {
+                self.is_index_short = true;
                 Ok(())
             }
-            op::CHUNK => match parse_record(opcode, body)? {
-                Record::Chunk { header, .. } => self.chunk(header, body, length),
-                _ => Ok(()),
-            },
+            op::CHUNK => self.chunk(length),
+            // Later versions of MCAP, or a broken opcode.
+            0x10..0x80 => Err(chunk::fault(&format!("its opcode {opcode:#04x} is unknown"))),
+            // The extensions of applications.
+            0x80.. => {
+                self.passed_unknown = true;
+                Ok(())
+            }
             // Attachments, metadata and indexes are not needed to read messages.
             _ => Ok(()),
         }
     }
 
+    /// Returns the record with its head.
+    fn read(&self, length: u64) -> Result<Vec<u8>, McapError> {
+        let most = usize::try_from(length).ok().filter(|&length| length <= MAX_CHUNK);
+        let length = most.ok_or(McapError::ChunkTooLarge(length))?;
+        let mut record = vec![0; RECORD_HEAD as usize + length];
+        self.file.read_exact_at(&mut record, self.offset)?;
+        Ok(record)
+    }
+
     fn define(&mut self, record: Record<'static>) -> Result<(), McapError> {
-        match record {
-            Record::Schema { header, data } => self.known.add_schema(header, data),
-            Record::Channel(channel) => {
-                self.channels.push(channel.id);
-                self.known.add_channel(channel)
-            }
-            _ => Ok(()),
+        if let Record::Channel(channel) = &record {
+            self.channels.push(channel.id);
         }
+        chunk::define(&mut self.known, record)
+    }
+
+    fn message(&mut self, length: u64) -> Result<(), McapError> {
+        let data = length.checked_sub(MESSAGE_HEAD).ok_or(McapError::UnexpectedEof)?;
+        let mut head = [0; MESSAGE_HEAD as usize];
+        self.file.read_exact_at(&mut head, self.offset + RECORD_HEAD)?;
+        // The opcode tells the record; the pattern only satisfies the type.
+        let Record::Message { header, .. } = parse_record(op::MESSAGE, &head)? else { return Ok(()) };
+        self.count(header.channel_id, header.log_time)?;
+        self.loose.push(UnchunkedMessage {
+            channel: header.channel_id,
+            log_time: header.log_time,
+            publish_time: header.publish_time,
+            offset: self.offset + RECORD_HEAD + MESSAGE_HEAD,
+            length: usize::try_from(data).map_err(|_| McapError::ChunkTooLarge(data))?,
+        });
+        Ok(())
     }
 
     fn count(&mut self, channel: u16, log_time: u64) -> Result<(), McapError> {
@@ -168,9 +276,11 @@ impl<'a> Walk<'a> {
     }
 
     /// Reads all of a chunk before any of it counts.
-    fn chunk(&mut self, header: ChunkHeader, body: &[u8], length: u64) -> Result<(), McapError> {
+    fn chunk(&mut self, length: u64) -> Result<(), McapError> {
+        let record = self.read(length)?;
+        let mut found = chunk::index_of(self.offset, &record)?;
         let mut messages = Vec::new();
-        unpack(&header, body, |record| match record {
+        chunk::unpack(&found, &record, |record| match record {
             Record::Message { header, .. } => {
                 messages.push((header.channel_id, header.log_time));
                 Ok(())
@@ -185,71 +295,41 @@ impl<'a> Walk<'a> {
             self.count(channel, log_time)?;
         }
         self.stats.chunk_count += 1;
-        self.chunks.push(ChunkIndex {
-            message_start_time: messages.iter().map(|m| m.1).min().unwrap_or_default(),
-            message_end_time: messages.iter().map(|m| m.1).max().unwrap_or_default(),
-            chunk_start_offset: self.offset,
-            chunk_length: length,
-            message_index_offsets: Default::default(),
-            message_index_length: 0,
-            compression: header.compression,
-            compressed_size: header.compressed_size,
-            uncompressed_size: header.uncompressed_size,
-        });
+        // The times of its head have no CRC.
+        found.message_start_time = messages.iter().map(|m| m.1).min().unwrap_or_default();
+        found.message_end_time = messages.iter().map(|m| m.1).max().unwrap_or_default();
+        self.chunks.push(found);
         Ok(())
     }
 
-    fn finish(mut self, end: Option<String>) -> Scan {
+    fn finish(mut self, end: &WalkEnd) -> Scan {
         let path = self.path.to_owned();
         let messages = self.stats.message_count;
-        self.warnings.push(match end {
-            Some(why) => BagWarning::Truncated { path, byte: self.offset, why, messages },
-            None => BagWarning::NoIndex(path),
-        });
         // The sort is stable, so messages of one time stay in the order of the file.
         self.loose.sort_by_key(|message| message.log_time);
-        let channels = self.channels.iter().filter_map(|&id| Some((id, self.known.get(id)?)));
-        let mut summary = Summary { chunk_indexes: self.chunks, ..Summary::default() };
-        summary.channels = channels.map(|(id, channel)| (id, Arc::clone(&channel))).collect();
-        summary.stats = Some(self.stats);
-        Scan { summary, loose: self.loose, warnings: self.warnings }
-    }
-}
-
-/// Hands each record inside a chunk to `take`; `body` is the chunk's record.
-///
-/// `mcap::read::ChunkReader` is not used because it allocates whatever length a damaged record claims.
-fn unpack(
-    header: &ChunkHeader,
-    body: &[u8],
-    mut take: impl FnMut(Record<'_>) -> Result<(), McapError>,
-) -> Result<(), McapError> {
-    let available = (body.len() as u64).saturating_sub(CHUNK_HEAD + header.compression.len() as u64);
-    if header.compressed_size != available {
-        return Err(McapError::BadChunkLength { header: header.compressed_size, available });
-    }
-    // The header may claim any size; the limit holds before the library allocates it.
-    let unpacked = usize::try_from(header.uncompressed_size).unwrap_or(usize::MAX);
-    if unpacked > MAX_CHUNK {
-        return Err(McapError::ChunkTooLarge(header.uncompressed_size));
-    }
-    let options = LinearReaderOptions::default()
-        .with_skip_start_magic(true)
-        .with_skip_end_magic(true)
-        .with_validate_chunk_crcs(true)
-        .with_record_length_limit(unpacked.max(body.len()));
-    let mut reader = LinearReader::new_with_options(options);
-    let length = (body.len() as u64).to_le_bytes();
-    // The reader expects a whole record, whose opcode and length the scan has taken off.
-    let mut rest = [op::CHUNK][..].chain(&length[..]).chain(body);
-    while let Some(event) = reader.next_event() {
-        match event? {
-            LinearReadEvent::ReadRequest(need) => {
-                let read = rest.read(reader.insert(need))?;
-                reader.notify_read(read);
+        let mut warnings = self.warnings;
+        let summary = match self.index {
+            Some(index) => {
+                if let Some(why) = end.why.clone() {
+                    warnings.push(BagWarning::Skipped { path, byte: end.offset, why });
+                }
+                index.clone()
             }
-            LinearReadEvent::Record { data, opcode } => take(parse_record(opcode, data)?)?,
-        }
+            None => {
+                warnings.push(match end.why.clone() {
+                    Some(why) => BagWarning::Truncated { path, byte: end.offset, why, messages },
+                    None => BagWarning::NoIndex(path),
+                });
+                let channels = self.channels.iter().filter_map(|&id| Some((id, self.known.get(id)?)));
+                let channels = channels.map(|(id, channel)| (id, Arc::clone(&channel))).collect();
+                Summary {
+                    chunk_indexes: self.chunks,
+                    channels,
+                    stats: Some(self.stats),
+                    ..Summary::default()
+                }
+            }
+        };
+        Scan { summary, loose: self.loose, warnings, is_index_short: self.is_index_short }
     }
-    Ok(())
 }

@@ -1,18 +1,21 @@
 //! [`SqliteFile`]: a `.db3` file of rosbag2's SQLite storage, any version of its tables. Read only.
+//!
+//! SQLite has no checksums. What is missing is found by the lengths and the structure of the file; a payload that was changed is not.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use rusqlite::types::ValueRef;
-use rusqlite::{Connection, OpenFlags, Row};
+use rusqlite::{Connection, OpenFlags, Row, Statement};
 
 use super::storage::{Cursor, FileSummary, Storage};
-use super::{BagError, BagTopic, BagWarning, RawMessage, Selection, TopicCount};
+use super::{BagError, BagTopic, BagWarning, LeftOut, RawMessage, Selection, TopicCount, unpacked};
 use crate::FileError;
 
 /// Messages that are read at once.
-const BATCH: u32 = 8;
+const BATCH: usize = 8;
 
 /// The index of one file.
 #[derive(Debug)]
@@ -20,50 +23,161 @@ pub(super) struct SqliteFile {
     path: PathBuf,
     /// Numbers of the topics, in the order of the summary.
     ids: Vec<i64>,
+    /// The messages, by time.
+    places: Vec<MessagePlace>,
     summary: FileSummary,
+}
+
+/// Where a message is. The order is that of the replay.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct MessagePlace {
+    time: i64,
+    /// Number of the message.
+    id: i64,
+    /// Number of its topic.
+    topic: i64,
 }
 
 impl SqliteFile {
     pub(super) fn open(path: &Path) -> Result<Self, BagError> {
         let size = std::fs::metadata(path).map_err(|e| FileError::new(path, e))?.len();
         let mut warnings = Vec::new();
-        let read = connect(path).and_then(|file| Ok((topics(&file, path, &mut warnings)?, span(&file)?)));
-        let (topics, span) = read.map_err(|e| broken(path, &e))?;
+        let stated = stated_size(path).map_err(|e| FileError::new(path, e))?;
+        let read = connect(path).and_then(|file| {
+            let places = places(&file, path, &mut warnings)?;
+            let topics = topics(&file, path, &places, &mut warnings)?;
+            Ok((places, topics))
+        });
+        let (places, topics) = read.map_err(|e| broken(path, &e))?;
+        if stated > size {
+            let (path, why) = (path.to_owned(), format!("of {stated} bytes"));
+            let messages = places.len() as u64;
+            warnings.insert(0, BagWarning::Truncated { path, byte: size, why, messages });
+        }
+        let span = places.first().zip(places.last()).map(|(first, last)| (time(first.time), time(last.time)));
         let (ids, topics) = topics.into_iter().unzip();
         let summary = FileSummary { id: "sqlite3", size, span, topics, warnings };
-        Ok(Self { path: path.to_owned(), ids, summary })
+        Ok(Self { path: path.to_owned(), ids, places, summary })
     }
 }
 
 fn connect(path: &Path) -> rusqlite::Result<Connection> {
-    Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX)
+    let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+    let file = Connection::open_with_flags(path, flags)?;
+    // Without this, SQLite does not read a file that was cut at all. A file that is read only is never written.
+    file.pragma_update(None, "writable_schema", true)?;
+    Ok(file)
+}
+
+/// Returns the size that the file says it has, bytes; 0 when it does not say so.
+fn stated_size(path: &Path) -> std::io::Result<u64> {
+    let mut head = [0; 100];
+    let read = std::fs::File::open(path)?.read_exact_at(&mut head, 0);
+    let number = |at: usize| u64::from(u32::from_be_bytes(head[at..at + 4].try_into().expect("four bytes")));
+    // The number of pages counts where it was written with the last change.
+    if read.is_err() || number(24) != number(92) {
+        return Ok(0);
+    }
+    let page = u64::from(u16::from_be_bytes([head[16], head[17]]));
+    Ok(number(28) * if page == 1 { 65_536 } else { page })
 }
 
 fn broken(path: &Path, why: &rusqlite::Error) -> BagError {
-    let remedy = "`sqlite3 FILE .recover` may save what is in a broken file";
+    let has = |end: &str| {
+        let mut beside = path.as_os_str().to_owned();
+        beside.push(end);
+        std::fs::metadata(beside).is_ok_and(|beside| beside.len() > 0)
+    };
+    let remedy = if has("-journal") {
+        "its recorder was stopped while it wrote, and FILE-journal takes back the half that was written: copy both to a folder that \
+         can be written, and run `sqlite3 FILE 'SELECT 1 FROM messages LIMIT 1'` there"
+    } else if has("-wal") {
+        "its recorder was stopped, or still writes, and the last messages are in FILE-wal: copy both to a folder that can be \
+         written, and run `sqlite3 FILE 'PRAGMA wal_checkpoint'` there"
+    } else {
+        "`sqlite3 FILE .recover` may save what is in a broken file"
+    };
     BagError::Damaged(path.to_owned(), why.to_string(), remedy)
 }
 
-/// Reads a time. Times are stored as signed numbers; all of them are after the epoch.
-fn time(row: &Row<'_>, column: usize) -> rusqlite::Result<u64> {
-    Ok(u64::try_from(row.get::<_, i64>(column)?).unwrap_or(0))
+/// Returns a time. Times are stored as signed numbers; all of them are after the epoch.
+fn time(stored: i64) -> u64 {
+    u64::try_from(stored).unwrap_or(0)
 }
 
-fn span(file: &Connection) -> rusqlite::Result<Option<(u64, u64)>> {
-    file.query_row("SELECT COUNT(*), MIN(timestamp), MAX(timestamp) FROM messages", [], |row| {
-        if row.get::<_, i64>(0)? == 0 { Ok(None) } else { Ok(Some((time(row, 1)?, time(row, 2)?))) }
-    })
+/// Finds the messages by the table itself, which has no second copy that may contradict it. What can be read on both sides of a broken
+/// page is found.
+fn places(
+    file: &Connection,
+    path: &Path,
+    warnings: &mut Vec<BagWarning>,
+) -> rusqlite::Result<Vec<MessagePlace>> {
+    let mut places = Vec::new();
+    if let Err(why) = read_places(file, i64::MIN, "ASC", &mut places) {
+        let last = places.last().map_or(i64::MIN, |place: &MessagePlace| place.id);
+        let before = places.len();
+        // The end of the walk backwards is the other side of what the first one has found.
+        let _ = read_places(file, last, "DESC", &mut places);
+        if places.is_empty() {
+            return Err(why);
+        }
+        let first = places[before..].last().map(|place| place.id);
+        let messages = first.and_then(|first| u64::try_from(first.checked_sub(last)? - 1).ok());
+        // Without a message on both sides their number is unknown.
+        let messages = messages.filter(|_| before > 0);
+        let place = "a broken part of the file".to_owned();
+        warnings.push(LeftOut { path: path.to_owned(), place, messages, why: why.to_string() }.into());
+    }
+    places.sort();
+    if warnings.is_empty()
+        && let Err(why) = compare(file, &places)
+    {
+        warnings.push(BagWarning::Contradiction(path.to_owned(), why));
+    }
+    Ok(places)
+}
+
+/// Compares the times and numbers of the messages with those in the index of the table, their only other copy.
+fn compare(file: &Connection, places: &[MessagePlace]) -> Result<(), String> {
+    let indexed = || -> rusqlite::Result<Vec<(i64, i64)>> {
+        let mut query = file.prepare("SELECT timestamp, id FROM messages ORDER BY timestamp, id")?;
+        query.query_map([], |row| Ok((row.get(0)?, row.get(1)?)))?.collect()
+    };
+    let indexed = indexed().map_err(|why| format!("the index of its times is broken: {why}"))?;
+    if indexed.iter().copied().eq(places.iter().map(|place| (place.time, place.id))) {
+        return Ok(());
+    }
+    let (indexed, found) = (indexed.len(), places.len());
+    Err(format!(
+        "the index of its times and the table of its {found} messages differ, and the index has {indexed}"
+    ))
+}
+
+/// Adds the messages behind number `after`, in the order of their numbers, until one cannot be read.
+fn read_places(
+    file: &Connection,
+    after: i64,
+    order: &str,
+    places: &mut Vec<MessagePlace>,
+) -> rusqlite::Result<()> {
+    let query = format!("SELECT timestamp, id, topic_id FROM messages WHERE id > ?1 ORDER BY id {order}");
+    let mut query = file.prepare(&query)?;
+    let mut rows = query.query([after])?;
+    while let Some(row) = rows.next()? {
+        places.push(MessagePlace { time: row.get(0)?, id: row.get(1)?, topic: row.get(2)? });
+    }
+    Ok(())
 }
 
 /// Returns the topics that are CDR, by their number.
 fn topics(
     file: &Connection,
     path: &Path,
+    places: &[MessagePlace],
     warnings: &mut Vec<BagWarning>,
 ) -> rusqlite::Result<Vec<(i64, TopicCount)>> {
-    let mut count = file.prepare("SELECT topic_id, COUNT(*) FROM messages GROUP BY topic_id")?;
-    let counts: HashMap<i64, i64> =
-        count.query_map([], |row| Ok((row.get(0)?, row.get(1)?)))?.collect::<Result<_, _>>()?;
+    let mut counts: BTreeMap<i64, u64> = BTreeMap::new();
+    places.iter().for_each(|place| *counts.entry(place.topic).or_default() += 1);
     let definitions = definitions(file)?;
     // All columns, since the version of the file decides which of them exist.
     let mut query = file.prepare("SELECT * FROM topics ORDER BY id")?;
@@ -71,20 +185,23 @@ fn topics(
     let mut topics = Vec::new();
     while let Some(row) = rows.next()? {
         let id: i64 = row.get("id")?;
-        let messages = counts.get(&id).and_then(|&n| u64::try_from(n).ok()).unwrap_or(0);
+        let messages = counts.remove(&id).unwrap_or(0);
         let topic = topic(row, &definitions)?;
         let format = column(row, "serialization_format")?;
-        let path = path.to_owned();
         if format != "cdr" {
             let why = format!("they are '{format}', cdr is needed");
-            warnings.push(BagWarning::LeftOut { path, topic: topic.name, messages, why });
+            warnings.push(LeftOut::of_topic(path, &topic.name, messages, why).into());
             continue;
         }
         if topic.schema.is_empty() {
             let (topic, type_name) = (topic.name.clone(), topic.type_name.clone());
-            warnings.push(BagWarning::NoDefinition { path, topic, type_name });
+            warnings.push(BagWarning::NoDefinition { path: path.to_owned(), topic, type_name });
         }
         topics.push((id, TopicCount { topic: Arc::new(topic), messages }));
+    }
+    for (id, messages) in counts {
+        let (place, why) = (format!("topic number {id}"), "the file has no topic of this number".to_owned());
+        warnings.push(LeftOut { path: path.to_owned(), place, messages: Some(messages), why }.into());
     }
     Ok(topics)
 }
@@ -136,49 +253,36 @@ impl Storage for SqliteFile {
         if wanted.is_empty() {
             return Ok(None);
         }
-        let start = selection.start_ns.filter(|start| *start > 0);
-        // The query goes on behind the last message, so the reading starts behind the tick before the start.
-        let before = start.map_or(i64::MIN, |start| i64::try_from(start - 1).unwrap_or(i64::MAX));
+        let start = selection.start_ns.unwrap_or(0);
+        let next = self.places.partition_point(|place| time(place.time) < start);
         let file = connect(&self.path).map_err(|e| broken(&self.path, &e))?;
-        let path = self.path.clone();
-        let last = (before, i64::MAX);
-        Ok(Some(Box::new(SqliteMessages { path, file, wanted, last, batch: VecDeque::new() })))
+        Ok(Some(Box::new(SqliteMessages { index: self, file, wanted, next, batch: VecDeque::new() })))
     }
 }
 
 /// The selected messages of one file.
 struct SqliteMessages {
-    path: PathBuf,
+    index: Arc<SqliteFile>,
     file: Connection,
     wanted: HashMap<i64, Arc<BagTopic>>,
-    /// Time and number of the last message that was read.
-    last: (i64, i64),
-    batch: VecDeque<RawMessage>,
+    /// Index of the next message to read.
+    next: usize,
+    batch: VecDeque<Result<RawMessage, LeftOut>>,
 }
 
 impl SqliteMessages {
+    /// Reads the next messages. A statement borrows its connection, so it cannot stay open between two calls.
     fn read_batch(&mut self) -> rusqlite::Result<()> {
-        let ids: Vec<_> = self.wanted.keys().map(i64::to_string).collect();
-        // A statement borrows its connection, so it cannot stay open between two calls. The pair of time and
-        // number finds the next message by the index, where an OFFSET would read all rows before it again.
-        let mut query = self.file.prepare(&format!(
-            "SELECT id, topic_id, timestamp, data FROM messages WHERE (timestamp, id) > (?1, ?2) \
-             AND topic_id IN ({}) ORDER BY timestamp, id LIMIT {BATCH}",
-            ids.join(", ")
-        ))?;
-        let mut rows = query.query(self.last)?;
-        while let Some(row) = rows.next()? {
-            self.last = (row.get(2)?, row.get(0)?);
-            let Some(topic) = self.wanted.get(&row.get(1)?) else { continue };
-            let log_time = time(row, 2)?;
-            // A broken file may hold anything in place of a payload.
-            let data = match row.get_ref(3)? {
-                ValueRef::Blob(bytes) | ValueRef::Text(bytes) => bytes.to_vec(),
-                // An empty payload is refused where it is decoded, with the topic and the time.
-                ValueRef::Null | ValueRef::Integer(_) | ValueRef::Real(_) => Vec::new(),
-            };
-            let topic = Arc::clone(topic);
-            self.batch.push_back(RawMessage { topic, log_time, publish_time: log_time, data });
+        let mut query = self.file.prepare("SELECT data FROM messages WHERE id = ?1")?;
+        while let Some(place) = self.index.places.get(self.next).filter(|_| self.batch.len() < BATCH) {
+            self.next += 1;
+            let Some(topic) = self.wanted.get(&place.topic) else { continue };
+            let log_time = time(place.time);
+            let read = payload(&mut query, place.id).map(|data| {
+                let topic = Arc::clone(topic);
+                RawMessage { topic, log_time, publish_time: log_time, data }
+            });
+            self.batch.push_back(read.map_err(|why| LeftOut::one(&self.index.path, topic, why)));
         }
         Ok(())
     }
@@ -187,8 +291,24 @@ impl SqliteMessages {
 impl Cursor for SqliteMessages {
     fn next(&mut self) -> Result<Option<RawMessage>, BagError> {
         if self.batch.is_empty() {
-            self.read_batch().map_err(|e| broken(&self.path, &e))?;
+            self.read_batch().map_err(|e| broken(&self.index.path, &e))?;
         }
-        Ok(self.batch.pop_front())
+        Ok(self.batch.pop_front().transpose()?)
     }
+}
+
+/// Reads the payload of message number `id`.
+fn payload(query: &mut Statement<'_>, id: i64) -> Result<Vec<u8>, String> {
+    let read = query.query_row([id], |row| {
+        Ok(match row.get_ref(0)? {
+            ValueRef::Blob(bytes) | ValueRef::Text(bytes) => bytes.to_vec(),
+            ValueRef::Null | ValueRef::Integer(_) | ValueRef::Real(_) => Vec::new(),
+        })
+    });
+    let data = unpacked(read.map_err(|why| why.to_string())?)?;
+    // The encapsulation of CDR has four bytes, and all of its kinds begin with 0.
+    if data.len() < 4 || data[0] != 0 {
+        return Err("their payload is not CDR".to_owned());
+    }
+    Ok(data)
 }

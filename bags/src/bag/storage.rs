@@ -55,32 +55,30 @@ pub(super) trait Storage: Debug + Send + Sync {
     fn messages(self: Arc<Self>, selection: &Selection) -> Result<Option<Box<dyn Cursor>>, BagError>;
 }
 
-/// Whether the index of an MCAP file is taken as it is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum IndexUse {
-    /// The index is used when it is consistent.
-    Trusted,
-    /// The file is walked over, and whole chunks are read beside broken ones.
-    Ignored,
-}
-
 /// Messages in log-time order.
 pub(super) trait Cursor: Send {
     fn next(&mut self) -> Result<Option<RawMessage>, BagError>;
 }
 
-/// Returns whether `path` is called as a file of a bag is.
+/// Returns whether `path` is called as a file of a bag is, compressed or not.
 pub(super) fn is_storage(path: &Path) -> bool {
-    path.extension().is_some_and(|e| EXTENSIONS.iter().any(|known| e.eq_ignore_ascii_case(known)))
+    let uncompressed = decompressed(path);
+    let extension = uncompressed.as_deref().unwrap_or(path).extension();
+    extension.is_some_and(|e| EXTENSIONS.iter().any(|known| e.eq_ignore_ascii_case(known)))
 }
 
-/// Returns the files of a bag in `folder`, by name.
+/// Returns the name that the compressed file `path` has without its compression.
+pub(super) fn decompressed(path: &Path) -> Option<PathBuf> {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("zstd")).then(|| path.with_extension(""))
+}
+
+/// Returns the files of a bag in `folder`, by name. One that is there without its compression is not read twice.
 pub(super) fn files_in(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
     let io = |e| FileError::new(folder, e);
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(io)? {
         let path = entry.map_err(io)?.path();
-        if path.is_file() && is_storage(&path) {
+        if path.is_file() && is_storage(&path) && !decompressed(&path).is_some_and(|path| path.exists()) {
             files.push(path);
         }
     }
@@ -103,7 +101,7 @@ pub(super) struct MergeInput {
 struct OpenedInput {
     /// Log time of `head`.
     time: u64,
-    /// A message, or [`BagError::BadMessage`], behind which there are others.
+    /// A message, or [`BagError::LeftOut`], behind which there are others.
     head: Result<RawMessage, BagError>,
     rest: Box<dyn Cursor>,
 }
@@ -139,9 +137,9 @@ impl Merge {
             Some(Ok(message)) => {
                 self.open.insert(index, OpenedInput { time: message.log_time, head: Ok(message), rest });
             }
-            Some(Err(BagError::BadMessage { path, topic, log_time, why })) => {
-                let head = Err(BagError::BadMessage { path, topic, log_time, why });
-                self.open.insert(index, OpenedInput { time: log_time, head, rest });
+            // What is left out is reported as soon as it is known; the messages behind it can be read.
+            Some(Err(BagError::LeftOut(left_out))) => {
+                self.open.insert(index, OpenedInput { time: 0, head: Err(left_out.into()), rest });
             }
             // The message that was taken just now is returned first; the error follows at the next call.
             Some(Err(why)) => self.broken = Some(why),

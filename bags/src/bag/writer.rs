@@ -3,7 +3,8 @@
 //! A recorder calls [`BagWriter::settle`]: then everything up to a second ago is in complete chunks on the disk, and
 //! can be read after a crash or a power cut. The writer reads no clock, and never overwrites a bag.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
+use std::collections::btree_map::{BTreeMap, Entry};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -12,7 +13,7 @@ use modulo_runtime::output::OutputError;
 
 use super::bag_file::{BagFile, Compression};
 use super::metadata::{self, Contents, FileContents};
-use super::{BagError, BagReader, BagTopic, BagWarning, Selection, TopicCount};
+use super::{BagError, BagReader, BagTopic, BagWarning, LeftOut, Selection, TopicCount};
 use crate::FileError;
 
 /// Time between two flushes, ns.
@@ -216,7 +217,7 @@ fn make_folder(folder: &Path) -> Result<(), BagError> {
 pub struct Copied {
     /// The topics with their counts.
     pub topics: Vec<TopicCount>,
-    /// Single messages that were left out, by topic: those that cannot be read, and those of a topic's second type.
+    /// Messages that were left out, by topic or part of the file: those that cannot be read, and those of a topic's second type.
     pub left_out: Vec<BagWarning>,
     /// The error that ended the reading of `bag` early.
     pub broke: Option<BagError>,
@@ -239,24 +240,29 @@ pub fn copy(bag: &BagReader, out: &Path, options: impl Into<WriteOptions>) -> Re
             }
         }
     }
-    // For each topic: the number of such messages, and the fault of the first one.
-    let mut left_out: BTreeMap<String, (u64, String)> = BTreeMap::new();
-    let mut leave_out = |topic: String, why| left_out.entry(topic).or_insert((0, why)).0 += 1;
+    // For each place: the number of such messages, and the fault of the first one.
+    let mut left_out: BTreeMap<String, LeftOut> = BTreeMap::new();
+    let mut leave_out = |one: LeftOut| match left_out.entry(one.place.clone()) {
+        Entry::Vacant(entry) => drop(entry.insert(one)),
+        Entry::Occupied(mut entry) => {
+            let messages = &mut entry.get_mut().messages;
+            *messages = messages.zip(one.messages).map(|(all, more)| all + more);
+        }
+    };
     let mut broke = None;
     for message in bag.messages(&Selection::default()) {
         match message {
             Ok(message) => match writer.topic(&message.topic) {
                 Err(why @ BagError::TypeConflict { .. }) => {
-                    leave_out(message.topic.name.clone(), why.to_string());
+                    leave_out(LeftOut::one(bag.path(), &message.topic, why.to_string()));
                 }
                 id => writer.write(id?, message.log_time, message.publish_time, &message.data)?,
             },
             // The messages behind it can be read, so the copy goes on.
-            Err(BagError::BadMessage { topic, why, .. }) => leave_out(topic, why),
+            Err(BagError::LeftOut(one)) => leave_out(one),
             Err(why) => broke = Some(why),
         }
     }
-    let warning =
-        |(topic, (messages, why))| BagWarning::LeftOut { path: bag.path().to_owned(), topic, messages, why };
-    Ok(Copied { topics: writer.finish()?, left_out: left_out.into_iter().map(warning).collect(), broke })
+    let left_out = left_out.into_values().map(BagWarning::LeftOut).collect();
+    Ok(Copied { topics: writer.finish()?, left_out, broke })
 }

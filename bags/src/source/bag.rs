@@ -17,7 +17,7 @@ use modulo_runtime::topic::camera_info_topic;
 
 use super::{GroundTruth, Source, SourceError, SourceFrame, SourceOptions, from_detections};
 use crate::GROUND_TRUTH_TOPIC;
-use crate::bag::{BagReader, Messages, RawMessage, Selection, TopicCount};
+use crate::bag::{BagError, BagReader, Messages, RawMessage, Selection, TopicCount};
 
 /// The images of one topic of a bag, in log-time order.
 pub struct BagSource {
@@ -28,6 +28,7 @@ pub struct BagSource {
     white: White,
     labels: HashMap<u64, Vec<GroundTruth>>,
     camera_info: Option<Arc<CameraInfo>>,
+    losses: Vec<String>,
 }
 
 impl BagSource {
@@ -41,9 +42,12 @@ impl BagSource {
         let topic = image_topic(&bag, options.topic.as_deref())?;
         let selection = Selection::of([topic.topic.name.clone()]);
         let messages = bag.messages(&selection);
-        let labels = read_labels(&bag)?;
+        // What is wrong with another topic alone does not concern the images.
+        let losses = bag.warnings().iter().filter(|warning| warning.is_loss_of_any_topic());
+        let mut losses: Vec<_> = losses.map(ToString::to_string).collect();
+        let labels = read_labels(&bag, &mut losses)?;
         let camera_info = read_camera_info(&bag, &topic)?;
-        Ok(Self { bag, selection, messages, frames: topic.messages, white, labels, camera_info })
+        Ok(Self { bag, selection, messages, frames: topic.messages, white, labels, camera_info, losses })
     }
 
     /// Returns the bag itself, for its warnings.
@@ -131,6 +135,10 @@ impl Source for BagSource {
         self.camera_info.clone()
     }
 
+    fn losses(&self) -> Vec<String> {
+        self.losses.clone()
+    }
+
     fn rewind(&mut self) -> Result<(), SourceError> {
         self.messages = self.bag.messages(&self.selection);
         Ok(())
@@ -156,12 +164,17 @@ fn image_topic(bag: &BagReader, wanted: Option<&str>) -> Result<TopicCount, Sour
         None => format!("{} image topics, name the one to read", images.len()),
     };
     let names: Vec<_> = images.iter().map(|t| t.topic.name.as_str()).collect();
-    let topics = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+    let mut topics = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+    // The topic may be in the part that is missing.
+    bag.warnings().iter().filter(|w| w.is_loss_of_any_topic()).for_each(|w| topics += &format!("; {w}"));
     Err(SourceError::Topic { path: bag.path().to_owned(), found, topics })
 }
 
-/// Reads all labels of the bag by stamp; they are small beside the images.
-fn read_labels(bag: &BagReader) -> Result<HashMap<u64, Vec<GroundTruth>>, SourceError> {
+/// Reads all labels of the bag by stamp; they are small beside the images. Those that cannot be read are `losses`.
+fn read_labels(
+    bag: &BagReader,
+    losses: &mut Vec<String>,
+) -> Result<HashMap<u64, Vec<GroundTruth>>, SourceError> {
     let is_truth =
         |t: &TopicCount| t.topic.name == GROUND_TRUTH_TOPIC && kind(t) == Some(MessageKind::Detections);
     let mut labels = HashMap::new();
@@ -169,7 +182,14 @@ fn read_labels(bag: &BagReader) -> Result<HashMap<u64, Vec<GroundTruth>>, Source
         return Ok(labels);
     }
     for message in bag.messages(&Selection::of([GROUND_TRUTH_TOPIC])) {
-        let message = message?;
+        let message = match message {
+            Ok(message) => message,
+            Err(why @ BagError::LeftOut(_)) => {
+                losses.push(why.to_string());
+                continue;
+            }
+            Err(why) => return Err(why.into()),
+        };
         let array: Detection2DArray = cdr::from_slice(&message.data).map_err(|e| bad(&message, e))?;
         let (stamp, objects) = (array.header.stamp.as_ns(), from_detections(&array));
         // The same labels twice do no harm; different ones for one image have no right answer.
@@ -194,7 +214,9 @@ fn read_camera_info(bag: &BagReader, images: &TopicCount) -> Result<Option<Arc<C
     if !bag.topics().iter().any(is_info) {
         return Ok(None);
     }
-    let Some(message) = bag.messages(&Selection::of([topic])).next().transpose()? else { return Ok(None) };
+    // One that is left out is followed by another.
+    let mut infos = bag.messages(&Selection::of([topic])).filter(|m| !matches!(m, Err(BagError::LeftOut(_))));
+    let Some(message) = infos.next().transpose()? else { return Ok(None) };
     Ok(Some(Arc::new(cdr::from_slice(&message.data).map_err(|e| bad(&message, e))?)))
 }
 

@@ -151,6 +151,12 @@ pub trait Source: Send {
         Vec::new()
     }
 
+    /// Returns one line for each part of the recording that cannot be read, such as the end of a bag that was cut: frames may be
+    /// missing without an error in their place.
+    fn losses(&self) -> Vec<String> {
+        Vec::new()
+    }
+
     /// Returns whether it is known that there is no frame at all.
     fn is_empty(&self) -> bool {
         self.len() == Some(0)

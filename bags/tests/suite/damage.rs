@@ -2,10 +2,15 @@
 
 use std::path::Path;
 use std::sync::LazyLock;
+use std::time::Duration;
 
-use modulo_bags::bag::{BagReader, BagWarning, BagWriter, Compression, Selection, copy};
+use modulo_bags::bag::{
+    BagError, BagReader, BagWarning, BagWriter, Compression, LeftOut, RawMessage, Selection, Split,
+    WriteOptions, copy,
+};
 use proptest::prelude::*;
 
+use crate::wounds::wounded;
 use crate::{COMPRESSIONS, Line, read_all, temporary, topic, write_bag};
 
 /// Twelve messages, three a second: several chunks.
@@ -106,31 +111,46 @@ fn recovery_makes_a_whole_bag_of_what_is_left() {
 #[test]
 fn a_broken_chunk_is_read_around() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    for compression in COMPRESSIONS {
+    // Bytes that break the structure, and one that only the CRC shows.
+    for (compression, broken_bytes) in COMPRESSIONS.into_iter().flat_map(|c| [(c, 0..9), (c, 60..61)]) {
         let mut bytes = whole(compression);
         let chunks = mcap::Summary::read(&bytes).expect("whole").expect("indexed").chunk_indexes;
         let broken = &chunks[1];
-        // Opcode and length of the record, then what the chunk says of itself.
-        let head = 9 + 40 + broken.compression.len();
-        let data = usize::try_from(broken.chunk_start_offset).expect("small") + head;
-        bytes[data..data + 9].fill(0xff);
+        let data = usize::try_from(broken.compressed_data_offset().expect("small")).expect("small");
+        bytes[data..][broken_bytes.clone()].iter_mut().for_each(|byte| *byte = !*byte);
         let path = folder.path().join("broken.mcap");
         std::fs::write(&path, &bytes).expect("written");
 
-        let salvaged = BagReader::salvage(&path).expect("a bag");
-        let left = read_all(&salvaged, &Selection::default()).len();
+        let bag = BagReader::open(&path).expect("a bag");
+        let (messages, left_out) = read_around(&bag);
         let inside = |l: &&Line| (broken.message_start_time..=broken.message_end_time).contains(&l.1);
-        assert_eq!(left, lines().len() - lines().iter().filter(inside).count(), "{compression:?}");
-        assert!(salvaged.warnings().iter().any(|w| matches!(w, BagWarning::Skipped { .. })));
-        assert!(!salvaged.warnings().iter().any(|w| matches!(w, BagWarning::NoIndex(_))));
+        let lost = lines().iter().filter(inside).count();
+        assert_eq!(messages.len(), lines().len() - lost, "{compression:?}");
+        let [told] = &left_out[..] else { panic!("{left_out:?}") };
+        let place = format!("{lost} messages of the chunk at byte {}", broken.chunk_start_offset);
+        assert!(told.to_string().contains(&place), "{told}");
 
-        // Without the scan, a copy ends at the break, and says so.
-        let out = folder.path().join(format!("{compression:?}"));
-        let copied = copy(&BagReader::open(&path).expect("a bag"), &out, compression).expect("copied");
-        assert!(copied.broke.is_some());
-        let first = lines().iter().filter(|l| l.1 < broken.message_start_time).count();
-        assert_eq!(BagReader::open(&out).expect("a whole bag").message_count(), first as u64);
+        // A copy has the same messages, says the same, and is whole.
+        let out = folder.path().join(format!("{compression:?}{}", broken_bytes.len()));
+        let copied = copy(&bag, &out, compression).expect("copied");
+        assert!(copied.broke.is_none() && copied.left_out == [BagWarning::LeftOut(told.clone())]);
+        let copied = BagReader::open(&out).expect("a whole bag");
+        assert!(copied.warnings().is_empty());
+        assert_eq!(read_all(&copied, &Selection::default()), messages);
     }
+}
+
+/// The messages that can be read, and the reports of those that cannot.
+fn read_around(bag: &BagReader) -> (Vec<RawMessage>, Vec<LeftOut>) {
+    let (mut messages, mut left_out) = (Vec::new(), Vec::new());
+    for message in bag.messages(&Selection::default()) {
+        match message {
+            Ok(message) => messages.push(message),
+            Err(BagError::LeftOut(one)) => left_out.push(one),
+            Err(why) => panic!("{why}"),
+        }
+    }
+    (messages, left_out)
 }
 
 #[test]
@@ -150,4 +170,175 @@ fn a_file_without_chunks_is_read_by_log_time() {
         read_all(&bag, &Selection::default()).into_iter().map(|m| (m.log_time, m.data)).collect();
     assert_eq!(read, [(3, vec![3; 3]), (5, vec![5; 3]), (9, vec![9; 3])]);
     assert!(!bag.warnings().iter().any(BagWarning::is_loss), "{:?}", bag.warnings());
+}
+
+/// One length in the data is wrong, and the index at the end is whole.
+#[test]
+fn the_index_finds_the_chunks_behind_a_broken_length() {
+    let (_folder, path) = temporary("length.mcap");
+    for compression in COMPRESSIONS {
+        let bytes = whole(compression);
+        let chunks = mcap::Summary::read(&bytes).expect("whole").expect("indexed").chunk_indexes;
+        let places = chunks.iter().map(|chunk| usize::try_from(chunk.chunk_start_offset).expect("small"));
+        // The lengths of the header and of each chunk.
+        for place in [mcap::MAGIC.len()].into_iter().chain(places) {
+            let mut broken = bytes.clone();
+            broken[place + 4] = 7;
+            let bag = open(&path, &broken);
+            assert_eq!(read_all(&bag, &Selection::default()).len(), lines().len(), "{compression:?} {place}");
+        }
+    }
+}
+
+/// An index that has no CRC, and leaves out a chunk or leads to a wrong place, hides nothing.
+#[test]
+fn a_wrong_index_is_not_believed() {
+    let (_folder, path) = temporary("index.mcap");
+    let file = std::fs::File::create(&path).expect("a file");
+    let options = mcap::WriteOptions::new().compression(None).chunk_size(Some(60));
+    let mut mcap = options.calculate_summary_section_crc(false).create(file).expect("a writer");
+    let channel_id = mcap.add_channel(0, "/a", "cdr", &Default::default()).expect("a channel");
+    for log_time in 0..9 {
+        let header = mcap::records::MessageHeader { channel_id, sequence: 0, log_time, publish_time: 1 };
+        mcap.write_to_known_channel(&header, &[log_time as u8; 50]).expect("written");
+    }
+    mcap.finish().expect("finished");
+    let bytes = std::fs::read(&path).expect("readable");
+    let chunks = mcap::Summary::read(&bytes).expect("whole").expect("indexed").chunk_indexes;
+    assert!(chunks.len() > 3);
+    let starts = chunks[2].chunk_start_offset.to_le_bytes();
+    // The record of the index: opcode, length, two times, and then the place of the chunk.
+    let place = bytes.windows(8).rposition(|window| window == starts).expect("it is in the index");
+    assert_eq!(bytes[place - 25], mcap::records::op::CHUNK_INDEX);
+    for (what, at, value) in [("place", place, 1), ("opcode", place - 25, 0x77), ("length", place + 8, 1)] {
+        let mut wrong = bytes.clone();
+        wrong[at] ^= value;
+        let bag = open(&path, &wrong);
+        assert_eq!(read_all(&bag, &Selection::default()).len(), 9, "{what}: {:?}", bag.warnings());
+    }
+}
+
+#[test]
+fn an_empty_file_says_that_it_is_empty() {
+    let (_folder, path) = temporary("empty.mcap");
+    let bag = open(&path, &[]);
+    let told = bag.warnings()[0].to_string();
+    assert!(bag.warnings()[0].is_loss() && told.contains("empty") && told.contains("recorder"), "{told}");
+}
+
+/// What a reader makes of a file: the messages, and all that it says is missing.
+struct Outcome {
+    messages: Vec<RawMessage>,
+    told: Vec<String>,
+}
+
+/// Reads a bag as far as possible. A bag that is refused tells its error.
+fn outcome(path: &Path) -> Outcome {
+    let bag = match BagReader::open(path) {
+        Ok(bag) => bag,
+        Err(why) => return Outcome { messages: Vec::new(), told: vec![why.to_string()] },
+    };
+    let mut told: Vec<_> = bag.warnings().iter().map(ToString::to_string).collect();
+    let mut messages = Vec::new();
+    for message in bag.messages(&Selection::default()) {
+        match message {
+            Ok(message) => messages.push(message),
+            Err(why) => told.push(why.to_string()),
+        }
+    }
+    assert!(messages.is_sorted_by_key(|m| m.log_time) || !told.is_empty());
+    Outcome { messages, told }
+}
+
+/// What a thousand damages did.
+struct Survey {
+    whole: Vec<RawMessage>,
+    /// The damage and the messages, where these differ from the whole ones without a word.
+    unseen: Vec<(String, Vec<RawMessage>)>,
+    /// The damage, where a message that was never written came with a word about the damage.
+    forged: Vec<String>,
+}
+
+/// Damages the file `damaged` of the bag `path` a thousand times.
+fn survey(path: &Path, damaged: &Path, what: &str) -> Survey {
+    let bytes = std::fs::read(damaged).expect("readable");
+    let whole = outcome(path);
+    assert!(whole.told.is_empty() && !whole.messages.is_empty(), "{what}: {:?}", whole.told);
+    let (mut equal, mut named, mut unseen, mut forged) = (0, 0, Vec::new(), Vec::new());
+    for number in 0..1000 {
+        let wound = wounded(&bytes, number);
+        std::fs::write(damaged, &wound.bytes).expect("written");
+        let Outcome { messages, told } = outcome(path);
+        match (messages == whole.messages, told.is_empty()) {
+            (true, _) => equal += 1,
+            (false, false) => {
+                named += 1;
+                if !messages.iter().all(|message| whole.messages.contains(message)) {
+                    forged.push(wound.how);
+                }
+            }
+            (false, true) => unseen.push((wound.how, messages)),
+        }
+    }
+    println!(
+        "{what}: of 1000 damages {equal} change no message, {named} are named ({} of them with changed messages), {} are unseen",
+        forged.len(),
+        unseen.len()
+    );
+    Survey { whole: whole.messages, unseen, forged }
+}
+
+/// Chunks have CRCs, and so has the index: no damage changes a message without a word.
+#[test]
+fn no_damage_of_an_mcap_file_is_unseen() {
+    let (folder, path) = temporary("whole.mcap");
+    for compression in COMPRESSIONS {
+        std::fs::write(&path, whole(compression)).expect("written");
+        let Survey { unseen, forged, .. } = survey(&path, &path, &format!("MCAP, {compression:?}"));
+        assert!(unseen.is_empty() && forged.is_empty(), "{compression:?}: {unseen:?} {forged:?}");
+    }
+    let loose = folder.path().join("loose.mcap");
+    std::fs::write(&loose, without_chunks()).expect("written");
+    // One CRC tells that something is damaged, not what.
+    let Survey { unseen, .. } = survey(&loose, &loose, "MCAP without chunks");
+    assert!(unseen.is_empty(), "without chunks: {unseen:?}");
+}
+
+/// A file with messages outside of chunks, whose data have one CRC.
+fn without_chunks() -> Vec<u8> {
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let options = mcap::WriteOptions::new().use_chunks(false);
+    let mut mcap = options.create(&mut bytes).expect("a writer");
+    let channel_id = mcap.add_channel(0, "/a", "cdr", &Default::default()).expect("a channel");
+    for log_time in 0..12 {
+        let header = mcap::records::MessageHeader { channel_id, sequence: 0, log_time, publish_time: 1 };
+        mcap.write_to_known_channel(&header, &[log_time as u8; 30]).expect("written");
+    }
+    mcap.finish().expect("finished");
+    drop(mcap);
+    bytes.into_inner()
+}
+
+/// The list of files decides which of them are read.
+#[test]
+fn no_damage_of_the_metadata_is_unseen() {
+    let (_folder, path) = temporary("bag");
+    let split = Split { max_bytes: None, max_duration: Some(Duration::from_secs(1)) };
+    write_bag(&path, WriteOptions { split, ..WriteOptions::default() }, &lines());
+    let Survey { unseen, forged, .. } = survey(&path, &path.join("metadata.yaml"), "metadata.yaml");
+    assert!(unseen.is_empty() && forged.is_empty(), "{unseen:?} {forged:?}");
+}
+
+/// SQLite has no checksums: the content of a message may change, its time and its number may not.
+#[cfg(feature = "sqlite")]
+#[test]
+fn damage_of_sqlite_hides_no_message() {
+    let (_folder, path) = temporary("whole.db3");
+    let payload = [&[0, 1, 0, 0][..], &[9; 3000]].concat();
+    crate::sqlite::write(&path, 4, &[("/a", "std_msgs/msg/String", "cdr")], &payload);
+    let Survey { whole, unseen, .. } = survey(&path, &path, "SQLite");
+    let times = |messages: &[RawMessage]| messages.iter().map(|m| m.log_time).collect::<Vec<_>>();
+    for (how, messages) in unseen {
+        assert_eq!(times(&messages), times(&whole), "{how}");
+    }
 }

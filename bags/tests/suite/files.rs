@@ -132,7 +132,6 @@ fn a_bag_of_ros_1_is_refused_with_a_remedy() {
     for given in [&path, folder.path()] {
         let errors = [
             BagReader::open(given).expect_err("ROS 1").to_string(),
-            BagReader::salvage(given).expect_err("ROS 1").to_string(),
             source(given).expect("ROS 1").to_string(),
         ];
         for error in errors {
@@ -178,4 +177,106 @@ fn old_metadata_names_files_with_their_folder() {
                compression_format: \"\"\n  compression_mode: \"\"\n";
     std::fs::write(path.join("metadata.yaml"), old).expect("written");
     assert_eq!(BagReader::open(&path).expect("a bag").message_count(), 3);
+}
+
+/// Three files of one bag: ten messages, then eleven, then nine.
+fn three_files() -> (tempfile::TempDir, std::path::PathBuf, String) {
+    let (folder, path) = temporary("bag");
+    write_bag(&path, split(None, Some(Duration::from_secs(1))), &lines(30, 5));
+    let metadata = std::fs::read_to_string(path.join("metadata.yaml")).expect("readable");
+    (folder, path, metadata)
+}
+
+fn told(bag: &BagReader) -> String {
+    bag.warnings().iter().map(|w| format!("{w}\n")).collect()
+}
+
+fn is_lossy(bag: &BagReader) -> bool {
+    bag.warnings().iter().any(BagWarning::is_loss)
+}
+
+/// Missing, of another format, compressed, empty: the other files are read, and the bad one is named.
+#[test]
+fn a_file_that_cannot_be_read_leaves_the_others() {
+    let contents: [(Option<&[u8]>, &str); 4] = [
+        (None, "No such file"),
+        (Some(b"this is a text and no recording"), "not a bag"),
+        (Some(b"\x28\xb5\x2f\xfd and so on"), "`zstd -d"),
+        (Some(b""), "empty"),
+    ];
+    for (content, why) in contents {
+        let (_folder, path, _) = three_files();
+        let part = path.join("bag_1.mcap");
+        std::fs::remove_file(&part).expect("there");
+        content.into_iter().for_each(|content| std::fs::write(&part, content).expect("written"));
+        let bag = BagReader::open(&path).expect("two files");
+        assert_eq!(read_all(&bag, &Selection::default()).len(), 19, "{why}");
+        assert!(
+            is_lossy(&bag) && told(&bag).contains("bag_1.mcap") && told(&bag).contains(why),
+            "{}",
+            told(&bag)
+        );
+        for name in ["bag_0.mcap", "bag_2.mcap"] {
+            std::fs::remove_file(path.join(name)).expect("there");
+        }
+        assert!(content.is_some_and(<[u8]>::is_empty) || BagReader::open(&path).is_err(), "nothing is left");
+    }
+}
+
+/// Metadata that contradict the files: what the files say counts, and each message comes once.
+#[test]
+fn the_files_are_right_where_metadata_contradicts_them() {
+    let list = "relative_file_paths:\n    - bag_0.mcap\n    - bag_1.mcap\n    - bag_2.mcap\n";
+    for (ours, theirs, messages, why, lossy) in [
+        ("storage_identifier: mcap", "storage_identifier: \"\"", 30, "its files are mcap", false),
+        (
+            "storage_identifier: mcap",
+            "storage_identifier: sqlite3",
+            30,
+            "'sqlite3', its files are mcap",
+            false,
+        ),
+        ("storage_identifier: mcap", "storage_identifier: lance", 30, "'lance'", false),
+        ("  storage_identifier: mcap\n", "", 30, "its files are mcap", false),
+        ("compression_mode: \"\"", "compression_mode: FILE", 30, "its files are not compressed", false),
+        ("\n  message_count: 30", "\n  message_count: 31", 30, "31, its files have 30", false),
+        ("    - bag_1.mcap\n", "    - bag_0.mcap\n", 19, "'bag_0.mcap' is listed more than once", true),
+        ("    - bag_1.mcap\n", "", 19, "bag_1.mcap: is not listed", true),
+        (list, "relative_file_paths: []\n", 30, "no file that it lists is here", false),
+        (list, "relative_file_paths: [other.mcap]\n", 30, "no file that it lists is here", false),
+    ] {
+        let (_folder, path, metadata) = three_files();
+        let changed = metadata.replacen(ours, theirs, 1);
+        assert_ne!(changed, metadata, "{theirs}");
+        std::fs::write(path.join("metadata.yaml"), changed).expect("written");
+        let bag = BagReader::open(&path).expect(theirs);
+        assert_eq!(read_all(&bag, &Selection::default()).len(), messages, "{theirs}");
+        assert!(told(&bag).contains(why), "{theirs}: {}", told(&bag));
+        assert_eq!(is_lossy(&bag), lossy, "{theirs}: {}", told(&bag));
+    }
+}
+
+/// A file that is compressed as a whole names the remedy; beside it, the unpacked one is read once.
+#[test]
+fn a_compressed_file_names_the_program_that_unpacks_it() {
+    let (folder, path, metadata) = three_files();
+    let part = path.join("bag_0.mcap");
+    let packed = path.join("bag_0.mcap.zstd");
+    let bytes = zstd::encode_all(&std::fs::read(&part).expect("readable")[..], 0).expect("packed");
+    std::fs::write(&packed, bytes).expect("written");
+    let listed = metadata.replace("- bag_0.mcap\n", "- bag_0.mcap.zstd\n");
+    std::fs::write(path.join("metadata.yaml"), listed).expect("written");
+    assert_eq!(read_all(&BagReader::open(&path).expect("unpacked"), &Selection::default()).len(), 30);
+    let alone = folder.path().join("alone");
+    std::fs::create_dir(&alone).expect("a folder");
+    std::fs::rename(&packed, alone.join("x.mcap.zstd")).expect("moved");
+    for given in [alone.clone(), alone.join("x.mcap.zstd")] {
+        let opened = open(&given.display().to_string(), &SourceOptions::default());
+        for error in [
+            BagReader::open(&given).expect_err("packed").to_string(),
+            opened.err().expect("packed").to_string(),
+        ] {
+            assert!(error.contains("compressed as a whole") && error.contains("x.mcap.zstd`"), "{error}");
+        }
+    }
 }

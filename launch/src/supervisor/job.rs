@@ -36,6 +36,8 @@ const LOOK: Duration = Duration::from_millis(250);
 pub(super) enum Origin {
     /// A node of this suite: its exit statuses are known, and it ends cleanly on SIGINT.
     Suite,
+    /// A command of this suite, such as a player: its exit status 3 is known.
+    Command,
     /// Any other program.
     Foreign,
 }
@@ -154,18 +156,14 @@ pub(super) fn all(plan: &Plan, how: &Supervision, folders: &Folders) -> Result<V
     let executables = plan.executables.iter().map(|executable| {
         let command = executable_command(executable, &how.suite);
         let mut process = executable.process.clone();
+        let mut origin = Origin::Foreign;
         if executable.command.first().is_some_and(|word| word == SUITE) {
+            origin = Origin::Command;
             // A player of the suite reports what it has sent.
             let folder = Some(reports.display().to_string());
             process.env.insert(launcher::REPORT_DIR.to_owned(), folder);
         }
-        Ok(Job {
-            origin: Origin::Foreign,
-            command,
-            process,
-            life_signs: None,
-            max_restarts: how.max_restarts,
-        })
+        Ok(Job { origin, command, process, life_signs: None, max_restarts: how.max_restarts })
     });
     nodes.chain(executables).collect()
 }
@@ -274,12 +272,16 @@ impl Job {
                 }
                 () = told_to_end(&mut told) => {
                     let status = running.shut_down(&self.process).await;
-                    running.finish().await;
-                    return done(&restarts, after_shutdown(self.origin, &status));
+                    let last_line = running.finish().await;
+                    return done(&restarts, after_shutdown(self.origin, &status, last_line));
                 }
             };
             // The last lines of this life are shown before the first ones of the next.
             let last_line = running.finish().await;
+            let end = match end {
+                ProcessEnd::WithLoss(_) => ProcessEnd::WithLoss(last_line.clone()),
+                end => end,
+            };
             let delay = match self.after_end(&end, &last_line, start.elapsed(), &mut restarts, &print) {
                 Ok(delay) => delay,
                 Err(end) => return done(&restarts, end),
@@ -327,6 +329,7 @@ impl Job {
     fn ended(&self, status: std::io::Result<ExitStatus>, restarts: u32) -> ProcessEnd {
         match status {
             Ok(status) if status.success() => ProcessEnd::Exited,
+            Ok(status) if is_with_loss(self.origin, &status) => ProcessEnd::WithLoss(String::new()),
             Ok(status) if status.code() == Some(2) && self.origin == Origin::Suite && restarts == 0 => {
                 ProcessEnd::Refused
             }
@@ -340,11 +343,17 @@ impl Job {
     }
 }
 
+/// Returns whether a program of this suite has done its work, but has lost something.
+fn is_with_loss(origin: Origin, status: &ExitStatus) -> bool {
+    origin != Origin::Foreign && status.code() == Some(3)
+}
+
 /// Programs differ in their status after SIGINT. Nodes of the suite end with 0, but for one that has just been started and
 /// does not catch the signals yet: it has done nothing that could be lost.
-fn after_shutdown(origin: Origin, status: &std::io::Result<ExitStatus>) -> ProcessEnd {
+fn after_shutdown(origin: Origin, status: &std::io::Result<ExitStatus>, last_line: String) -> ProcessEnd {
     let asked = [Signal::SIGINT as i32, Signal::SIGTERM as i32];
     match (origin, status) {
+        (_, Ok(status)) if is_with_loss(origin, status) => ProcessEnd::WithLoss(last_line),
         (Origin::Suite, Ok(status))
             if !status.success() && !status.signal().is_some_and(|s| asked.contains(&s)) =>
         {
@@ -448,7 +457,9 @@ mod tests {
     /// One node had refused its arguments, and the run said that another one had crashed: SIGINT had ended it while it started.
     #[test]
     fn a_node_that_is_ended_while_it_starts_has_not_crashed() {
-        let end = |origin, wait_status| after_shutdown(origin, &Ok(ExitStatus::from_raw(wait_status)));
+        let end = |origin, wait_status| {
+            after_shutdown(origin, &Ok(ExitStatus::from_raw(wait_status)), "why".to_owned())
+        };
         for signal in [Signal::SIGINT, Signal::SIGTERM] {
             assert_eq!(end(Origin::Suite, signal as i32), ProcessEnd::ShutDown);
         }
@@ -457,6 +468,9 @@ mod tests {
             assert!(matches!(end(Origin::Suite, status), ProcessEnd::Crashed(_)), "{status}");
         }
         assert_eq!(end(Origin::Foreign, exit_code_1), ProcessEnd::ShutDown);
+        let exit_code_3 = 3 << 8;
+        assert_eq!(end(Origin::Foreign, exit_code_3), ProcessEnd::ShutDown);
+        assert_eq!(end(Origin::Command, exit_code_3), ProcessEnd::WithLoss("why".into()));
     }
 
     #[test]

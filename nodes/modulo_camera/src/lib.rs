@@ -120,6 +120,10 @@ impl ModuloCamera {
         if self.limit.is_some_and(|limit| self.taken >= limit) {
             return Ok(None);
         }
+        // Told before the first frame, so that no limit hides it; it is no frame, so it has no number.
+        if let Some(why) = reader.losses.pop() {
+            return Err(StepError::Skip(why));
+        }
         let frame = reader.next_frame();
         // A frame that cannot be read is taken as well: after a crash it must not be tried again.
         self.taken += u64::from(!matches!(frame, Ok(None) | Err(StepError::Fatal(_))));
@@ -369,6 +373,8 @@ struct FrameReader {
     given: bool,
     /// The fault of the last bad frame.
     bad: Option<String>,
+    /// Losses of the source that were not told yet.
+    losses: Vec<String>,
 }
 
 impl CameraInput {
@@ -406,7 +412,8 @@ impl CameraInput {
 impl FrameReader {
     /// Returns the frames of `source` from its first one on; after its last one it is over, or starts again.
     fn new(source: Box<dyn Source>, repeat: bool) -> Self {
-        Self { source, repeat, given: false, bad: None }
+        let losses = source.losses();
+        Self { source, repeat, given: false, bad: None, losses }
     }
 
     /// Returns the next frame; `None` at the end.

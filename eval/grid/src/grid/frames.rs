@@ -74,7 +74,9 @@ impl Frames {
             frames.note(data, raw, &mut notes);
         }
         let mut warnings = notes.warnings();
-        warnings.extend(frames.drives.iter().flat_map(|(_, source)| source.warnings()));
+        let found =
+            frames.drives.iter().flat_map(|(_, source)| [source.losses(), source.warnings()].concat());
+        warnings.extend(found);
         if frames.truths.is_empty() {
             let why = warnings.into_iter().next().unwrap_or_else(|| "there is no frame".to_owned());
             return Err(GridError::Nothing { source_name: data.name(), frames: seen, why });
