@@ -265,13 +265,17 @@ fn play(args: &BagPlay) -> Result<Ended, Failure> {
     for (topic, count) in sent {
         say!("{topic}: {count} messages");
     }
-    if player.left_out() > 0 {
-        eprintln!("modulo: {} messages that cannot be read were left out", player.left_out());
-        return Ok(Ended::WithLoss);
-    }
-    // Told again, because a launcher gives the last line as the reason.
+    Ok(told(&player, ended))
+}
+
+/// Tells what a replay has left out. What the bag lacks is told again, because a launcher gives the last line as the reason.
+fn told(player: &Player, ended: Ended) -> Ended {
     player.bag().warnings().iter().filter(|w| w.is_loss()).for_each(|why| eprintln!("modulo: {why}"));
-    Ok(ended)
+    if player.left_out() == 0 {
+        return ended;
+    }
+    eprintln!("modulo: {} messages that cannot be read were left out", player.left_out());
+    Ended::WithLoss
 }
 
 fn seconds(option: &str, given: f64) -> Result<Duration, Failure> {

@@ -641,6 +641,37 @@ fn the_sample_replayed_shows_traffic() {
     assert!(classes(&summary, "recovered")["car"] >= 30, "{summary}");
 }
 
+/// A bag that was cut, and one with a chunk that fails its CRC: each command answers what is there, names what is not, and ends with 3.
+#[test]
+fn a_damaged_bag_ends_each_command_with_3() {
+    let bench = Bench::new();
+    let whole = std::fs::read(sample().join("tunnel_0.mcap")).expect("readable");
+    let mut flipped = whole.clone();
+    flipped[whole.len() / 3] ^= 1;
+    for (name, bytes, why) in
+        [("cut", &whole[..whole.len() / 2], "cut at byte"), ("crc", &flipped, "the chunk at byte")]
+    {
+        let file = bench.path(&format!("{name}.mcap"));
+        std::fs::write(&file, bytes).expect("writable");
+        let path = file.display().to_string();
+        let [copy, out] =
+            ["copy", "out"].map(|kind| bench.path(&format!("{name}_{kind}")).display().to_string());
+        let [source, bag] = ["source", "bag"].map(|key| arg(key, &file));
+        let commands: [&[&str]; 4] = [
+            &["bag", "convert", &path, &copy],
+            &["bag", "play", &path, "--rate", "100"],
+            &["eval", "launch/raw.launch.yaml", &source, "engine:=rten", "-o", &out],
+            &["launch", "launch/replay.launch.yaml", &bag, "play_rate:=0", "engine:=rten"],
+        ];
+        for command in commands {
+            let output = bench.run(command);
+            let told = text(&output);
+            assert_eq!(output.status.code(), Some(3), "{command:?}: {told}");
+            assert!(told.contains(why), "{command:?}: {told}");
+        }
+    }
+}
+
 fn boxes(file: &Value) -> Vec<&Vec<Value>> {
     let frames = file.as_object().expect("frames");
     frames

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use rusqlite::types::ValueRef;
-use rusqlite::{Connection, OpenFlags, Row, Statement};
+use rusqlite::{Connection, ErrorCode, OpenFlags, Row, Statement};
 
 use super::storage::{Cursor, FileSummary, Storage};
 use super::{BagError, BagTopic, BagWarning, LeftOut, RawMessage, Selection, TopicCount, unpacked};
@@ -88,7 +88,10 @@ fn broken(path: &Path, why: &rusqlite::Error) -> BagError {
         beside.push(end);
         std::fs::metadata(beside).is_ok_and(|beside| beside.len() > 0)
     };
-    let remedy = if has("-journal") {
+    let busy = [ErrorCode::DatabaseBusy, ErrorCode::DatabaseLocked];
+    let remedy = if why.sqlite_error_code().is_some_and(|code| busy.contains(&code)) {
+        "a recorder is still writing it: stop the recorder first"
+    } else if has("-journal") {
         "its recorder was stopped while it wrote, and FILE-journal takes back the half that was written: copy both to a folder that \
          can be written, and run `sqlite3 FILE 'SELECT 1 FROM messages LIMIT 1'` there"
     } else if has("-wal") {

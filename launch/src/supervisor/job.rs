@@ -278,10 +278,6 @@ impl Job {
             };
             // The last lines of this life are shown before the first ones of the next.
             let last_line = running.finish().await;
-            let end = match end {
-                ProcessEnd::WithLoss(_) => ProcessEnd::WithLoss(last_line.clone()),
-                end => end,
-            };
             let delay = match self.after_end(&end, &last_line, start.elapsed(), &mut restarts, &print) {
                 Ok(delay) => delay,
                 Err(end) => return done(&restarts, end),
@@ -302,7 +298,11 @@ impl Job {
         restarts: &mut Restarts,
         print: &Print,
     ) -> Result<Duration, ProcessEnd> {
-        let ProcessEnd::Crashed(status) = end else { return Err(end.clone()) };
+        let status = match end {
+            ProcessEnd::Crashed(status) => status,
+            ProcessEnd::WithLoss(_) => return Err(ProcessEnd::WithLoss(last_line.to_owned())),
+            end => return Err(end.clone()),
+        };
         let Respawn::After { delay, max_retries } = self.process.respawn else {
             self.say(print, &format!("ended with {status}"));
             return Err(end.clone());

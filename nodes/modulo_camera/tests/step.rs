@@ -8,12 +8,14 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
+use modulo_bags::bag::{BagTopic, BagWriter, Compression};
 use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_core::{Frame, Mosaic};
+use modulo_msgs::image::encode_frame;
 use modulo_msgs::sensor_msgs::{CameraInfo, RegionOfInterest};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::{
-    Context, Flow, ManualClock, Message, Node, ParameterSet as _, Parameters, StampedFrame, StepError,
+    Context, Flow, ManualClock, Message, Node, ParameterSet as _, Parameters, Qos, StampedFrame, StepError,
     StepOutput, Trigger, change_parameters,
 };
 use modulo_video::Encoder;
@@ -427,6 +429,41 @@ fn a_bad_image_is_skipped_and_a_source_without_a_good_one_is_not_repeated() {
             }
         }
     }
+}
+
+/// What is missing in a bag is told once, before the first frame, and takes no number of a frame: noise stays that of the whole bag.
+#[test]
+fn a_bag_that_was_cut_is_told_before_its_frames() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("bag");
+    let mut bag = BagWriter::create(&path, Compression::None).expect("a new bag");
+    let topic = bag.topic(&BagTopic::new("/image", "sensor_msgs/msg/Image", Qos::Images)).expect("a topic");
+    for number in 0..4_u8 {
+        let stamp = u64::from(number) * 2_000_000_000;
+        let header = Header { stamp: Time::from_ns(stamp), frame_id: String::new() };
+        let pixels = Frame::from_u8(Array3::from_elem((4, 8, 3), 40 * number)).expect("a frame");
+        bag.write(topic, stamp, stamp, &encode_frame(&header, &pixels).expect("short")).expect("written");
+        bag.settle(stamp).expect("flushed");
+    }
+    bag.finish().expect("finished");
+    let file = path.join("bag_0.mcap");
+    let bytes = std::fs::read(&file).expect("readable");
+    let cut = folder.path().join("cut.mcap");
+    let end = bytes.windows(4).position(|four| four == [120; 4]).expect("the last image");
+    std::fs::write(&cut, &bytes[..end]).expect("written");
+    let steps = |source: &Path| -> Vec<_> {
+        let source = source.display().to_string();
+        let mut node = camera(&[("source", &source), ("read_noise", "4"), ("frames", "3")]);
+        let mut next = || {
+            step(&mut node, Trigger::Tick, &ALL)
+                .map(|(_, sent)| (!sent.is_empty()).then(|| frame(&sent, 0).frame.clone()))
+        };
+        std::iter::repeat_with(&mut next).take(4).collect()
+    };
+    let (whole, cut) = (steps(&file), steps(&cut));
+    assert!(matches!(&cut[0], Err(StepError::Skip(why)) if why.contains("cut at byte")), "{:?}", cut[0]);
+    assert_eq!(cut[1..], whole[..3]);
+    assert!(whole[..3].iter().all(|step| matches!(step, Ok(Some(_)))));
 }
 
 /// The sensor files of the project are sensors, but for the one that leaves all to the arguments.
