@@ -112,7 +112,7 @@ fn recovery_makes_a_whole_bag_of_what_is_left() {
 fn a_broken_chunk_is_read_around() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     // Bytes that break the structure, and one that only the CRC shows.
-    for (compression, broken_bytes) in COMPRESSIONS.into_iter().flat_map(|c| [(c, 0..9), (c, 60..61)]) {
+    for (compression, broken_bytes) in COMPRESSIONS.into_iter().flat_map(|c| [(c, 0..9), (c, 40..41)]) {
         let mut bytes = whole(compression);
         let chunks = mcap::Summary::read(&bytes).expect("whole").expect("indexed").chunk_indexes;
         let broken = &chunks[1];

@@ -171,6 +171,25 @@ fn what_is_no_cdr_is_left_out_and_counted() {
     assert_eq!((good.len(), bad.len()), (17, 2));
 }
 
+/// The time of a message is in the table and in its index; where they differ, nobody knows which is right.
+#[test]
+fn a_time_that_was_changed_is_told() {
+    let (_folder, path) = temporary("time.db3");
+    write(&path, 4, &[("/a", STRING, "cdr")], &[0, 1, 0, 0, 5]);
+    let whole = std::fs::read(&path).expect("readable");
+    let stored = 1_015_000_001_i32.to_be_bytes();
+    let places: Vec<_> = (0..whole.len()).filter(|&at| whole[at..].starts_with(&stored)).collect();
+    assert_eq!(places.len(), 2, "the table and the index");
+    for place in places {
+        let mut changed = whole.clone();
+        changed[place + 3] ^= 1;
+        std::fs::write(&path, changed).expect("written");
+        let bag = BagReader::open(&path).expect("a bag");
+        let [told @ BagWarning::Contradiction(..)] = bag.warnings() else { panic!("{:?}", bag.warnings()) };
+        assert!(told.is_loss() && told.to_string().contains("times"), "{told}");
+    }
+}
+
 /// A file that was cut has the messages before the cut, and says where it ends.
 #[test]
 fn a_file_that_was_cut_is_read_up_to_the_cut() {
