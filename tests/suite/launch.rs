@@ -672,6 +672,62 @@ fn a_damaged_bag_ends_each_command_with_3() {
     }
 }
 
+/// Damaged and odd bags of others: the command, its exit code, and what it has to say.
+#[test]
+fn odd_bags_of_others_are_read_or_named() {
+    let cases: [(&str, &[&str], i32, &str); 14] = [
+        (
+            "mcap_chunk_crc/crc.mcap",
+            &["bag", "convert", "BAG", "OUT"],
+            3,
+            "2 messages of the chunk at byte 9831",
+        ),
+        ("mcap_chunk_crc/crc.mcap", &["bag", "play", "BAG"], 3, "/image_raw: 6 messages"),
+        (
+            "mcap_chunk_crc/crc.mcap",
+            &["eval", "launch/raw.launch.yaml", "source:=BAG", "-o", "OUT"],
+            3,
+            "CRC failed",
+        ),
+        ("recover_loses_more_than_convert/length.mcap", &["bag", "recover", "BAG", "OUT"], 0, "12 messages"),
+        ("split_bag_part_missing/bag", &["bag", "recover", "BAG", "OUT"], 3, "b_1.mcap: No such file"),
+        ("split_bag_part_missing/bag", &["bag", "info", "BAG"], 3, "Messages:          6"),
+        (
+            "truncated_bag_as_source/cut.mcap",
+            &["launch", "launch/recovered.launch.yaml", "source:=BAG"],
+            3,
+            "cut at byte",
+        ),
+        (
+            "truncated_bag_as_source/cut.mcap",
+            &["eval", "launch/raw.launch.yaml", "source:=BAG", "-o", "OUT"],
+            3,
+            "cut at byte",
+        ),
+        (
+            "replay_truncated_bag/cut.mcap",
+            &["launch", "launch/replay.launch.yaml", "bag:=BAG", "bits:=8", "alpha:=2.0"],
+            3,
+            "player ended with a loss",
+        ),
+        ("message_compressed_db3/msg.db3", &["bag", "convert", "BAG", "OUT"], 0, "3 messages"),
+        ("file_zstd/x.mcap.zstd", &["bag", "info", "BAG"], 1, "compressed as a whole"),
+        ("file_zstd", &["bag", "info", "BAG"], 1, "x.mcap.zstd`"),
+        ("file_zstd/unpacked", &["bag", "info", "BAG"], 0, "not compressed"),
+        ("reindexed_bag_empty_storage/bag", &["bag", "recover", "BAG", "OUT"], 0, "3 messages"),
+    ];
+    let bench = Bench::new();
+    for (number, (bag, command, code, said)) in cases.into_iter().enumerate() {
+        let Some(bag) = data::shared(&format!("cases/{bag}")) else { return };
+        let out = bench.path(&format!("out{number}")).display().to_string();
+        let word = |word: &&str| word.replace("BAG", &bag.display().to_string()).replace("OUT", &out);
+        let words: Vec<String> = command.iter().map(word).collect();
+        let output = bench.run(&words.iter().map(String::as_str).collect::<Vec<_>>());
+        assert_eq!(output.status.code(), Some(code), "{words:?}: {}", text(&output));
+        assert!(text(&output).contains(said), "{words:?}: {}", text(&output));
+    }
+}
+
 fn boxes(file: &Value) -> Vec<&Vec<Value>> {
     let frames = file.as_object().expect("frames");
     frames

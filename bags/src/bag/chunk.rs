@@ -75,6 +75,11 @@ pub(super) fn index_of(offset: u64, record: &[u8]) -> Result<ChunkIndex, McapErr
     Err(McapError::BadChunkLength { header: chunk.compressed_size, available })
 }
 
+/// Returns whether the chunk `record` has a CRC: 0 stands for none.
+pub(super) fn has_crc(record: &[u8]) -> bool {
+    record[CRC] != [0; 4]
+}
+
 /// Reads the record of a chunk. Its head is that of the index: where the file has another, the data decide by their CRC.
 pub(super) fn read(file: &File, chunk: &ChunkIndex) -> Result<Vec<u8>, McapError> {
     let length = usize::try_from(chunk.chunk_length).ok().filter(|&length| length <= MAX_CHUNK);
@@ -89,8 +94,9 @@ pub(super) fn read(file: &File, chunk: &ChunkIndex) -> Result<Vec<u8>, McapError
     head.extend((chunk.compression.len() as u32).to_le_bytes());
     head.extend(chunk.compression.as_bytes());
     head.extend(chunk.compressed_size.to_le_bytes());
+    let is_checked = has_crc(&record);
     let (own, _) = record.split_at_mut(head.len());
-    if own != head && own[CRC] == [0; 4] {
+    if own != head && !is_checked {
         return Err(fault("its head is not that of the index, and it has no CRC"));
     }
     own.copy_from_slice(&head);

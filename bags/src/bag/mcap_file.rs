@@ -58,9 +58,10 @@ impl McapFile {
     fn messages_of(&self, file: &File, chunk: &ChunkIndex, wanted: &Wanted) -> Result<Vec<Item>, McapError> {
         let record = chunk::read(file, chunk)?;
         let mut known = ChannelAccumulator::from_summary(&self.index);
-        let (mut messages, mut unknown) = (Vec::new(), 0);
+        let (mut messages, mut unknown, mut all) = (Vec::new(), 0, 0);
         chunk::unpack(chunk, &record, |record| match record {
             Record::Message { header, data } => {
+                all += 1;
                 // Two channels may share a name, and only one of them be CDR.
                 if let Some(topic) = wanted.topics.get(&header.channel_id) {
                     messages.push((topic, header, data.into_owned()));
@@ -71,6 +72,10 @@ impl McapFile {
             }
             record => chunk::define(&mut known, record.into_owned()),
         })?;
+        if !chunk::has_crc(&record) && chunk::count(file, chunk, |_| true).is_some_and(|stated| stated != all)
+        {
+            return Err(chunk::fault("it has no CRC, and not as many messages as its index"));
+        }
         messages.retain(|(_, header, _)| header.log_time >= wanted.start);
         // The sort is stable, so messages of one time stay in the order of the file.
         messages.sort_by_key(|(_, header, _)| header.log_time);

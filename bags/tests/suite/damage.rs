@@ -190,20 +190,26 @@ fn the_index_finds_the_chunks_behind_a_broken_length() {
     }
 }
 
-/// An index that has no CRC, and leaves out a chunk or leads to a wrong place, hides nothing.
-#[test]
-fn a_wrong_index_is_not_believed() {
-    let (_folder, path) = temporary("index.mcap");
-    let file = std::fs::File::create(&path).expect("a file");
-    let options = mcap::WriteOptions::new().compression(None).chunk_size(Some(60));
-    let mut mcap = options.calculate_summary_section_crc(false).create(file).expect("a writer");
+/// A file of nine messages in several chunks. Its index has no CRC.
+fn nine_messages(options: mcap::WriteOptions) -> Vec<u8> {
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let options = options.chunk_size(Some(60)).calculate_summary_section_crc(false);
+    let mut mcap = options.create(&mut bytes).expect("a writer");
     let channel_id = mcap.add_channel(0, "/a", "cdr", &Default::default()).expect("a channel");
     for log_time in 0..9 {
         let header = mcap::records::MessageHeader { channel_id, sequence: 0, log_time, publish_time: 1 };
         mcap.write_to_known_channel(&header, &[log_time as u8; 50]).expect("written");
     }
     mcap.finish().expect("finished");
-    let bytes = std::fs::read(&path).expect("readable");
+    drop(mcap);
+    bytes.into_inner()
+}
+
+/// An index that has no CRC, and leaves out a chunk or leads to a wrong place, hides nothing.
+#[test]
+fn a_wrong_index_is_not_believed() {
+    let (_folder, path) = temporary("index.mcap");
+    let bytes = nine_messages(mcap::WriteOptions::new().compression(None));
     let chunks = mcap::Summary::read(&bytes).expect("whole").expect("indexed").chunk_indexes;
     assert!(chunks.len() > 3);
     let starts = chunks[2].chunk_start_offset.to_le_bytes();
@@ -216,6 +222,30 @@ fn a_wrong_index_is_not_believed() {
         let bag = open(&path, &wrong);
         assert_eq!(read_all(&bag, &Selection::default()).len(), 9, "{what}: {:?}", bag.warnings());
     }
+}
+
+/// A chunk without a CRC, whose size is that of fewer messages in all places that tell it.
+#[test]
+fn a_size_that_hides_messages_is_told() {
+    let (_folder, path) = temporary("size.mcap");
+    let options = mcap::WriteOptions::new().compression(Some(mcap::Compression::Zstd));
+    let mut bytes = nine_messages(options.calculate_chunk_crcs(false));
+    let chunks = mcap::Summary::read(&bytes).expect("whole").expect("indexed").chunk_indexes;
+    let size = chunks[0].uncompressed_size;
+    // One record of a message: 31 bytes and the payload.
+    let smaller = (size - 81).to_le_bytes();
+    let places: Vec<_> =
+        (0..bytes.len()).filter(|&at| bytes[at..].starts_with(&size.to_le_bytes())).collect();
+    assert!(places.len() >= 2, "in the chunk and in the index");
+    for place in [places[0], places[1]] {
+        bytes[place..][..8].copy_from_slice(&smaller);
+    }
+    assert_eq!(
+        mcap::Summary::read(&bytes).expect("whole").expect("indexed").chunk_indexes[0].uncompressed_size,
+        size - 81
+    );
+    let (messages, left_out) = read_around(&open(&path, &bytes));
+    assert!(messages.len() < 9 && left_out.len() == 1, "{left_out:?}");
 }
 
 #[test]
