@@ -80,8 +80,8 @@ pub(super) fn has_crc(record: &[u8]) -> bool {
     record[CRC] != [0; 4]
 }
 
-/// Reads the record of a chunk. Its head is that of the index: where the file has another, the data decide by their CRC.
-pub(super) fn read(file: &File, chunk: &ChunkIndex) -> Result<Vec<u8>, McapError> {
+/// Reads the record of a chunk, and whether its head had to be replaced by that of the index: then the data decide by their CRC.
+pub(super) fn read(file: &File, chunk: &ChunkIndex) -> Result<(Vec<u8>, bool), McapError> {
     let length = usize::try_from(chunk.chunk_length).ok().filter(|&length| length <= MAX_CHUNK);
     let mut record = vec![0; length.ok_or(McapError::ChunkTooLarge(chunk.chunk_length))?];
     file.read_exact_at(&mut record, chunk.chunk_start_offset)?;
@@ -96,11 +96,12 @@ pub(super) fn read(file: &File, chunk: &ChunkIndex) -> Result<Vec<u8>, McapError
     head.extend(chunk.compressed_size.to_le_bytes());
     let is_checked = has_crc(&record);
     let (own, _) = record.split_at_mut(head.len());
-    if own != head && !is_checked {
+    let is_replaced = own != head;
+    if is_replaced && !is_checked {
         return Err(fault("its head is not that of the index, and it has no CRC"));
     }
     own.copy_from_slice(&head);
-    Ok(record)
+    Ok((record, is_replaced))
 }
 
 /// Hands each record inside the chunk `record` to `take`; an error of the CRC comes at the end.

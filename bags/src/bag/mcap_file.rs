@@ -56,7 +56,7 @@ impl McapFile {
 
     /// Returns the messages of the `wanted` channels in a chunk, by time; none of them when any of it is damaged.
     fn messages_of(&self, file: &File, chunk: &ChunkIndex, wanted: &Wanted) -> Result<Vec<Item>, McapError> {
-        let record = chunk::read(file, chunk)?;
+        let (record, is_replaced) = chunk::read(file, chunk)?;
         let mut known = ChannelAccumulator::from_summary(&self.index);
         let (mut messages, mut unknown, mut all) = (Vec::new(), 0, 0);
         chunk::unpack(chunk, &record, |record| match record {
@@ -75,6 +75,10 @@ impl McapFile {
         if !chunk::has_crc(&record) && chunk::count(file, chunk, |_| true).is_some_and(|stated| stated != all)
         {
             return Err(chunk::fault("it has no CRC, and not as many messages as its index"));
+        }
+        if is_replaced {
+            let (path, byte) = (self.path.display(), chunk.chunk_start_offset);
+            tracing::warn!("{path}: the head of the chunk at byte {byte} is damaged, its messages are whole");
         }
         messages.retain(|(_, header, _)| header.log_time >= wanted.start);
         // The sort is stable, so messages of one time stay in the order of the file.

@@ -96,7 +96,9 @@ fn broken(path: &Path, why: &rusqlite::Error) -> BagError {
          can be written, and run `sqlite3 FILE 'SELECT 1 FROM messages LIMIT 1'` there"
     } else if has("-wal") {
         "its recorder was stopped, or still writes, and the last messages are in FILE-wal: copy both to a folder that can be \
-         written, and run `sqlite3 FILE 'PRAGMA wal_checkpoint'` there"
+         written"
+    } else if why.sqlite_error_code() == Some(ErrorCode::CannotOpen) {
+        "copy it to a folder that can be written: SQLite reads some files only there"
     } else {
         "`sqlite3 FILE .recover` may save what is in a broken file"
     };
