@@ -14,12 +14,12 @@ use modulo_middleware::driver::{CommonParameters, composed};
 use modulo_middleware::transport::local::LocalTransport;
 use modulo_middleware::transport::zenoh::ZenohTransport;
 use modulo_middleware::transport::{
-    Claim, Deliver, Guard, Incoming, ParameterAnswer, ParameterPort, ParameterRequest, Publisher, Transport,
-    TransportError,
+    Claim, Deliver, Guard, Incoming, NodeId, ParameterAnswer, ParameterPort, ParameterRequest, Publisher,
+    Transport, TransportError,
 };
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::lockstep::Lockstep;
-use modulo_runtime::wire::keys::Hashes;
+use modulo_runtime::wire::keys::{EntityKind, Hashes};
 use modulo_runtime::{
     Address, Clock, Context, Flow, Job, ManualClock, Message, MessageKind, Node, NodeName, NodeReport,
     ParameterError, ParameterSet, Parameters, Part, PlannedInputs, StampedFrame, StepError, Stop,
@@ -301,20 +301,20 @@ impl Transport for Offered {
         self.ports.lock().expect("not poisoned").send(port).expect("the test listens");
         Ok(Box::new(()))
     }
-    fn nodes(&self) -> Vec<String> {
+    fn nodes(&self) -> Vec<NodeId> {
         self.local.nodes()
+    }
+    fn id_of(&self, node: &NodeName) -> NodeId {
+        self.local.id_of(node)
     }
     fn is_ready(&self, node: &str) -> bool {
         self.local.is_ready(node)
     }
-    fn publishers(&self, topic: &str) -> Vec<String> {
-        self.local.publishers(topic)
+    fn endpoints(&self, kind: EntityKind, topic: &str) -> Vec<NodeId> {
+        self.local.endpoints(kind, topic)
     }
     fn published(&self, kind: MessageKind) -> Vec<(String, String)> {
         self.local.published(kind)
-    }
-    fn subscribers(&self, topic: &str) -> Vec<String> {
-        self.local.subscribers(topic)
     }
     fn settling(&self) -> Duration {
         self.local.settling()

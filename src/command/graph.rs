@@ -105,18 +105,34 @@ pub fn node(args: &NodeCommand) -> Result<Ended, Failure> {
     let nodes = graph.nodes();
     match args {
         NodeCommand::List { all } => {
-            nodes.iter().filter(|node| *all || !is_hidden_node(node)).for_each(|node| say!("{node}"));
+            let shown: Vec<_> = nodes.iter().filter(|node| *all || !is_hidden_node(node)).collect();
+            if shown.windows(2).any(|pair| pair[0] == pair[1]) {
+                // The words of `ros2 node list`.
+                eprintln!(
+                    "WARNING: Be aware that there are nodes in the graph that share an exact name, which can have unintended \
+                     side effects."
+                );
+            }
+            shown.iter().for_each(|node| say!("{node}"));
         }
         NodeCommand::Info { node } => {
             let node = absolute(node);
             if !nodes.contains(&node) {
-                let known: Vec<_> = nodes.into_iter().collect();
-                return Err(anyhow!("no node {node}; there are {}", known.join(", ")).into());
+                return Err(anyhow!("no node {node}; there are {}", nodes.join(", ")).into());
             }
+            tell_namesakes(&graph, &node, "what follows is that of all of them");
             describe(&graph, &node);
         }
     }
     Ok(Ended::Done)
+}
+
+/// Warns where several nodes are called `node`, an absolute name, with what that means for a command.
+pub fn tell_namesakes(graph: &Graph, node: &str, means: &str) {
+    let count = graph.nodes().iter().filter(|name| *name == node).count();
+    if count > 1 {
+        eprintln!("WARNING: {count} nodes are called {node}: {means}");
+    }
 }
 
 pub fn absolute(name: &str) -> String {
@@ -177,6 +193,7 @@ fn echo(transport: &ZenohTransport, args: &Echo) -> Result<(), Failure> {
             rihs::description_of_schema(&name, &text)?
         }
     };
+    transport.twins().iter().for_each(|twins| eprintln!("WARNING: {twins}"));
     while listening.goes_on() {
         // Nothing comes when the command was asked to end meanwhile.
         let Some(sample) = listening.next(None) else { continue };
@@ -210,6 +227,7 @@ fn hz(transport: &ZenohTransport, clock: &dyn Clock, topic: &str, window: usize)
     let listening = transport.listen(&absolute(topic), stop_on_signals()?)?;
     let now = || clock.ticks_ns() as f64 / 1e9;
     let (mut arrived, mut due) = (VecDeque::new(), now() + 1.0);
+    transport.twins().iter().for_each(|twins| eprintln!("WARNING: {twins}"));
     while listening.goes_on() {
         let patience = Duration::from_secs_f64((due - now()).max(0.0));
         if let Some(sample) = listening.next(Some(patience)) {

@@ -5,6 +5,7 @@ use std::io::Write as _;
 use anyhow::anyhow;
 use clap::Subcommand;
 use modulo_middleware::parameter::client::ParameterClient;
+use modulo_middleware::transport::zenoh::ZenohTransport;
 use modulo_msgs::rcl_interfaces::ParameterType;
 use modulo_runtime::parameter::file;
 use modulo_runtime::parameter::text::{bare, described, labelled, type_name};
@@ -61,12 +62,30 @@ pub enum Param {
 /// Runs one of the parameter commands.
 pub fn param(args: &Param) -> Result<Ended, Failure> {
     let (_clock, transport) = open_session()?;
-    let client = |node: &str| ParameterClient::new(&transport, node);
+    // All nodes of a name get the request, whichever of them is found first.
+    transport.settled_graph();
+    let done = ask(args, &transport);
+    let node = match args {
+        Param::List { node, .. } => node.as_ref(),
+        Param::Get { node, .. }
+        | Param::Describe { node, .. }
+        | Param::Dump { node }
+        | Param::Set { node, .. } => Some(node),
+    };
+    if let Some(node) = node {
+        let means = "each of them got the request, and the answer is that of the first one that gave it";
+        graph::tell_namesakes(&transport.graph(), &graph::absolute(node), means);
+    }
+    done
+}
+
+fn ask(args: &Param, transport: &ZenohTransport) -> Result<Ended, Failure> {
+    let client = |node: &str| ParameterClient::new(transport, node);
     let missing = |node, name| Failure::Run(anyhow!("{node} has no parameter '{name}'"));
     match args {
         Param::List { node: Some(node), param_type } => print_names(&client(node), *param_type)?,
         Param::List { node: None, param_type } => {
-            for node in transport.settled_graph().nodes_with_parameters() {
+            for node in transport.graph().nodes_with_parameters() {
                 say!("{node}:");
                 print_names(&client(&node), *param_type)?;
             }

@@ -13,7 +13,7 @@ use modulo_msgs::std_srvs::{SetBoolRequest, SetBoolResponse};
 use modulo_runtime::{Message, MessageKind, Qos, StampedFrame};
 use serde_json::Value;
 
-use crate::harness::{Background, Bench, Heard, Peer, arg, json, model, text, wait_until};
+use crate::harness::{Background, Bench, Heard, Peer, arg, json, model, signal, text, wait_until};
 
 /// Waits for a log line that contains `text`.
 fn line(log: &Heard, text: &str) -> String {
@@ -274,4 +274,81 @@ fn a_trace_follows_each_frame_through_all_nodes() {
             ["s", "t", "f"].map(|ph| events.iter().filter(|e| e["ph"] == ph && e["id"] == frame).count());
         assert_eq!(flow, [1, 1, 1], "{frame}");
     }
+}
+
+/// Returns a suite of rate 0 that goes on until it is interrupted, with the file of its summary.
+fn endless_suite(bench: &Bench, name: &str) -> (Background, std::path::PathBuf) {
+    let (summary, model) = (bench.path(name), arg("model", model()));
+    let source = "source:=scene://day?frames=8&width=96&height=64";
+    let fixed =
+        ["launch", "launch/recovered.launch.yaml", source, "loop:=true", "engine:=rten", &model, "--summary"];
+    let arguments = [&fixed[..], &[summary.to_str().expect("UTF-8")]].concat();
+    (bench.start(&arguments), summary)
+}
+
+/// Two suites in one domain mixed their cameras without a word, and the second camera stood still for a minute.
+#[test]
+fn two_suites_in_one_domain_say_so() {
+    let bench = Bench::new();
+    let peer = Peer::new(&bench);
+    let log = peer.hear_as("/rosout", MessageKind::Log, Qos::Logs);
+    let is_told = |message: &Message| match message {
+        Message::Log(line) => line.msg.contains("ROS_DOMAIN_ID"),
+        _ => false,
+    };
+    let list = || bench.run(&["node", "list"]);
+    let (first, _) = endless_suite(&bench, "first.json");
+    let detections = peer.hear("/detector/detections", MessageKind::Detections);
+    detections.until("boxes", |_| true);
+    // A recorder, a second look from outside, and a node that is started again are no second suite.
+    let recording = bench.record(&bench.path("bag"), &["/modulo", "/recovered"]);
+    let _viewer = bench.start(&["view", "--port", "0"]);
+    let victim = first.node("unwrap").expect("it runs");
+    signal(victim, "KILL");
+    wait_until("another process", || first.node("unwrap").is_some_and(|pid| pid != victim));
+    std::thread::sleep(Duration::from_secs(4));
+    while let Some(message) = log.next(Duration::ZERO) {
+        assert!(!is_told(&message), "{message:?}");
+    }
+    assert!(!text(&list()).contains("WARNING"), "{}", text(&list()));
+    assert_eq!(recording.interrupt(), Some(0));
+
+    let (_heard, frames) = peer.listen("/modulo", MessageKind::Image);
+    let (second, summary) = endless_suite(&bench, "second.json");
+    let mut sent = BTreeMap::new();
+    wait_until("both cameras go on", || {
+        for frame in frames.try_iter() {
+            *sent.entry(frame.attachment.expect("each has one").gid).or_insert(0) += 1;
+        }
+        sent.len() == 2 && sent.values().all(|count| *count >= 30)
+    });
+    let mut told: BTreeSet<(String, String)> = BTreeSet::new();
+    let mut lines = 0;
+    wait_until("a warning of each node of both suites", || {
+        while let Some(Message::Log(line)) = log.next(Duration::from_millis(50)) {
+            if line.msg.contains("2 nodes are called") && line.msg.contains(&line.name) {
+                told.insert((line.name.clone(), line.msg.clone()));
+                lines += 1;
+            }
+        }
+        lines >= 6
+    });
+    assert_eq!(lines, 6, "{told:?}");
+    let of_camera =
+        told.iter().any(|(_, line)| line.contains("/modulo, ") && line.contains("have 2 publishers"));
+    assert!(of_camera, "{told:?}");
+    let listed = text(&list());
+    assert_eq!(listed.matches("/unwrap\n").count(), 2, "{listed}");
+    assert!(listed.contains("nodes in the graph that share an exact name"), "{listed}");
+    let top = text(&bench.run(&["top", "--once"]));
+    assert!(top.contains("/unwrap (2 nodes of this name)"), "{top}");
+    let got = text(&bench.run(&["param", "get", "/unwrap", "method"]));
+    assert!(got.contains("2 nodes are called /unwrap") && got.contains("auto"), "{got}");
+
+    assert_eq!((second.interrupt(), first.interrupt()), (Some(3), Some(3)));
+    let foreign = &json(&summary)["foreign"];
+    assert!(
+        foreign.as_array().is_some_and(|all| all.iter().any(|one| one["topic"] == "/modulo")),
+        "{foreign}"
+    );
 }

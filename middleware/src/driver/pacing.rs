@@ -5,12 +5,15 @@ use std::sync::Arc;
 
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
+use modulo_runtime::wire::keys::EntityKind;
 use modulo_runtime::{Clock, Message, MessageKind, Topic};
 
-use crate::transport::Transport;
+use crate::transport::{NodeId, Transport};
 
 /// A paced source goes on when a reader that is there has not taken a frame for this long.
 const READER_LIMIT_NS: u64 = 60_000_000_000;
+/// The same where another node publishes on the same topics: its frame may have replaced this one, so that no reader takes it.
+const SHARED_LIMIT_NS: u64 = 300_000_000;
 
 /// Where nodes tell which frame they have taken; `ros2 topic list` hides it, as every name with a leading underscore.
 const TOPIC: &str = "/_modulo/taken";
@@ -23,14 +26,19 @@ pub fn taken_topic() -> Topic {
 /// Returns whether there is a node that does not publish [`taken_topic`], as each live node of the suite does. A recorder or a viewer
 /// looks for publishers in the graph and subscribes some time after they have come.
 pub(super) fn has_watcher(transport: &dyn Transport) -> bool {
-    let telling = transport.publishers(TOPIC);
+    let telling = transport.endpoints(EntityKind::Publisher, TOPIC);
     transport.nodes().iter().any(|node| !telling.contains(node))
 }
 
 /// Returns the message that `node` has taken the frame of `stamp`, and published what came of it on `topics`.
-pub(super) fn taken_message(node: &str, stamp: Time, topics: &[String]) -> Message {
+pub(super) fn taken_message(node: NodeId, stamp: Time, topics: &[String]) -> Message {
     let values = topics.iter().map(|topic| KeyValue { key: topic.clone(), value: String::new() }).collect();
-    let status = DiagnosticStatus { name: node.to_owned(), values, ..DiagnosticStatus::default() };
+    let status = DiagnosticStatus {
+        name: node.name,
+        hardware_id: node.session,
+        values,
+        ..DiagnosticStatus::default()
+    };
     let header = Header { stamp, frame_id: String::new() };
     Message::Diagnostics(Arc::new(DiagnosticArray { header, status: vec![status] }))
 }
@@ -48,7 +56,7 @@ pub struct Pacing {
     /// Topics on which the frame, or what came of it, was published.
     topics: BTreeSet<String>,
     /// Nodes that have taken it.
-    taken: BTreeSet<String>,
+    taken: BTreeSet<NodeId>,
     /// When [`Pacing::holds`] was asked first, in ticks of the clock.
     waiting_since: Option<u64>,
 }
@@ -69,7 +77,8 @@ impl Pacing {
     pub fn note(&mut self, message: &DiagnosticArray) {
         if Some(message.header.stamp) == self.stamp {
             for status in &message.status {
-                self.taken.insert(status.name.clone());
+                let (name, session) = (status.name.clone(), status.hardware_id.clone());
+                self.taken.insert(NodeId { name, session });
                 // What this node published comes from the frame, so the readers of that are waited for, too.
                 self.topics.extend(status.values.iter().map(|value| value.key.clone()));
             }
@@ -77,25 +86,34 @@ impl Pacing {
     }
 
     /// Returns whether the next frame has to wait for a reader. A reader that hangs must not stop a source for ever, so
-    /// that the answer is no, with a warning, after 60 s of waiting.
+    /// that the answer is no, with a warning, after 60 s of waiting; and after 0.3 s where the source is not the only one of its
+    /// topics, of which the transport warns.
     pub fn holds(&mut self, transport: &dyn Transport, clock: &dyn Clock) -> bool {
         let missing = self.waits_for(transport);
         let since = *self.waiting_since.get_or_insert(clock.ticks_ns());
-        if missing.is_empty() || clock.ticks_ns().saturating_sub(since) <= READER_LIMIT_NS {
+        let publishers = |topic| transport.endpoints(EntityKind::Publisher, topic);
+        let is_shared =
+            self.topics.iter().any(|topic| publishers(topic).into_iter().collect::<BTreeSet<_>>().len() > 1);
+        let limit = if is_shared { SHARED_LIMIT_NS } else { READER_LIMIT_NS };
+        if missing.is_empty() || clock.ticks_ns().saturating_sub(since) <= limit {
             return !missing.is_empty();
         }
-        tracing::warn!("{} has not taken a frame for 60 s: going on", missing.join(", "));
+        if !is_shared {
+            let names: Vec<String> = missing.into_iter().map(|node| node.name).collect();
+            tracing::warn!("{} has not taken a frame for 60 s: going on", names.join(", "));
+        }
         *self = Self::default();
         false
     }
 
     /// Returns the nodes that have not taken the frame yet. Only those are waited for that publish [`taken_topic`]: other
     /// readers, such as a viewer, set no pace. A node that leaves the graph is not waited for any longer.
-    fn waits_for(&self, transport: &dyn Transport) -> Vec<String> {
-        let telling: BTreeSet<String> = transport.publishers(TOPIC).into_iter().collect();
-        let readers = self.topics.iter().flat_map(|topic| transport.subscribers(topic));
+    fn waits_for(&self, transport: &dyn Transport) -> Vec<NodeId> {
+        let nodes = |kind, topic| transport.endpoints(kind, topic).into_iter();
+        let telling: BTreeSet<NodeId> = nodes(EntityKind::Publisher, TOPIC).collect();
+        let readers = self.topics.iter().flat_map(|topic| nodes(EntityKind::Subscription, topic));
         // A viewer or a recorder tells nothing, and waiting for it would never end.
-        let readers: BTreeSet<String> = readers.filter(|reader| telling.contains(reader)).collect();
+        let readers: BTreeSet<NodeId> = readers.filter(|reader| telling.contains(reader)).collect();
         readers.difference(&self.taken).cloned().collect()
     }
 }
@@ -121,6 +139,10 @@ mod tests {
     }
 
     fn note(pacing: &mut Pacing, node: &str, ns: u64, topics: &[String]) {
+        note_of(pacing, NodeId { name: node.to_owned(), session: String::new() }, ns, topics);
+    }
+
+    fn note_of(pacing: &mut Pacing, node: NodeId, ns: u64, topics: &[String]) {
         let Message::Diagnostics(message) = taken_message(node, Time::from_ns(ns), topics) else {
             unreachable!()
         };
@@ -150,9 +172,15 @@ mod tests {
         assert!(pacing.waits_for(&transport).is_empty(), "the first frame waits for no reader");
 
         pacing.sent(Time::from_ns(5), ["/modulo".to_owned()]);
-        assert_eq!(pacing.waits_for(&transport), ["/unwrap"]);
+        let waits_for = |pacing: &Pacing| -> Vec<String> {
+            pacing.waits_for(&transport).into_iter().map(|node| node.name).collect()
+        };
+        assert_eq!(waits_for(&pacing), ["/unwrap"]);
         note(&mut pacing, "/unwrap", 4, &[]);
-        assert_eq!(pacing.waits_for(&transport), ["/unwrap"], "that was an earlier frame");
+        assert_eq!(waits_for(&pacing), ["/unwrap"], "that was an earlier frame");
+        let namesake = NodeId { name: "/unwrap".into(), session: "another suite".into() };
+        note_of(&mut pacing, namesake, 5, &[]);
+        assert_eq!(waits_for(&pacing), ["/unwrap"], "that was another node of this name");
         // The detector may be heard before the node that it reads from.
         note(&mut pacing, "/detector", 5, &[]);
         note(&mut pacing, "/unwrap", 5, &["/recovered".into()]);
@@ -160,7 +188,7 @@ mod tests {
 
         pacing.sent(Time::from_ns(6), ["/modulo".to_owned()]);
         note(&mut pacing, "/unwrap", 6, &["/recovered".into()]);
-        assert_eq!(pacing.waits_for(&transport), ["/detector"]);
+        assert_eq!(waits_for(&pacing), ["/detector"]);
         drop(detector);
         assert!(pacing.waits_for(&transport).is_empty(), "a node that has gone is not waited for");
 
@@ -185,5 +213,26 @@ mod tests {
         assert!(pacing.holds(&transport, &clock));
         clock.set(READER_LIMIT_NS + 1);
         assert!(!pacing.holds(&transport, &clock));
+    }
+
+    /// A camera stood still for a minute when the frame of another one had replaced its own.
+    #[test]
+    fn a_source_that_is_not_the_only_one_of_its_topic_goes_on() {
+        let (transport, clock) = (LocalTransport::default(), ManualClock::at(0));
+        let _unwrap = reader(&transport, "unwrap", "/modulo");
+        let image = Address::resolve(&node_name("camera"), &Topic::new("/modulo", MessageKind::Image));
+        let image = image.expect("a name");
+        let advertise = |name| transport.advertise(&node_name(name), &image).expect("local");
+        let (_camera, player) = (advertise("camera"), advertise("player"));
+        let mut pacing = Pacing::default();
+        pacing.sent(Time::from_ns(5), ["/modulo".to_owned()]);
+        assert!(pacing.holds(&transport, &clock));
+        clock.set(SHARED_LIMIT_NS + 1);
+        assert!(!pacing.holds(&transport, &clock));
+        drop(player);
+        pacing.sent(Time::from_ns(6), ["/modulo".to_owned()]);
+        assert!(pacing.holds(&transport, &clock));
+        clock.set(2 * SHARED_LIMIT_NS + 2);
+        assert!(pacing.holds(&transport, &clock), "it is the only one again");
     }
 }

@@ -1,10 +1,12 @@
-//! [`Graph`]: the ROS graph, made from the keys of liveliness tokens that appear and disappear, and [`Conflict`]: two
-//! of its endpoints that do not fit together. It knows no transport.
+//! [`Graph`]: the ROS graph, made from the keys of liveliness tokens that appear and disappear; [`Conflict`]: two
+//! of its endpoints that do not fit together; and [`Twins`]: nodes that take each other's place. It knows no transport.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
 use modulo_msgs::ros_name;
+use modulo_runtime::MessageKind;
+use modulo_runtime::name::is_hidden;
 use modulo_runtime::topic::{Durability, Profile, Reliability};
 use modulo_runtime::wire::keys::{Endpoint, EntityKind, NO_HASH, Token};
 
@@ -38,9 +40,44 @@ impl Graph {
         self.tokens.remove(key);
     }
 
-    /// Returns the fully qualified names of all nodes.
-    pub fn nodes(&self) -> BTreeSet<String> {
-        self.tokens().filter(|token| token.kind == EntityKind::Node).map(Token::node_name).collect()
+    /// Returns the fully qualified names of all nodes in their order; one that two nodes have comes twice.
+    pub fn nodes(&self) -> Vec<String> {
+        let nodes = self.tokens().filter(|token| token.kind == EntityKind::Node);
+        let mut names: Vec<String> = nodes.map(Token::node_name).collect();
+        names.sort();
+        names
+    }
+
+    /// Returns the nodes that take each other's place where that concerns the session `own`: those with the name of a node with
+    /// services in it, and those that publish a stream which it publishes or reads.
+    pub fn twins_of(&self, own: &str) -> Vec<Twins> {
+        // Each name and each stream, with its nodes and whether it is one of `own`.
+        let mut shared: BTreeMap<(Option<&str>, String), (BTreeSet<TokenNode<'_>>, bool)> = BTreeMap::new();
+        for token in self.tokens() {
+            let stream = token.endpoint.as_ref().filter(|endpoint| is_stream(endpoint));
+            let of_stream = stream.map(|endpoint| (Some(&*endpoint.topic), String::new()));
+            let (key, is_one) = match (token.kind, of_stream) {
+                (EntityKind::Node, _) => ((None, token.node_name()), true),
+                // A node without services, such as a viewer, may be there several times.
+                (EntityKind::Server, _) => ((None, token.node_name()), false),
+                (EntityKind::Publisher, Some(stream)) => (stream, true),
+                (EntityKind::Subscription, Some(stream)) => (stream, false),
+                _ => continue,
+            };
+            let (nodes, is_own) = shared.entry(key).or_default();
+            if is_one {
+                nodes.insert((token.node_name(), &token.session, token.node_id));
+            }
+            *is_own |= token.session == own && token.kind != EntityKind::Node;
+        }
+        let mut twins: BTreeMap<Vec<String>, Vec<String>> = BTreeMap::new();
+        for ((topic, _), (nodes, is_own)) in shared {
+            if nodes.len() > 1 && is_own {
+                let topics = twins.entry(nodes.into_iter().map(|(name, ..)| name).collect()).or_default();
+                topics.extend(topic.map(str::to_owned));
+            }
+        }
+        twins.into_iter().map(|(nodes, topics)| Twins { nodes, topics }).collect()
     }
 
     /// Returns the fully qualified names of the nodes whose parameters can be asked for.
@@ -76,6 +113,53 @@ impl Graph {
     /// Returns the endpoints of `kind` on `topic`.
     pub fn endpoints<'a>(&'a self, kind: EntityKind, topic: &'a str) -> impl Iterator<Item = &'a Token> {
         self.tokens().filter(move |t| t.kind == kind && t.endpoint.as_ref().is_some_and(|e| e.topic == topic))
+    }
+}
+
+/// Returns whether the messages of two publishers on this topic would mix: those of images and boxes. Any number of nodes
+/// publishes statuses and lines of the log on one topic.
+fn is_stream(endpoint: &Endpoint) -> bool {
+    let kinds =
+        [MessageKind::Image, MessageKind::CompressedImage, MessageKind::CameraInfo, MessageKind::Detections];
+    let type_name = ros_name(&endpoint.dds_type);
+    !is_hidden(&endpoint.topic) && kinds.iter().any(|kind| kind.type_name() == type_name)
+}
+
+/// Name, session and number of a node.
+type TokenNode<'a> = (String, &'a str, u64);
+
+/// Nodes that have one name, or publish one stream, as when a suite runs twice in a domain.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Twins {
+    /// Their fully qualified names, at least two.
+    pub nodes: Vec<String>,
+    /// The streams that all of them publish.
+    pub topics: Vec<String>,
+}
+
+impl fmt::Display for Twins {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { nodes, topics } = self;
+        let count = nodes.len();
+        if nodes.iter().all(|node| *node == nodes[0]) {
+            write!(
+                f,
+                "{count} nodes are called {}, and a request to this name reaches all of them; ",
+                nodes[0]
+            )?;
+        }
+        // A compressed variant goes with its topic.
+        let variant = |topic: &&String| topic.ends_with("/compressed") && topics.len() > 1;
+        let shown: Vec<&str> = topics.iter().filter(|topic| !variant(topic)).map(String::as_str).collect();
+        if !shown.is_empty() {
+            let (shown, have) = (shown.join(", "), if shown.len() > 1 { "have" } else { "has" });
+            let nodes = nodes.join(", ");
+            write!(
+                f,
+                "{shown} {have} {count} publishers ({nodes}), which mix in each reader, its counts and its boxes; "
+            )?;
+        }
+        write!(f, "give one of the suites another namespace or another ROS_DOMAIN_ID")
     }
 }
 
@@ -253,6 +337,67 @@ mod tests {
                 assert!(said.contains(word), "{word}: {said}");
             }
         }
+    }
+
+    /// A suite that is there twice: both nodes of a name and both publishers of a stream are told to those whom it concerns.
+    #[test]
+    fn nodes_that_take_each_others_place_are_twins() {
+        let mut graph = Graph::default();
+        let suite = |session: &str, ns: &str| {
+            let key = |number: u32, kind: &str, rest: &str| {
+                format!("@ros2_lv/0/{session}/0/{number}/{kind}/%/{ns}/unwrap{rest}")
+            };
+            let on = |topic: &str, kind: &str| {
+                let topic = format!("{}%{topic}", ns.trim_end_matches('%'));
+                format!("/{topic}/sensor_msgs::msg::dds_::{kind}_/RIHS01_0/2::,5:,:,:,,")
+            };
+            [
+                key(0, "NN", ""),
+                key(1, "MP", &on("recovered", "Image")),
+                key(2, "MP", &on("recovered%compressed", "CompressedImage")),
+                key(3, "MS", &on("modulo", "Image")),
+                key(
+                    4,
+                    "MP",
+                    "/%diagnostics/diagnostic_msgs::msg::dds_::DiagnosticArray_/RIHS01_0/::,10:,:,:,,",
+                ),
+                key(
+                    5,
+                    "SS",
+                    "/%unwrap%list_parameters/rcl_interfaces::srv::dds_::ListParameters_/RIHS01_0/::,10:,:,:,,",
+                ),
+            ]
+        };
+        let mut appear = |keys: &[String]| keys.iter().for_each(|key| graph.appear(key));
+        appear(&suite("a", "%"));
+        appear(&suite("b", "%front"));
+        // A viewer, twice, and a recorder.
+        appear(&["v", "w"].map(|session| format!("@ros2_lv/0/{session}/0/0/NN/%/%/modulo_view")));
+        let image = "sensor_msgs::msg::dds_::Image_/RIHS01_0/2::,5:,:,:,,";
+        appear(&[format!("@ros2_lv/0/r/0/1/MS/%/%/rosbag2_recorder/%recovered/{image}")]);
+        for session in ["a", "b", "v", "r"] {
+            assert_eq!(graph.twins_of(session), [], "{session}");
+        }
+        let second = suite("c", "%");
+        second.iter().for_each(|key| graph.appear(key));
+        let nodes = vec!["/unwrap".to_owned(); 2];
+        let twins = |topics: &[&str]| {
+            let topics = topics.iter().map(|topic| (*topic).to_owned()).collect();
+            [Twins { nodes: nodes.clone(), topics }]
+        };
+        for session in ["a", "c"] {
+            assert_eq!(graph.twins_of(session), twins(&["/recovered", "/recovered/compressed"]));
+        }
+        assert_eq!((graph.twins_of("b"), graph.twins_of("v")), (vec![], vec![]));
+        assert_eq!(graph.twins_of("r"), twins(&["/recovered"]));
+        assert_eq!(graph.nodes().iter().filter(|name| *name == "/unwrap").count(), 2);
+        let said = graph.twins_of("a")[0].to_string();
+        for part in ["2 nodes are called /unwrap", "/recovered has 2 publishers", "mix", "ROS_DOMAIN_ID"] {
+            assert!(said.contains(part), "{said}");
+        }
+        assert!(!said.contains("compressed"), "{said}");
+        second.iter().for_each(|key| graph.disappear(key));
+        assert_eq!(graph.twins_of("a"), []);
     }
 
     #[test]

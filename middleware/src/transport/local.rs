@@ -5,9 +5,10 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use modulo_runtime::wire::keys::EntityKind;
 use modulo_runtime::{Address, Message, MessageKind, NodeName};
 
-use super::{Deliver, Guard, Incoming, ParameterPort, Publisher, Transport, TransportError};
+use super::{Deliver, Guard, Incoming, NodeId, ParameterPort, Publisher, Transport, TransportError};
 
 /// The graph of one process. Clones share it.
 #[derive(Clone, Default)]
@@ -49,6 +50,11 @@ impl LocalTransport {
     fn graph(&self) -> MutexGuard<'_, LocalGraph> {
         self.graph.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// Returns the node of this name: one process is one session.
+fn local(name: &String) -> NodeId {
+    NodeId { name: name.clone(), session: String::new() }
 }
 
 impl Publisher for LocalPublisher {
@@ -114,28 +120,35 @@ impl Transport for LocalTransport {
         Ok(Box::new(port))
     }
 
-    fn nodes(&self) -> Vec<String> {
-        self.graph().nodes.clone()
+    fn nodes(&self) -> Vec<NodeId> {
+        self.graph().nodes.iter().map(local).collect()
+    }
+
+    fn id_of(&self, node: &NodeName) -> NodeId {
+        local(&node.fully_qualified())
+    }
+
+    fn endpoints(&self, kind: EntityKind, topic: &str) -> Vec<NodeId> {
+        let graph = self.graph();
+        match kind {
+            EntityKind::Publisher => {
+                graph.publishers.iter().filter(|(on, ..)| on == topic).map(|(.., node)| local(node)).collect()
+            }
+            EntityKind::Subscription => {
+                graph.subscribers.get(topic).into_iter().flatten().map(|s| local(&s.node)).collect()
+            }
+            EntityKind::Node | EntityKind::Server | EntityKind::Client => Vec::new(),
+        }
     }
 
     fn is_ready(&self, node: &str) -> bool {
         self.graph().nodes.iter().any(|n| n == node)
     }
 
-    fn publishers(&self, topic: &str) -> Vec<String> {
-        let graph = self.graph();
-        graph.publishers.iter().filter(|(on, ..)| on == topic).map(|(.., node)| node.clone()).collect()
-    }
-
     fn published(&self, kind: MessageKind) -> Vec<(String, String)> {
         let graph = self.graph();
         let of_kind = graph.publishers.iter().filter(|(_, on, _)| *on == kind);
         of_kind.map(|(topic, _, node)| (topic.clone(), node.clone())).collect()
-    }
-
-    fn subscribers(&self, topic: &str) -> Vec<String> {
-        let graph = self.graph();
-        graph.subscribers.get(topic).into_iter().flatten().map(|s| s.node.clone()).collect()
     }
 
     fn settling(&self) -> Duration {

@@ -13,6 +13,7 @@ use std::sync::mpsc::Sender;
 
 use modulo_runtime::message::DecodeError;
 use modulo_runtime::wire::attachment::Attachment;
+use modulo_runtime::wire::keys::EntityKind;
 use modulo_runtime::{Address, Message, MessageKind, NodeName, ParameterError, Parameters, Value};
 
 use crate::transport::queue::Queued;
@@ -162,6 +163,15 @@ pub struct ParameterPort {
 /// Pauses a node (`false`) or lets it go on; the error is the reason why it has not done so.
 pub type Enable = Box<dyn Fn(bool) -> Result<(), String> + Send + Sync>;
 
+/// A node of the graph. Nodes of two sessions may have one name, as when a suite runs twice in a domain.
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct NodeId {
+    /// Fully qualified name.
+    pub name: String,
+    /// The session that it belongs to.
+    pub session: String,
+}
+
 /// Something that must stay alive for a declaration to hold.
 pub type Guard = Box<dyn Send + Sync>;
 
@@ -206,20 +216,30 @@ pub trait Transport: Send + Sync {
         Ok(Box::new(()))
     }
 
-    /// Returns the fully qualified names of the nodes that are announced now.
-    fn nodes(&self) -> Vec<String>;
+    /// Returns the nodes that are announced now.
+    fn nodes(&self) -> Vec<NodeId>;
+
+    /// Returns what tells a node called `node` of this session from those of others.
+    fn id_of(&self, node: &NodeName) -> NodeId;
+
+    /// Returns the node of each endpoint of `kind` on `topic` now.
+    fn endpoints(&self, kind: EntityKind, topic: &str) -> Vec<NodeId>;
 
     /// Returns whether the node with this fully qualified name has been announced.
     fn is_ready(&self, node: &str) -> bool;
 
     /// Returns the fully qualified names of the nodes that publish `topic` now.
-    fn publishers(&self, topic: &str) -> Vec<String>;
+    fn publishers(&self, topic: &str) -> Vec<String> {
+        self.endpoints(EntityKind::Publisher, topic).into_iter().map(|node| node.name).collect()
+    }
 
     /// Returns (topic, node) of each publisher of messages of `kind` now.
     fn published(&self, kind: MessageKind) -> Vec<(String, String)>;
 
     /// Returns the fully qualified names of the nodes that subscribe to `topic` now.
-    fn subscribers(&self, topic: &str) -> Vec<String>;
+    fn subscribers(&self, topic: &str) -> Vec<String> {
+        self.endpoints(EntityKind::Subscription, topic).into_iter().map(|node| node.name).collect()
+    }
 
     /// Returns the time after the end of the last publisher during which a message may still be on its way.
     fn settling(&self) -> std::time::Duration;

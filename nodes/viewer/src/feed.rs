@@ -64,7 +64,8 @@ impl Feed {
     /// Looks at the graph, and subscribes to exactly the topics that `wanted` chooses. Returns the graph and what failed.
     pub fn look(&mut self, wanted: impl FnOnce(&GraphView) -> BTreeSet<String>) -> (GraphView, Vec<String>) {
         let graph = self.session.transport.graph();
-        let view = GraphView::of(&graph, &self.session.node_name.fully_qualified());
+        let mut view = GraphView::of(&graph, &self.session.node_name.fully_qualified());
+        view.twins = self.session.transport.twins().iter().map(ToString::to_string).collect();
         let wanted = wanted(&view);
         self.guards.retain(|topic, _| wanted.contains(topic));
         let mut errors = Vec::new();
@@ -171,15 +172,19 @@ impl GraphView {
             published(MessageKind::Diagnostics).map(|(_, topic)| topic).collect();
         let mut nodes = graph.nodes_with_parameters();
         nodes.remove(own);
+        let names = graph.nodes();
+        let sharing = names.chunk_by(|one, next| one == next).filter(|chunk| chunk.len() > 1);
         Self {
             detectors,
             truths: labels.into_iter().map(|labels| labels.topic).collect(),
             links: links(graph, own),
             statuses: statuses.into_iter().collect(),
             player: nodes.contains(PLAYER),
+            namesakes: sharing.map(|chunk| (chunk[0].clone(), chunk.len())).collect(),
             nodes: nodes.into_iter().collect(),
             images,
             first: Vec::new(),
+            twins: Vec::new(),
             cameras,
         }
     }

@@ -169,7 +169,8 @@ impl Live<'_> {
     }
 
     fn tell_taken(&self, stamp: Time, topics: &[String]) {
-        if let Err(why) = self.taken.put(&taken_message(self.telemetry.node(), stamp, topics)) {
+        let own = self.transport.id_of(&self.node_name);
+        if let Err(why) = self.taken.put(&taken_message(own, stamp, topics)) {
             tracing::warn!(node = %self.telemetry.node(), "{why}");
         }
     }

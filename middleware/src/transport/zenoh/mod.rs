@@ -27,8 +27,10 @@ pub use service::{RawAnswer, RawService};
 pub use session::meeting_port;
 pub use topic::{RawPublisher, gid};
 
-use super::{Deliver, Enable, Guard, Incoming, ParameterPort, Publisher, Transport, TransportError};
+use super::{Deliver, Enable, Guard, Incoming, NodeId, ParameterPort, Publisher, Transport, TransportError};
+
 use crate::graph::Graph;
+use crate::graph::discovery::Twins;
 
 /// A zenoh session in one ROS domain. Dropping it ends the session after everything sent has left.
 pub struct ZenohTransport {
@@ -55,6 +57,7 @@ impl ZenohTransport {
         let session = session::open_session(domain, &shared_memory)?;
         let graph = Arc::new(Mutex::new(Graph::default()));
         let watch = watch_graph(&session, domain, &graph)?;
+        warn_of_twins(&graph, session.zid().to_string())?;
         Ok(Self {
             session,
             shared_memory,
@@ -66,6 +69,11 @@ impl ZenohTransport {
             node_ids: Mutex::default(),
             _watch: watch,
         })
+    }
+
+    /// Returns the nodes that take each other's place now where that concerns this session.
+    pub fn twins(&self) -> Vec<Twins> {
+        lock(&self.graph).twins_of(&self.session.zid().to_string())
     }
 
     /// Returns the graph as it is now.
@@ -166,17 +174,21 @@ impl Transport for ZenohTransport {
         self.serve_raw(node, vec![service::enable_service(enable)])
     }
 
-    fn nodes(&self) -> Vec<String> {
+    fn nodes(&self) -> Vec<NodeId> {
         let graph = lock(&self.graph);
-        graph.tokens().filter(|token| token.kind == EntityKind::Node).map(Token::node_name).collect()
+        graph.tokens().filter(|token| token.kind == EntityKind::Node).map(node_id).collect()
+    }
+
+    fn id_of(&self, node: &NodeName) -> NodeId {
+        NodeId { name: node.fully_qualified(), session: self.session.zid().to_string() }
+    }
+
+    fn endpoints(&self, kind: EntityKind, topic: &str) -> Vec<NodeId> {
+        lock(&self.graph).endpoints(kind, topic).map(node_id).collect()
     }
 
     fn is_ready(&self, node: &str) -> bool {
         lock(&self.graph).has_node(node)
-    }
-
-    fn publishers(&self, topic: &str) -> Vec<String> {
-        lock(&self.graph).endpoints(EntityKind::Publisher, topic).map(Token::node_name).collect()
     }
 
     fn published(&self, kind: MessageKind) -> Vec<(String, String)> {
@@ -190,14 +202,14 @@ impl Transport for ZenohTransport {
         of_kind.collect()
     }
 
-    fn subscribers(&self, topic: &str) -> Vec<String> {
-        lock(&self.graph).endpoints(EntityKind::Subscription, topic).map(Token::node_name).collect()
-    }
-
     /// Returns 300 ms: the end of a token travels in another queue than the data and may overtake it.
     fn settling(&self) -> Duration {
         Duration::from_millis(300)
     }
+}
+
+fn node_id(token: &Token) -> NodeId {
+    NodeId { name: token.node_name(), session: token.session.clone() }
 }
 
 fn stamp(clock: &dyn Clock) -> i64 {
@@ -238,6 +250,31 @@ fn watch_graph(
         })
         .wait()
         .map_err(|why| TransportError::new(format!("watch of domain {domain}"), why))
+}
+
+/// Time between two looks for twins.
+const TWINS_LOOK: Duration = Duration::from_secs(1);
+
+/// Warns once of the nodes of `graph` that take each other's place, if that concerns the session `own`, until the graph is
+/// dropped. They count when two looks find them: the token of a node that was killed may outlive it for a moment.
+fn warn_of_twins(graph: &Arc<Mutex<Graph>>, own: String) -> Result<(), TransportError> {
+    let graph = Arc::downgrade(graph);
+    let look = move || {
+        let (mut seen, mut said) = (Vec::new(), BTreeSet::new());
+        loop {
+            std::thread::sleep(TWINS_LOOK);
+            let Some(graph) = graph.upgrade() else { return };
+            let now = lock(&graph).twins_of(&own);
+            for twins in now.iter().filter(|twins| seen.contains(*twins)) {
+                if said.insert(twins.nodes.clone()) {
+                    tracing::warn!("{twins}");
+                }
+            }
+            seen = now;
+        }
+    };
+    let thread = std::thread::Builder::new().name("twins".into()).spawn(look);
+    thread.map(drop).map_err(|why| TransportError::new("thread that looks for twins", why))
 }
 
 /// Adds a token to the graph. Returns its conflicts with the endpoints of session `own` in words.

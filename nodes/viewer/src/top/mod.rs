@@ -105,7 +105,12 @@ impl Top {
 
     fn rows(&self) -> Vec<NodeRow> {
         let table = lock(&self.table);
-        self.graph.nodes.iter().map(|node| table.row(node)).collect()
+        let namesakes = |node: &String| self.graph.namesakes.get(node).copied();
+        self.graph
+            .nodes
+            .iter()
+            .map(|node| NodeRow { namesakes: namesakes(node), ..table.row(node) })
+            .collect()
     }
 }
 
@@ -147,6 +152,7 @@ impl NodeTable {
         let number = |key: &str| told(key).and_then(|text| text.parse::<f64>().ok());
         NodeRow {
             node: node.to_owned(),
+            namesakes: None,
             level: status.map_or(0, |status| status.level),
             hz: number("rate_hz"),
             age_p50: self.age(name, 0.5),
@@ -172,6 +178,8 @@ impl NodeTable {
 #[derive(Clone, Debug, Default, PartialEq)]
 struct NodeRow {
     node: String,
+    /// The number of nodes of this name, where there are several: their values take turns in the row.
+    namesakes: Option<usize>,
     /// Level of its diagnostics: 0 for fine, 1 for a warning, above for an error.
     level: u8,
     hz: Option<f64>,
@@ -189,8 +197,9 @@ struct NodeRow {
 impl NodeRow {
     fn cells(&self) -> [String; COLUMNS.len()] {
         let number = |value: Option<f64>| value.map(|value| format!("{value:.1}"));
+        let several = self.namesakes.map(|count| format!(" ({count} nodes of this name)"));
         [
-            Some(self.node.clone()),
+            Some(self.node.clone() + &several.unwrap_or_default()),
             number(self.hz),
             number(self.age_p50),
             number(self.age_p99),
@@ -264,6 +273,8 @@ mod tests {
         let row = nodes.row("/front/unwrap");
         assert_eq!(row.cells(), ["/front/unwrap", "30.0", "30.0", "60.0", "3", "modulo", "auto", "96.7 %"]);
         assert_eq!(row.changes, [Change::Method]);
+        let shared = NodeRow { namesakes: Some(2), ..row.clone() };
+        assert_eq!(shared.cells()[0], "/front/unwrap (2 nodes of this name)");
         assert_eq!(
             table(&[row]),
             [
