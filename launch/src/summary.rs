@@ -2,6 +2,7 @@
 //! counts, never from averages of percentiles.
 
 mod crash;
+mod foreign;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -12,6 +13,7 @@ use serde::Serialize;
 
 use crate::LaunchError;
 pub use crash::LostInCrash;
+pub use foreign::ForeignMessages;
 pub use modulo_runtime::report::NodeReport;
 
 /// The counts and durations of a run, over all its nodes.
@@ -25,6 +27,8 @@ pub struct Summary {
     pub dropped: BTreeMap<String, u64>,
     /// Messages that were lost because a node crashed, by topic and reader.
     pub lost_in_crashes: Vec<LostInCrash>,
+    /// Messages from outside of the launch on its topics, by topic and reader.
+    pub foreign: Vec<ForeignMessages>,
     /// Durations by stage.
     pub latency_ms: BTreeMap<String, Percentiles>,
     /// The inference engines that really ran, joined with `+` when they differ.
@@ -71,8 +75,8 @@ pub struct TopicCounts {
 impl Summary {
     /// Adds up `reports`, one for each life of each node; `restarts` are (process, count).
     pub fn new<'a>(reports: &[NodeReport], restarts: impl IntoIterator<Item = (&'a str, u32)>) -> Self {
-        let lost_in_crashes = crash::losses(reports);
-        let mut summary = Self { engine: engine(reports), lost_in_crashes, ..Self::default() };
+        let (lost_in_crashes, foreign) = (crash::losses(reports), foreign::foreign(reports));
+        let mut summary = Self { engine: engine(reports), lost_in_crashes, foreign, ..Self::default() };
         let mut stages: BTreeMap<&str, Histogram> = BTreeMap::new();
         for report in reports {
             summary.frames += frames(report);
@@ -107,12 +111,14 @@ impl Summary {
     /// A live run promises the newest image, so an image that a newer one replaced, or that was dropped on its way to
     /// a reader that was late, is only counted. So is one that was left unread at the end. With `strict` these are
     /// losses too. These always are: a message that could not be read, processed or sent, a message lost on
-    /// the way of a reliable topic, what was lost in a crash, and what a process says that it has lost.
+    /// the way of a reliable topic, what was lost in a crash, and what a process says that it has lost. A message from outside of
+    /// the launch counts as a loss, too: the figures are not those of its own camera.
     pub fn lost(&self, strict: bool) -> bool {
         let broken = |(topic, n): (&String, &TopicCounts)| {
             n.bad > 0 || (n.lost > 0 && !self.best_effort.contains(topic)) || (strict && n.dropped > 0)
         };
-        !self.lost_in_crashes.is_empty() || !self.with_loss.is_empty() || self.topics.iter().any(broken)
+        let named = !self.lost_in_crashes.is_empty() || !self.with_loss.is_empty() || !self.foreign.is_empty();
+        named || self.topics.iter().any(broken)
     }
 
     /// Writes the summary to `file` as JSON.
@@ -238,6 +244,9 @@ impl fmt::Display for Summary {
         }
         for (node, methods) in &self.unwrapped {
             writeln!(f, "{}", fitted(&format!("{node} used {methods}"), WIDTH))?;
+        }
+        for foreign in &self.foreign {
+            writeln!(f, "{}", fitted(&foreign.to_string(), WIDTH))?;
         }
         for lost in &self.lost_in_crashes {
             writeln!(f, "{}", fitted(&lost.to_string(), WIDTH))?;

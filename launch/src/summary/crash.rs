@@ -33,24 +33,34 @@ impl fmt::Display for LostInCrash {
 }
 
 /// All lives of one node.
-struct Lives<'a>(Vec<&'a NodeReport>);
+pub(super) struct Lives<'a>(Vec<&'a NodeReport>);
 
 impl<'a> Lives<'a> {
-    fn crashed(&self) -> bool {
+    /// Returns the lives of each node, by its name.
+    pub fn of_nodes(reports: &'a [NodeReport]) -> BTreeMap<&'a str, Self> {
+        let mut nodes: BTreeMap<&str, Self> = BTreeMap::new();
+        for report in reports {
+            nodes.entry(&report.node).or_insert_with(|| Self(Vec::new())).0.push(report);
+        }
+        nodes
+    }
+
+    pub fn crashed(&self) -> bool {
         self.0.iter().any(|life| life.running)
     }
 
-    fn sum(&self, counts: fn(&'a NodeReport) -> &'a BTreeMap<String, u64>, topic: &str) -> u64 {
+    pub fn sum(&self, counts: fn(&'a NodeReport) -> &'a BTreeMap<String, u64>, topic: &str) -> u64 {
         self.0.iter().filter_map(|life| counts(life).get(topic)).sum()
     }
 
-    fn reads(&self) -> BTreeSet<&'a str> {
+    /// Returns the topics that the node reads, without those whose last message every late reader gets.
+    pub fn reads(&self) -> BTreeSet<&'a str> {
         let topics =
             self.0.iter().flat_map(|life| life.received.keys().filter(|t| !life.latched.contains(*t)));
         topics.map(String::as_str).collect()
     }
 
-    fn writes(&self, topic: &str) -> bool {
+    pub fn writes(&self, topic: &str) -> bool {
         self.0.iter().any(|life| life.published.contains_key(topic) || life.unwanted.contains_key(topic))
     }
 
@@ -77,10 +87,7 @@ impl<'a> Lives<'a> {
 /// the reader were changed at run time, and where the sender is no node of the launch: the loss is then reported without
 /// a number.
 pub(super) fn losses(reports: &[NodeReport]) -> Vec<LostInCrash> {
-    let mut nodes: BTreeMap<&str, Lives<'_>> = BTreeMap::new();
-    for report in reports {
-        nodes.entry(&report.node).or_insert_with(|| Lives(Vec::new())).0.push(report);
-    }
+    let nodes = Lives::of_nodes(reports);
     let mut losses = Vec::new();
     for (name, reader) in &nodes {
         for topic in reader.reads() {
