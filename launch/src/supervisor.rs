@@ -35,7 +35,7 @@ pub struct Supervision {
     /// Takes the reports of the nodes several times a second while they run.
     pub watch: Option<Watch>,
     /// A node of the suite with `respawn` that shows no sign of life for so long is killed and started again; `None`
-    /// lets it hang. A step longer than this counts as a hang.
+    /// lets it hang. A longer step is no hang while it computes, up to 20 times this time.
     pub hang_timeout: Option<Duration>,
     /// A process that crashes more often than this within a minute is not started again, and the run ends; `None` sets no
     /// limit.

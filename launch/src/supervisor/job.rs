@@ -60,7 +60,7 @@ pub(super) struct LifeSigns {
     folder: PathBuf,
     /// Fully qualified name of the node.
     node: String,
-    /// The node hangs when its report is older than this.
+    /// The node hangs when its report is older than this, and it has not computed meanwhile.
     limit: Duration,
 }
 
@@ -258,12 +258,13 @@ impl Job {
                     return done(&restarts, ProcessEnd::NotStarted(error.to_string()));
                 }
             };
+            let id = running.id();
             // A process that has ended by itself is not called shut down, even if the order to end comes at
             // the same moment: the first branch is looked at first.
             let end = tokio::select! {
                 biased;
                 status = running.wait() => self.ended(status, restarts.count),
-                why = hang(self.life_signs.as_ref()) => {
+                why = hang(self.life_signs.as_ref(), id) => {
                     self.say(&print, &format!("{why}; it is killed"));
                     running.kill();
                     // What it returns says only that it was killed.
@@ -401,28 +402,49 @@ fn backoff(short_lives: u32) -> Duration {
     }
 }
 
-/// Waits until the node hangs, and returns what is wrong. Ends never for a process without signs of life.
+/// A node that used the processor for this share of the time without a sign of life is in a long step, as with a large model ...
+const BUSY: f64 = 0.05;
+/// ... and is left alone for so many times the limit.
+const LONG_STEP: u128 = 20;
+
+/// Waits until the node of the process `id` hangs, and returns what is wrong. Ends never for a process without signs of life.
 ///
 /// A node that loads its model or waits for others has not written its report a second time, and is not judged. The looks are
 /// counted and not the time: a launcher that stood still itself must not blame its nodes.
-async fn hang(life_signs: Option<&LifeSigns>) -> String {
+async fn hang(life_signs: Option<&LifeSigns>, id: i32) -> String {
     let Some(LifeSigns { folder, node, limit }) = life_signs else { return std::future::pending().await };
     let looks = limit.as_millis().div_ceil(LOOK.as_millis()).max(1);
-    let (mut seen, mut changes, mut unchanged) = (None, 0, 0);
+    let (mut seen, mut changes, mut unchanged, mut computed) = (None, 0, 0, processor_time(id));
     loop {
         tokio::time::sleep(LOOK).await;
         let now = last_report(folder, node);
         if now != seen {
             // The first one that is seen is that of an earlier life, or the one that the process makes at its start.
             changes += u32::from(now.is_some());
-            (seen, unchanged) = (now, 0);
+            (seen, unchanged, computed) = (now, 0, processor_time(id));
             continue;
         }
         unchanged += 1;
-        if changes > 1 && unchanged >= looks {
-            return format!("no sign of life for {} s", limit.as_secs_f64());
+        if changes <= 1 || unchanged % looks != 0 {
+            continue;
+        }
+        let before = std::mem::replace(&mut computed, processor_time(id));
+        let is_busy = computed.saturating_sub(before) >= limit.mul_f64(BUSY);
+        let limits = unchanged / looks;
+        if !is_busy || limits >= LONG_STEP {
+            return format!("no sign of life for {} s", limit.as_secs_f64() * limits as f64);
         }
     }
+}
+
+/// Returns the time that all threads of the process `id` have used the processor; zero where the system does not tell.
+fn processor_time(id: i32) -> Duration {
+    let stat = std::fs::read_to_string(format!("/proc/{id}/stat")).unwrap_or_default();
+    // The name of the program comes before these fields, and may have spaces and brackets itself.
+    let fields = stat.rsplit(") ").next().unwrap_or_default().split(' ');
+    // `utime` and `stime` of proc(5), in hundredths of a second.
+    let hundredths: u64 = fields.skip(11).take(2).filter_map(|field| field.parse::<u64>().ok()).sum();
+    Duration::from_millis(10 * hundredths)
 }
 
 /// Returns the number of lives that have a report, and when the last one was written.

@@ -81,6 +81,11 @@ impl Running {
         Ok(Self { child, group: Some(group), readers: out.into_iter().chain(err).collect(), say, last_line })
     }
 
+    /// Returns the number of the process; 0 once it was reaped.
+    pub fn id(&self) -> i32 {
+        self.group.as_ref().map_or(0, |Group(leader)| leader.as_raw())
+    }
+
     /// Waits for the end of the process and kills what is left of its group.
     pub async fn wait(&mut self) -> io::Result<ExitStatus> {
         // The signal is subscribed to before the first look, so that an end between look and wait is not

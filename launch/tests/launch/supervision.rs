@@ -261,6 +261,28 @@ async fn a_refused_command_line_is_not_tried_again() {
     assert!(outcome.failed());
 }
 
+/// A detector whose steps took longer than the limit was killed in each of them, and answered no frame.
+#[tokio::test]
+async fn a_long_step_that_computes_is_no_hang() {
+    let files = Files::new("launch:\n  - node: { pkg: modulo, exec: unwrap, respawn: 'true' }\n");
+    let script = r#"report() { echo "{\"node\": \"/unwrap\", \"running\": true}" > "$MODULO_REPORT_DIR/unwrap.$1.json"; }
+seconds() { read now _ < /proc/uptime; now=${now%.*}; }
+[ -e "$MODULO_STATE_DIR/waited" ] && exit 0
+report 1; sleep 0.6; report 1
+seconds; end=$((now + 5))
+while [ $now -lt $end ]; do seconds; done
+echo computed; report 1
+touch "$MODULO_STATE_DIR/waited"; sleep 1000"#;
+    let lines = Lines::default();
+    let hang_timeout = Some(Duration::from_secs(1));
+    let how = Supervision { hang_timeout, ..lines.supervision(&suite(&files, script)) };
+    let outcome = run_until(files.resolve(&[]).expect("resolves"), &how, pending()).await.expect("runs");
+    assert_eq!((end(&outcome, "unwrap"), outcome.processes[0].restarts), (&ProcessEnd::Exited, 1));
+    let shown = lines.all();
+    assert_eq!(shown[0], "[unwrap] computed");
+    assert!(shown[1].contains("no sign of life for 1 s; it is killed"), "{shown:?}");
+}
+
 /// A file on a network drive that is away for a moment ended the whole launch.
 #[tokio::test]
 async fn a_refusal_at_a_restart_is_tried_again() {
