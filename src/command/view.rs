@@ -81,7 +81,13 @@ mod present {
                 );
             }
         };
-        modulo_viewer::run(transport, clock, &options, &stop, open)?;
+        let left_out = modulo_viewer::run(transport, clock, &options, &stop, open)?;
+        if left_out > 0 {
+            eprintln!(
+                "{left_out} moments are not in the recording: each of them alone is larger than it may be"
+            );
+            return Ok(Ended::WithLoss);
+        }
         Ok(Ended::Done)
     }
 

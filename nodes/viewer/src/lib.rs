@@ -106,7 +106,8 @@ pub enum ViewError {
     Transport(#[from] TransportError),
 }
 
-/// Serves the page until `stop` is asked for an end. `ready` gets the addresses once clients can connect.
+/// Serves the page until `stop` is asked for an end. `ready` gets the addresses once clients can connect. Returns the number of
+/// moments that were too large for the recording.
 ///
 /// # Errors
 /// [`ViewError`] when the address is taken or the transport fails.
@@ -116,7 +117,7 @@ pub fn run(
     options: &ViewOptions,
     stop: &Stop,
     ready: impl FnOnce(&ViewAddresses),
-) -> Result<(), ViewError> {
+) -> Result<usize, ViewError> {
     let token = match &options.token {
         Some(token) => token.clone(),
         None => random_token().map_err(ViewError::Random)?,
@@ -147,10 +148,12 @@ pub fn run(
     // A call that still waits for its node must not hold up the end.
     runtime.shutdown_background();
     if let Some(file) = &options.record {
-        let page = recording.lock().unwrap_or_else(PoisonError::into_inner).page();
-        std::fs::write(file, page).map_err(|why| ViewError::Record { file: file.clone(), why })?;
+        let recording = recording.lock().unwrap_or_else(PoisonError::into_inner);
+        let written = std::fs::write(file, recording.page());
+        written.map_err(|why| ViewError::Record { file: file.clone(), why })?;
+        return Ok(recording.too_large);
     }
-    Ok(())
+    Ok(0)
 }
 
 /// Serves Foxglove in the background. Returns its port.

@@ -23,6 +23,8 @@ pub(crate) struct Recording {
     lasting: BTreeMap<String, String>,
     passing: VecDeque<(f64, String)>,
     bytes: usize,
+    /// Messages that were left out since each of them alone is larger than what is kept.
+    pub too_large: usize,
 }
 
 impl Recording {
@@ -40,6 +42,17 @@ impl Recording {
     }
 
     fn keep(&mut self, at_ms: f64, text: String) {
+        if text.len() > KEPT_BYTES {
+            if self.too_large == 0 {
+                let (bytes, most) = (text.len() >> 20, KEPT_BYTES >> 20);
+                let why =
+                    format!("a moment of {bytes} MiB is left out of the recording, which holds {most} MiB");
+                tracing::warn!("{why}");
+                self.note(at_ms, &Event::Error(why));
+            }
+            self.too_large += 1;
+            return;
+        }
         self.bytes += text.len();
         self.passing.push_back((at_ms, text));
         while let Some((first_ms, first)) = self.passing.front()
@@ -132,7 +145,12 @@ mod tests {
         let page = recording.page();
         assert!(page.contains("\"graph\"") && page.contains("second 99") && page.contains("second 39\""));
         assert!(!page.contains("second 38\""));
-        recording.note_images(100_000.0, &vec![0; KEPT_BYTES * 3 / 4]);
-        assert!(recording.passing.is_empty(), "more than fits");
+        // A moment that is too large took all others with it.
+        for _ in 0..2 {
+            recording.note_images(99_500.0, &vec![0; KEPT_BYTES * 3 / 4]);
+        }
+        let page = recording.page();
+        assert!(page.contains("second 99") && page.contains("second 40\"") && page.len() < 1 << 20);
+        assert_eq!((recording.too_large, page.matches("is left out of the recording").count()), (2, 1));
     }
 }
