@@ -2,6 +2,7 @@
 //! place that knows all of them.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use anyhow::Context;
 use clap::Args;
@@ -94,8 +95,14 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
     Ok(Ended::Done)
 }
 
-/// Makes the node. After a crash it goes on with the parameters that it had accepted, also those that were set at run time;
-/// where these are not possible any more, as with a source that was removed, with those of its launch.
+/// What a node needs may be away for a moment, such as a network drive: a restart tries so many times, with a pause between, before it
+/// takes other parameters.
+const TRIES: u32 = 5;
+const PAUSE: Duration = Duration::from_millis(250);
+
+/// Makes the node. After a crash it goes on with the parameters that it had accepted, also those that were set at run time. Where
+/// these are not possible any more, as with a source that was removed, one of them is that of the launch again, or else all are. Where
+/// those are not possible either, all that was kept stays for the next start.
 fn restored(
     kind: &NodeKind,
     launched: Parameters,
@@ -103,15 +110,30 @@ fn restored(
 ) -> anyhow::Result<(Box<dyn Node>, Parameters)> {
     let Some(saved) = saved else { return Ok((kind.make(&launched)?, launched)) };
     let accepted = saved.restore(launched.clone());
-    match kind.make(&accepted) {
-        Ok(node) => Ok((node, accepted)),
-        Err(why) if accepted != launched => {
-            tracing::warn!("{why:#}; the parameters and the position from before the crash are given up");
-            saved.forget();
-            Ok((kind.make(&launched)?, launched))
+    let mut tries = if accepted == launched { 1 } else { TRIES };
+    let why = loop {
+        tries -= 1;
+        match kind.make(&accepted) {
+            Ok(node) => return Ok((node, accepted)),
+            Err(why) if tries == 0 => break why,
+            Err(_) => std::thread::sleep(PAUSE),
         }
-        Err(why) => Err(why),
+    };
+    let launched_value = |name: &'static str| Some((name.to_owned(), launched.get(name)?.clone()));
+    let names = accepted.descriptors().iter().map(|descriptor| descriptor.name);
+    let changed = names.filter(|name| accepted.get(name) != launched.get(name)).filter_map(launched_value);
+    let without = changed.filter_map(|value| accepted.with(&[value], false).ok());
+    for parameters in without.chain([launched.clone()]).filter(|parameters| *parameters != accepted) {
+        let Ok(node) = kind.make(&parameters) else { continue };
+        tracing::warn!("{why:#}; the node goes on without this value from before the crash");
+        // The position counts the frames of a part that is another one now, such as the source.
+        if node.prepare(&accepted, &parameters).is_some() {
+            saved.forget_position();
+        }
+        saved.keep(&parameters);
+        return Ok((node, parameters));
     }
+    Err(why)
 }
 
 /// Prints the help or the version where an argument asks for it, and returns whether one did.
@@ -233,5 +255,44 @@ impl NodeKind {
     /// A node with these parameters.
     pub fn make(&self, parameters: &Parameters) -> anyhow::Result<Box<dyn Node>> {
         (self.make)(parameters)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use modulo_runtime::Value;
+
+    use super::*;
+
+    /// A source that was away for a moment at a restart cost the parameters that were set at run time, and the position.
+    #[test]
+    fn what_is_possible_outlasts_a_restart() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let sources = ["a", "b"].map(|name| folder.path().join(name));
+        let image = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/streams.png");
+        let appear = |source: &std::path::Path| {
+            std::fs::create_dir(source).expect("a writable folder");
+            std::fs::copy(image, source.join("0.png")).expect("copied");
+        };
+        sources.iter().for_each(|source| appear(source));
+        let (kind, node_name) = (kind_of("modulo_camera").expect("known"), NodeName::default());
+        let source =
+            |index: usize| ("source".to_owned(), Value::String(sources[index].display().to_string()));
+        let launched = kind.parameters().with(&[source(0)], false).expect("possible");
+        let saved = SavedState::new(folder.path(), &node_name);
+        let restore = || restored(kind, launched.clone(), Some(&saved)).map(|(_, parameters)| parameters);
+
+        let louder = launched.with(&[("alpha".to_owned(), Value::Double(3.0))], true).expect("possible");
+        saved.keep(&louder);
+        saved.keep_position(7);
+        std::fs::remove_dir_all(&sources[0]).expect("removed");
+        assert!(restore().is_err());
+        appear(&sources[0]);
+        assert_eq!((restore().expect("is back"), saved.position()), (louder.clone(), Some(7)));
+
+        saved.keep(&louder.with(&[source(1)], true).expect("possible"));
+        std::fs::remove_dir_all(&sources[1]).expect("removed");
+        assert_eq!((restore().expect("that of the launch"), saved.position()), (louder.clone(), None));
+        assert_eq!(saved.restore(launched.clone()), louder);
     }
 }

@@ -155,15 +155,13 @@ impl SavedState {
         }
     }
 
-    /// Removes what was kept, so that the node is as at its first start.
-    pub fn forget(&self) {
-        for file in [&self.parameters, &self.position] {
-            match fs::remove_file(file) {
-                Err(why) if why.kind() != io::ErrorKind::NotFound => {
-                    tracing::warn!("{}: {why}; it is restored at the next start", file.display());
-                }
-                Ok(()) | Err(_) => {}
+    /// Forgets the position, so that the source starts from its beginning.
+    pub fn forget_position(&self) {
+        match fs::remove_file(&self.position) {
+            Err(why) if why.kind() != io::ErrorKind::NotFound => {
+                tracing::warn!("{}: {why}; it is restored at the next start", self.position.display());
             }
+            Ok(()) | Err(_) => {}
         }
     }
 
