@@ -8,6 +8,7 @@ use std::time::Duration;
 use anyhow::{Context as _, anyhow};
 use clap::{Args, Subcommand};
 use modulo_middleware::graph::Graph;
+use modulo_middleware::graph::discovery::Twins;
 use modulo_middleware::transport::zenoh::ZenohTransport;
 use modulo_msgs::{dynamic, rihs, ros_name};
 use modulo_runtime::Clock;
@@ -193,8 +194,9 @@ fn echo(transport: &ZenohTransport, args: &Echo) -> Result<(), Failure> {
             rihs::description_of_schema(&name, &text)?
         }
     };
-    transport.twins().iter().for_each(|twins| eprintln!("WARNING: {twins}"));
+    let mut told = Vec::new();
     while listening.goes_on() {
+        tell_twins(transport, &mut told);
         // Nothing comes when the command was asked to end meanwhile.
         let Some(sample) = listening.next(None) else { continue };
         let value = dynamic::from_slice(&description, &sample.item.payload)?;
@@ -213,6 +215,15 @@ fn echo(transport: &ZenohTransport, args: &Echo) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Warns of publishers whose messages mix on the topic that is listened to, each time that others join or leave.
+fn tell_twins(transport: &ZenohTransport, told: &mut Vec<Twins>) {
+    let now = transport.twins();
+    if *told != now {
+        now.iter().for_each(|twins| eprintln!("WARNING: {twins}"));
+        *told = now;
+    }
+}
+
 /// Prints a line of a command without an end of its own, which a reader ends by closing the pipe.
 fn print(line: &str) -> ControlFlow<()> {
     if writeln!(std::io::stdout(), "{line}").is_ok() {
@@ -227,8 +238,9 @@ fn hz(transport: &ZenohTransport, clock: &dyn Clock, topic: &str, window: usize)
     let listening = transport.listen(&absolute(topic), stop_on_signals()?)?;
     let now = || clock.ticks_ns() as f64 / 1e9;
     let (mut arrived, mut due) = (VecDeque::new(), now() + 1.0);
-    transport.twins().iter().for_each(|twins| eprintln!("WARNING: {twins}"));
+    let mut told = Vec::new();
     while listening.goes_on() {
+        tell_twins(transport, &mut told);
         let patience = Duration::from_secs_f64((due - now()).max(0.0));
         if let Some(sample) = listening.next(Some(patience)) {
             arrived.push_back(sample.stamp_ns as f64 / 1e9);
