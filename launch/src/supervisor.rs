@@ -3,6 +3,7 @@
 //!
 //! At a shutdown every process gets SIGINT, after its `sigterm_timeout` SIGTERM, after its `sigkill_timeout` SIGKILL.
 
+mod activity;
 mod job;
 mod running;
 
@@ -249,7 +250,7 @@ async fn supervise(
 ) -> (Ending, Vec<ProcessOutcome>) {
     // The order to end is a state and not an event: a process that is between two starts finds it when it
     // looks.
-    let (shut_down, told) = watch::channel(false);
+    let (shut_down, told) = watch::channel(None);
     let mut running = JoinSet::new();
     for job in jobs {
         let (print, told) = (how.print.clone(), told.clone());
@@ -265,7 +266,7 @@ async fn supervise(
             // A future that has completed must not be polled again.
             () = &mut stop, if ending == Ending::Completed => {
                 ending = Ending::Interrupted;
-                shut_down.send_replace(true);
+                shut_down.send_replace(Some(ending));
             }
             end = running.join_next() => match end {
                 None => return (ending, ended),
@@ -273,12 +274,12 @@ async fn supervise(
                     let last = outcome.end.is_final();
                     ended.push(outcome);
                     if last || on_exit == OnExit::Shutdown {
-                        shut_down.send_replace(true);
+                        shut_down.send_replace(Some(ending));
                     }
                 }
                 // A task that panicked has let its process go, and with it killed it.
                 Some(Err(_)) => {
-                    shut_down.send_replace(true);
+                    shut_down.send_replace(Some(ending));
                 }
             }
         }

@@ -14,8 +14,9 @@ use nix::sys::signal::Signal;
 use tempfile::TempDir;
 use tokio::sync::watch;
 
+use super::activity::{Activity, LONG_STEP};
 use super::running::{CommandLine, Running};
-use super::{Channel, Print, ProcessEnd, ProcessOutcome, Supervision, start_error};
+use super::{Channel, Ending, Print, ProcessEnd, ProcessOutcome, Supervision, start_error};
 use crate::LaunchError;
 use crate::package::SUITE;
 use crate::plan::{ExecutablePlan, NodePlan, Plan, ProcessPlan, Respawn, ros_arguments};
@@ -239,8 +240,8 @@ fn variable(process: &ProcessPlan, name: &str) -> String {
 }
 
 impl Job {
-    /// Runs the process until it has ended for good. `told` turns true when all are to end.
-    pub async fn keep(self, mut told: watch::Receiver<bool>, print: Print) -> ProcessOutcome {
+    /// Runs the process until it has ended for good. `told` has the reason when all are to end.
+    pub async fn keep(self, mut told: watch::Receiver<Option<Ending>>, print: Print) -> ProcessOutcome {
         let mut restarts = Restarts::default();
         let done = |restarts: &Restarts, end| {
             let label = self.process.label.clone();
@@ -272,7 +273,9 @@ impl Job {
                     ProcessEnd::Crashed(why)
                 }
                 () = told_to_end(&mut told) => {
-                    let status = running.shut_down(&self.process).await;
+                    // The user who interrupts a run does not want to wait for the step at hand.
+                    let is_patient = || self.origin == Origin::Suite && *told.borrow() == Some(Ending::Completed);
+                    let status = running.shut_down(&self.process, is_patient).await;
                     let last_line = running.finish().await;
                     return done(&restarts, after_shutdown(self.origin, &status, last_line));
                 }
@@ -402,11 +405,6 @@ fn backoff(short_lives: u32) -> Duration {
     }
 }
 
-/// A node that used the processor for this share of the time without a sign of life is in a long step, as with a large model ...
-const BUSY: f64 = 0.05;
-/// ... and is left alone for so many times the limit.
-const LONG_STEP: u128 = 20;
-
 /// Waits until the node of the process `id` hangs, and returns what is wrong. Ends never for a process without signs of life.
 ///
 /// A node that loads its model or waits for others has not written its report a second time, and is not judged. The looks are
@@ -414,37 +412,25 @@ const LONG_STEP: u128 = 20;
 async fn hang(life_signs: Option<&LifeSigns>, id: i32) -> String {
     let Some(LifeSigns { folder, node, limit }) = life_signs else { return std::future::pending().await };
     let looks = limit.as_millis().div_ceil(LOOK.as_millis()).max(1);
-    let (mut seen, mut changes, mut unchanged, mut computed) = (None, 0, 0, processor_time(id));
+    let (mut seen, mut changes, mut unchanged, mut activity) = (None, 0, 0, Activity::of(id));
     loop {
         tokio::time::sleep(LOOK).await;
         let now = last_report(folder, node);
         if now != seen {
             // The first one that is seen is that of an earlier life, or the one that the process makes at its start.
             changes += u32::from(now.is_some());
-            (seen, unchanged, computed) = (now, 0, processor_time(id));
+            (seen, unchanged, activity) = (now, 0, Activity::of(id));
             continue;
         }
         unchanged += 1;
         if changes <= 1 || unchanged % looks != 0 {
             continue;
         }
-        let before = std::mem::replace(&mut computed, processor_time(id));
-        let is_busy = computed.saturating_sub(before) >= limit.mul_f64(BUSY);
         let limits = unchanged / looks;
-        if !is_busy || limits >= LONG_STEP {
+        if !activity.was_busy(*limit) || limits >= LONG_STEP.into() {
             return format!("no sign of life for {} s", limit.as_secs_f64() * limits as f64);
         }
     }
-}
-
-/// Returns the time that all threads of the process `id` have used the processor; zero where the system does not tell.
-fn processor_time(id: i32) -> Duration {
-    let stat = std::fs::read_to_string(format!("/proc/{id}/stat")).unwrap_or_default();
-    // The name of the program comes before these fields, and may have spaces and brackets itself.
-    let fields = stat.rsplit(") ").next().unwrap_or_default().split(' ');
-    // `utime` and `stime` of proc(5), in hundredths of a second.
-    let hundredths: u64 = fields.skip(11).take(2).filter_map(|field| field.parse::<u64>().ok()).sum();
-    Duration::from_millis(10 * hundredths)
 }
 
 /// Returns the number of lives that have a report, and when the last one was written.
@@ -458,12 +444,12 @@ fn last_report(folder: &Path, node: &str) -> Option<(u32, SystemTime)> {
 }
 
 /// Waits until all are told to end. It also returns when the supervisor, which tells it, has ended.
-async fn told_to_end(told: &mut watch::Receiver<bool>) {
-    let _ = told.wait_for(|told| *told).await;
+async fn told_to_end(told: &mut watch::Receiver<Option<Ending>>) {
+    let _ = told.wait_for(Option::is_some).await;
 }
 
 /// Waits for `delay`. Returns false when all are told to end before it is over.
-async fn pause(delay: Duration, told: &mut watch::Receiver<bool>) -> bool {
+async fn pause(delay: Duration, told: &mut watch::Receiver<Option<Ending>>) -> bool {
     tokio::select! {
         biased;
         // The order to end wins over a start that is due at the same moment.

@@ -16,6 +16,7 @@ use tokio::signal::unix::{SignalKind, signal};
 use tokio::task::JoinHandle;
 use tokio::time::timeout;
 
+use super::activity::{Activity, LONG_STEP};
 use super::{Channel, Print, start_error};
 use crate::LaunchError;
 use crate::plan::{Output, ProcessPlan};
@@ -104,8 +105,13 @@ impl Running {
         self.child.wait().await
     }
 
-    /// Asks the process to end with SIGINT, then with SIGTERM, and ends it with SIGKILL.
-    pub async fn shut_down(&mut self, process: &ProcessPlan) -> io::Result<ExitStatus> {
+    /// Asks the process to end with SIGINT, then with SIGTERM, and ends it with SIGKILL. While `is_patient`, a process that computes
+    /// gets up to [`LONG_STEP`] times as long before the next signal: it works on its last frames.
+    pub async fn shut_down(
+        &mut self,
+        process: &ProcessPlan,
+        is_patient: impl Fn() -> bool,
+    ) -> io::Result<ExitStatus> {
         // The order of ROS 2: SIGINT lets a node finish what is on its way, SIGTERM is for programs that
         // ignore it, and SIGKILL cannot be ignored.
         let steps = [
@@ -114,10 +120,17 @@ impl Running {
         ];
         for (signal, patience, next) in steps {
             self.signal(signal);
-            if let Ok(status) = timeout(patience, self.wait()).await {
-                return status;
+            let (mut activity, mut waited) = (Activity::of(self.id()), Duration::ZERO);
+            loop {
+                if let Ok(status) = timeout(patience, self.wait()).await {
+                    return status;
+                }
+                waited += patience;
+                if !is_patient() || !activity.was_busy(patience) || waited >= patience * LONG_STEP {
+                    break;
+                }
             }
-            (self.say)(&format!("still runs {} s after {signal}, sending {next}", patience.as_secs_f64()));
+            (self.say)(&format!("still runs {} s after {signal}, sending {next}", waited.as_secs_f64()));
         }
         self.kill();
         self.wait().await

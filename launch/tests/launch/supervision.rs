@@ -283,6 +283,24 @@ touch "$MODULO_STATE_DIR/waited"; sleep 1000"#;
     assert!(shown[1].contains("no sign of life for 1 s; it is killed"), "{shown:?}");
 }
 
+/// The last frame of a slow detector was lost, and the run failed, since its step took longer than the patience of the launcher.
+#[tokio::test]
+async fn a_node_that_computes_at_the_end_is_waited_for() {
+    let node = "{ pkg: modulo, exec: unwrap, sigterm_timeout: 0.4, sigkill_timeout: 0.4 }";
+    let ready = Marks::new();
+    let last = sh("last", &ready.wait(&["node"]), LAST);
+    let files = Files::new(&format!("launch:\n  - node: {node}\n{last}"));
+    let script = r#"seconds() { read now _ < /proc/uptime; now=${now%.*}; }
+trap 'seconds; end=$((now + 3)); while [ $now -lt $end ]; do seconds; done; echo answered; exit 0' INT
+"#;
+    let script = format!("{script}{}; while true; do sleep 0.05; done", ready.set("node"));
+    let lines = Lines::default();
+    let how = lines.supervision(&suite(&files, &script));
+    let outcome = run_until(files.resolve(&[]).expect("resolves"), &how, pending()).await.expect("runs");
+    assert_eq!(end(&outcome, "unwrap"), &ProcessEnd::ShutDown);
+    assert_eq!(lines.all(), ["[unwrap] answered"]);
+}
+
 /// A file on a network drive that is away for a moment ended the whole launch.
 #[tokio::test]
 async fn a_refusal_at_a_restart_is_tried_again() {
