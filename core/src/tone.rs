@@ -3,9 +3,11 @@
 //! One tone curve serves all channels. It depends only on the sensor and on the transfer function of the pictures that it sees,
 //! never on the image: there is no automatic exposure.
 
+use std::borrow::Cow;
+
 use ndarray::{Array3, ArrayRef3};
 
-use crate::frame::{Frame, FrameError};
+use crate::frame::{Frame, FrameError, Samples, in_order};
 use crate::range::{HALF_A_CODE, Range};
 use crate::simd::{floor, mapped, widest};
 use crate::transfer::Transfer;
@@ -135,6 +137,34 @@ pub fn hdr(x: &Array3<f32>, range: Range) -> Result<Frame, FrameError> {
     }
 }
 
+/// Returns the frame with 8 bits: `floor(255 * sample / most + 1/2)` in single precision, clamped to 0..255, where `most` > 0 is the sample
+/// that becomes white. A frame that is so already is not copied.
+pub fn eight_bits(frame: &Frame, most: f32) -> Cow<'_, Frame> {
+    let scale = 255.0 / most;
+    #[inline(always)]
+    fn code(sample: f32, scale: f32) -> u8 {
+        (sample * scale + 0.5) as u8
+    }
+    let codes = match frame.samples() {
+        Samples::U8(_) if most == 255.0 => return Cow::Borrowed(frame),
+        Samples::U8(samples) => {
+            let table: [u8; 256] = std::array::from_fn(|sample| code(sample as f32, scale));
+            in_order(samples.view()).iter().map(|&sample| table[usize::from(sample)]).collect()
+        }
+        Samples::U16(samples) => scaled(in_order(samples.view()), |&sample| code(sample.into(), scale)),
+        Samples::F32(samples) => scaled(in_order(samples.view()), |&sample| code(sample, scale)),
+    };
+    let codes = Array3::from_shape_vec(frame.dim(), codes).expect("one code for each sample");
+    Cow::Owned(Frame::from_u8(codes).expect("the shape is that of a frame"))
+}
+
+#[inline(always)]
+fn scaled<T>(samples: &[T], code: impl Fn(&T) -> u8) -> Vec<u8> {
+    let mut codes = vec![0; samples.len()];
+    widest!(codes.iter_mut().zip(samples).for_each(|(out, sample)| *out = code(sample)));
+    codes
+}
+
 /// Writes a row of 8-bit pixels, `W x 3` interleaved, as three planes of `W` samples in [0, 1]: `x / 255`.
 ///
 /// Where a plane is shorter than the row, the rest of the row is left out.
@@ -255,6 +285,26 @@ mod tests {
         for code in 0..=u8::MAX {
             assert_eq!(unit(code), f32::from(code) / 255.0, "{code}");
         }
+    }
+
+    #[test]
+    fn the_largest_sample_becomes_white() {
+        let wide = |samples: Vec<u16>| Array3::from_shape_vec((1, samples.len(), 1), samples).unwrap();
+        let samples: Vec<u16> = (0..=u16::MAX).collect();
+        let codes = |frame: &Frame, most| eight_bits(frame, most).as_u8().unwrap().iter().copied().collect();
+        for most in (1..=16).map(|bits| (1u32 << bits) as f32 - 1.0).chain([0.5, 993.28]) {
+            let code = |sample: f32| (255.0 / most * sample + 0.5).floor().clamp(0.0, 255.0) as u8;
+            let defined = samples.iter().map(|&sample| code(sample.into())).collect::<Vec<_>>();
+            let eight = Frame::from_u8(wide(samples[..256].to_vec()).mapv(|sample| sample as u8)).unwrap();
+            assert_eq!(codes(&eight, most), defined[..256], "{most}");
+            assert_eq!(codes(&Frame::from_u16(wide(samples.clone())).unwrap(), most), defined, "{most}");
+            let floats =
+                Frame::from_f32(wide(samples.clone()).mapv(|sample| f32::from(sample) - 9.0)).unwrap();
+            assert_eq!(codes(&floats, most)[9..], defined[..65527], "{most}");
+            assert_eq!((code(most), codes(&floats, most)[0]), (255, 0));
+        }
+        let same = Frame::from_u8(Array3::zeros((2, 3, 1))).unwrap();
+        assert!(matches!(eight_bits(&same, 255.0), Cow::Borrowed(_)));
     }
 
     #[test]

@@ -41,11 +41,12 @@ pub use message::{Message, MessageKind, StampedFrame};
 pub use name::NodeName;
 pub use node::{
     Context, Flow, Job, Node, Part, PlannedInputs, StepError, StepOutput, Trigger, change_parameters,
+    stream_of,
 };
 pub use parameter::{Allowed, Descriptor, ParameterError, ParameterSet, Parameters, Value};
 pub use report::NodeReport;
 pub use sensor::info as sensor_info;
 pub use sensor::parameters::{SensorModel, SensorOverride};
-pub use sensor::scale::StreamScale;
+pub use sensor::scale::{LightScale, StreamScale};
 pub use stop::{Stop, Urgency};
 pub use topic::{Address, Qos, Topic};

@@ -196,6 +196,7 @@ pub fn change_parameters(
 /// The services that a driver offers to one step.
 pub struct Context<'a> {
     node: &'a str,
+    stream: Option<&'a str>,
     clock: &'a dyn Clock,
     wanted: &'a [bool],
     unwanted: RefCell<BTreeSet<usize>>,
@@ -209,7 +210,18 @@ impl<'a> Context<'a> {
     /// is whether `outputs()[i]` has a reader.
     pub fn new(node: &'a str, clock: &'a dyn Clock, wanted: &'a [bool]) -> Self {
         let (emitted, stages, begins) = (Vec::new(), Vec::new(), Vec::new());
-        Self { node, clock, wanted, unwanted: RefCell::default(), emitted, stages, begins }
+        Self { node, stream: None, clock, wanted, unwanted: RefCell::default(), emitted, stages, begins }
+    }
+
+    /// Names the stream of the message that the step is about, as the node declares it ([`stream_of`]). While an input changes from one
+    /// stream to another, messages of the old one still come.
+    pub fn of_stream(self, stream: Option<&'a str>) -> Self {
+        Self { stream, ..self }
+    }
+
+    /// Returns the stream of the message that the step is about, if the driver has named it.
+    pub fn stream(&self) -> Option<&'a str> {
+        self.stream
     }
 
     /// Returns the fully qualified name of the node, such as `/unwrap`.

@@ -1,4 +1,4 @@
-//! [`CodeRange`]: notices images of 16 bits whose codes use fewer, as those of most cameras of 10, 12 or 14 bits do.
+//! [`CodeRange`]: notices images whose codes use fewer bits than their encoding has, as those of most cameras of 10, 12 or 14 bits do.
 
 use modulo_core::{Frame, Samples};
 
@@ -13,27 +13,36 @@ pub struct CodeRange {
 }
 
 impl CodeRange {
-    /// Takes note of an image that is read with the whole range of its encoding. Returns the text of a warning once, when no code
-    /// so far needs 16 bits. An image of 0 says nothing.
-    pub fn note(&mut self, frame: &Frame) -> Option<String> {
-        let Samples::U16(codes) = frame.samples() else { return None };
-        if self.warned || self.bits().is_none() {
+    /// Takes note of an image that is read with the whole range of its encoding, beside which a camera with a sensor of `described` bits may
+    /// have described itself. Returns the text of a warning once, when no code so far needs more bits than the camera has, or than cameras of
+    /// fewer than 16 have. An image of 0 says nothing.
+    pub fn note(&mut self, frame: &Frame, described: Option<u8>) -> Option<String> {
+        let depth = frame.depth();
+        let fewer = described.filter(|&bits| bits < depth);
+        let bits = |largest: u16| {
+            let usual = FEWER_BITS.into_iter().filter(|_| depth == 16);
+            fewer.into_iter().chain(usual).find(|&bits| largest >> bits == 0)
+        };
+        if self.warned || bits(self.largest).is_none() {
             return None;
         }
-        self.largest = codes.iter().copied().fold(self.largest, u16::max);
-        let bits = self.bits().filter(|_| self.largest > 0)?;
+        self.largest = self.largest.max(match frame.samples() {
+            Samples::U8(codes) => most(codes.as_slice()?).into(),
+            Samples::U16(codes) => most(codes.as_slice()?),
+            Samples::F32(_) => return None,
+        });
+        let bits = bits(self.largest).filter(|_| self.largest > 0)?;
         self.warned = true;
         Some(format!(
-            "images of 16 bits have no code above {}, as from a camera of {bits} bits, and are read as nearly black: set the \
-             parameter bits to {bits}, or to 16 if the images really are dark",
+            "images of {depth} bits have no code above {}, as from a camera of {bits} bits, and are read as nearly black: set the \
+             parameter bits to {bits}, or to {depth} if the images really are dark",
             self.largest
         ))
     }
+}
 
-    /// Returns the bits that the codes so far need; `None` if these are more than a camera of fewer than 16 bits has.
-    fn bits(&self) -> Option<u8> {
-        FEWER_BITS.into_iter().find(|&bits| self.largest >> bits == 0)
-    }
+fn most<T: Copy + Ord + Default>(codes: &[T]) -> T {
+    codes.iter().copied().max().unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -53,19 +62,19 @@ mod tests {
             [(200, 8), (256, 10), (1023, 10), (1024, 12), (4095, 12), (4096, 14), (16383, 14)]
         {
             let mut range = CodeRange::default();
-            assert_eq!(range.note(&image(0)), None, "a cap on the lens");
-            let warning = range.note(&image(largest)).expect("a warning");
+            assert_eq!(range.note(&image(0), None), None, "a cap on the lens");
+            let warning = range.note(&image(largest), None).expect("a warning");
             let told = [format!("no code above {largest},"), format!("bits to {bits}, or to 16")];
             assert!(told.iter().all(|text| warning.contains(text)), "{warning}");
-            assert_eq!(range.note(&image(largest)), None, "told already");
+            assert_eq!(range.note(&image(largest), None), None, "told already");
         }
     }
 
     #[test]
     fn a_camera_of_16_bits_may_go_dark() {
         let mut range = CodeRange::default();
-        assert_eq!([16384, 300].map(|largest| range.note(&image(largest))), [None, None]);
+        assert_eq!([16384, 300].map(|largest| range.note(&image(largest), None)), [None, None]);
         let eight = Frame::from_u8(Array3::from_elem((2, 3, 1), 9)).expect("a frame");
-        assert_eq!(CodeRange::default().note(&eight), None);
+        assert_eq!(CodeRange::default().note(&eight, None), None);
     }
 }

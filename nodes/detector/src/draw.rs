@@ -2,27 +2,21 @@
 //!
 //! The image is only for people; no result is read from it.
 
-use modulo_core::{Detection, Frame};
+use modulo_core::{Detection, Frame, tone};
 use modulo_draw::{LabelledBox, Picture, class_colour};
-use modulo_runtime::StreamScale;
+use modulo_runtime::{LightScale, StreamScale};
 use ndarray::Array3;
 
-use crate::pre::eight_bit;
-
-/// Returns an RGB copy of `frame` with the detections `found` drawn in; `bits` as in [`eight_bit`]. An image of radiance, whose
-/// `scale` is known, is shown as a screen needs it ([`StreamScale::shown`]); any other one as it is.
+/// Returns an RGB copy of `frame`, whose samples have this `scale`, with the detections `found` drawn in. An image of radiance is shown as
+/// a screen needs it ([`LightScale::shown`]); any other one as it is.
 ///
 /// # Errors
 /// A message of one line when the pixels cannot be read or drawn on.
-pub fn annotated(
-    frame: &Frame,
-    bits: u8,
-    scale: Option<StreamScale>,
-    found: &[Detection],
-) -> Result<Frame, String> {
+pub fn annotated(frame: &Frame, scale: StreamScale, found: &[Detection]) -> Result<Frame, String> {
     let (height, width, channels) = frame.dim();
-    let samples = eight_bit(frame, bits)?;
-    let shown = scale.map_or_else(|| std::array::from_fn(|code| code as u8), StreamScale::shown);
+    let frame = tone::eight_bits(frame, scale.most() as f32);
+    let samples = frame.as_u8().expect("8 bits");
+    let shown = scale.light().map_or_else(|| std::array::from_fn(|code| code as u8), LightScale::shown);
     let repeated = if channels == 1 { 3 } else { 1 };
     let rgb = samples.iter().flat_map(|&sample| std::iter::repeat_n(shown[usize::from(sample)], repeated));
     let rgb = rgb.collect();
@@ -54,7 +48,8 @@ mod tests {
     fn drawn(shape: (usize, usize, usize), bbox: BBox) -> Array3<u8> {
         let frame = Frame::from_u16(Array3::zeros(shape)).expect("a frame");
         let found = [Detection { bbox, score: 0.5, class: "car".into() }];
-        let drawn = annotated(&frame, 0, None, &found).expect("drawn");
+        let scale = StreamScale::of("/image", 16, None, 0).expect("the encoding's");
+        let drawn = annotated(&frame, scale, &found).expect("drawn");
         drawn.as_u8().expect("8 bits are for people").clone()
     }
 
@@ -78,11 +73,13 @@ mod tests {
     fn an_image_of_radiance_is_brighter_than_what_the_detector_reads() {
         let frame = Frame::from_u8(Array3::from_elem((8, 8, 3), 40)).expect("a frame");
         let sensor = SensorModel { alpha: 4.0, headroom: 1.0, ..SensorModel::default() };
-        let corner =
-            |scale| annotated(&frame, 0, scale, &[]).expect("drawn").as_u8().expect("8 bits")[[0, 0, 0]];
-        assert_eq!(corner(None), 40);
+        let corner = |topic| {
+            let scale = StreamScale::of(topic, 8, Some(&sensor), 0).expect("integers");
+            annotated(&frame, scale, &[]).expect("drawn").as_u8().expect("8 bits")[[0, 0, 0]]
+        };
+        assert_eq!(corner("/image"), 40);
         // 0.627 of the peak: 255 * srgb(t^1.8) with t = (0.627 + 0.627^2 / 16) / 1.627.
-        assert_eq!(corner(StreamScale::of("/recovered", &sensor)), 121);
+        assert_eq!(corner("/recovered"), 121);
     }
 
     proptest! {

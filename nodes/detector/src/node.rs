@@ -1,5 +1,6 @@
 //! [`Detector`]: the node's step.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -11,7 +12,7 @@ use modulo_runtime::sensor_info::{self, SensorHistory};
 use modulo_runtime::topic::RECOVERY_TOPIC;
 use modulo_runtime::{
     Context, Flow, Job, Message, MessageKind, Node, ParameterError, Parameters, Part, PlannedInputs,
-    SensorModel, StampedFrame, StepError, StreamScale, Topic, Trigger,
+    StampedFrame, StepError, StreamScale, Topic, Trigger, stream_of,
 };
 use ndarray::Array4;
 
@@ -71,8 +72,6 @@ pub struct Detector {
     version: i32,
     /// Whether this version has not been published yet.
     labels_due: bool,
-    /// Bits of the sensor that made the last frame; 0: those of the encoding.
-    bits: u8,
 }
 
 /// A camera that is read.
@@ -80,12 +79,16 @@ pub struct Detector {
 struct Camera {
     /// Its namespace, such as /front; `None` for that of the node.
     namespace: Option<String>,
-    /// The sensor descriptions that it has sent.
-    described: SensorHistory,
+    /// The sensor descriptions by their topic, since the images of an absolute topic may be those of another camera.
+    described: BTreeMap<String, SensorHistory>,
     /// The choice of `input: auto`.
     trust: TrustFollower,
-    /// The codes of its images of 16 bits.
+    /// The codes of its images.
     codes: CodeRange,
+    /// Bits of the samples of the last image; 0 before the first one.
+    bits: u8,
+    /// (height, width) of the model's input for the last image.
+    size: Option<(usize, usize)>,
 }
 
 impl Camera {
@@ -99,11 +102,21 @@ impl Camera {
 
     /// Returns the topics to read for `stream`, where the parameters ask for `input`.
     fn inputs(&self, input: &StreamChoice, stream: &str) -> Vec<Topic> {
-        let mut topics = vec![Topic::new(stream, MessageKind::Image), sensor_info::topic()];
+        let mut topics = vec![Topic::new(stream, MessageKind::Image), sensor_info::topic_beside(stream)];
         if let StreamChoice::Auto { .. } = input {
             topics.push(Topic::new(RECOVERY_TOPIC, MessageKind::Diagnostics));
         }
         topics.into_iter().map(|topic| self.topic(topic)).collect()
+    }
+
+    /// Returns the topic with the descriptions of the sensor behind `stream`.
+    fn description(&self, stream: &str) -> Topic {
+        self.topic(sensor_info::topic_beside(stream))
+    }
+
+    /// Returns the descriptions of the sensor behind `stream`.
+    fn described(&self, stream: &str) -> Option<&SensorHistory> {
+        self.described.get(&self.description(stream).name)
     }
 
     /// Returns the stream to read now, where the parameters ask for `input`.
@@ -114,10 +127,12 @@ impl Camera {
             StreamChoice::Auto { fallback: Some(stream) } => stream,
             // Measured (docs/live.md): without blur an image that is not trusted is worse than the saturated one; with
             // blur it is better.
-            StreamChoice::Auto { fallback: None } => match self.described.latest() {
-                Some(sensor) if sensor.psf() == Psf::None => SHARP_FALLBACK,
-                _ => TRUSTED,
-            },
+            StreamChoice::Auto { fallback: None } => {
+                match self.described(TRUSTED).and_then(SensorHistory::latest) {
+                    Some(sensor) if sensor.psf() == Psf::None => SHARP_FALLBACK,
+                    _ => TRUSTED,
+                }
+            }
         }
     }
 }
@@ -189,7 +204,6 @@ impl Detector {
             contradiction_told: false,
             version: 1,
             labels_due: true,
-            bits: 0,
         })
     }
 
@@ -231,6 +245,10 @@ impl Detector {
         if self.loaded.settings.input != input {
             for camera in &mut self.cameras {
                 (camera.trust, camera.codes) = Default::default();
+                // The last images of the stream before may still come.
+                let kept = [&input, &self.loaded.settings.input]
+                    .map(|input| camera.description(camera.stream(input)).name);
+                camera.described.retain(|topic, _| kept.contains(topic));
             }
         }
         if labels(&self.loaded) != before {
@@ -258,27 +276,26 @@ impl Detector {
         cx.emit(first + LABEL_INFO, Message::LabelInfo(Arc::new(labels)));
     }
 
-    /// Finds the objects in an image of the camera with this index.
-    fn detect(&mut self, camera: usize, image: &StampedFrame, cx: &mut Context<'_>) -> Result<(), String> {
-        self.bits = self.bits(camera, image.header.stamp);
-        if self.bits == 0
-            && let Some(warning) = self.cameras[camera].codes.note(&image.frame)
-        {
-            tracing::warn!("{warning}");
-        }
+    /// Finds the objects in an image of `stream` of the camera with this index.
+    fn detect(
+        &mut self,
+        (camera, stream): (usize, &str),
+        image: &StampedFrame,
+        cx: &mut Context<'_>,
+    ) -> Result<(), String> {
+        let scale = self.scale((camera, stream), image)?;
         let first = OF_A_CAMERA * camera;
-        let scale = self.scale(camera, image.header.stamp);
-        let Self { loaded: Loaded { settings, engine, .. }, pre, bits, .. } = self;
-        let bits = *bits;
+        let Self { loaded: Loaded { settings, engine, .. }, pre, cameras, .. } = self;
         let (frame, letterbox) = cx.stage("pre", || {
             let frame = image.frame.demosaiced();
-            pre.fill(&frame, bits, settings.input_size).map(|letterbox| (frame, letterbox))
+            pre.fill(&frame, scale.most(), settings.input_size).map(|letterbox| (frame, letterbox))
         })?;
-        let rows =
-            cx.stage("infer", || engine.engine.run(pre.tensor())).map_err(|error| error.to_string())?;
+        (cameras[camera].bits, cameras[camera].size) = (scale.bits(), pre.size());
+        let tensor = pre.tensor().expect("it was filled");
+        let rows = cx.stage("infer", || engine.engine.run(tensor)).map_err(|error| error.to_string())?;
         let found = cx.stage("post", || detections(&rows, &letterbox, settings));
         if cx.wanted(first + ANNOTATED) {
-            let frame = cx.stage("draw", || annotated(&frame, bits, scale, &found))?;
+            let frame = cx.stage("draw", || annotated(&frame, scale, &found))?;
             let image = StampedFrame { header: image.header.clone(), frame };
             cx.emit(first + ANNOTATED, Message::Image(Arc::new(image)));
         }
@@ -291,40 +308,38 @@ impl Detector {
         Ok(())
     }
 
-    /// The sensor that made the frame of `stamp`, as far as it is known.
-    fn sensor(&self, camera: usize, stamp: Time) -> Option<&SensorModel> {
-        let described = &self.cameras[camera].described;
-        // The images of an absolute topic may be those of any camera: only a description of the very frame is about them.
-        let is_foreign =
-            matches!(&self.loaded.settings.input, StreamChoice::Stream(name) if name.starts_with('/'));
-        let latest = described.latest().filter(|_| !is_foreign);
-        described.of(stamp).or(latest)
-    }
-
-    /// How the samples of the image of `stamp` stand for radiance, if they do.
-    fn scale(&self, camera: usize, stamp: Time) -> Option<StreamScale> {
-        StreamScale::of(self.cameras[camera].stream(&self.loaded.settings.input), self.sensor(camera, stamp)?)
-    }
-
-    /// Bits of the sensor that made the frame of `stamp`; 0: those of the encoding.
-    fn bits(&mut self, camera: usize, stamp: Time) -> u8 {
-        let camera = self.sensor(camera, stamp).map(|sensor| sensor.bits);
-        match (self.loaded.settings.bits, camera) {
-            (0, camera) => camera.unwrap_or(0),
-            (own, Some(camera)) if own != camera => {
-                if !std::mem::replace(&mut self.contradiction_told, true) {
-                    tracing::warn!("the parameter bits {own} overrides the camera's {camera} bits");
-                }
-                own
-            }
-            (own, _) => own,
+    /// Returns what the samples of an image mean, and warns once where that is doubtful.
+    fn scale(
+        &mut self,
+        (camera, stream): (usize, &str),
+        image: &StampedFrame,
+    ) -> Result<StreamScale, String> {
+        let (bits, camera) = (&self.loaded.settings.bits, &mut self.cameras[camera]);
+        let described = camera.described.get(&sensor_info::topic_beside(stream).name);
+        let sensor = described.and_then(|described| described.nearest(image.header.stamp));
+        let of = |bits| StreamScale::of(stream, image.frame.depth(), sensor, bits);
+        let scale = of(*bits).ok_or(
+            "image has 32-bit float samples, of which no range is known: set `bits` to the sensor's",
+        )?;
+        if *bits == 0
+            && scale.light().is_none()
+            && let Some(warning) = camera.codes.note(&image.frame, sensor.map(|sensor| sensor.bits))
+        {
+            tracing::warn!("{warning}");
         }
+        if let (Some(described), Some(sensor)) = (of(0).filter(|described| *described != scale), sensor)
+            && described.light().is_some()
+            && !std::mem::replace(&mut self.contradiction_told, true)
+        {
+            tracing::warn!("the parameter bits {bits} overrides the camera's {} bits", sensor.bits);
+        }
+        Ok(scale)
     }
 
     /// Takes a description of the sensor, or the status of a recovered frame; both may lead to another stream.
     fn note(
         &mut self,
-        (camera, input): (usize, usize),
+        (camera, input, stream): (usize, usize, String),
         info: &DiagnosticArray,
         now_ns: u64,
     ) -> Result<Flow, String> {
@@ -336,7 +351,7 @@ impl Detector {
             let claim = values.find(|value| value.key == "trusted");
             camera.trust.note(claim.is_none_or(|trusted| trusted.value == "true"), now_ns);
         } else {
-            camera.described.note(info).map_err(|why| why.to_string())?;
+            camera.described.entry(stream).or_default().note(info).map_err(|why| why.to_string())?;
         }
         let stream = camera.topic(Topic::new(camera.stream(wanted), MessageKind::Image)).name;
         if camera.stream(wanted) == before {
@@ -347,10 +362,20 @@ impl Detector {
         Ok(Flow::NewInputs)
     }
 
+    /// Returns a value of the cameras: one where it is the same for all that have one.
+    fn of_cameras(&self, value: impl Fn(&Camera) -> Option<String>) -> String {
+        let values: Vec<String> = self.cameras.iter().filter_map(value).collect();
+        match &values[..] {
+            [first, others @ ..] if others.iter().all(|other| other == first) => first.clone(),
+            _ => values.join(", "),
+        }
+    }
+
     fn shown_size(&self) -> String {
-        match (self.loaded.settings.input_size, self.pre.size()) {
-            (InputSize::Auto, Some((height, width))) => format!("auto {width}x{height}"),
-            (size, _) => size.to_string(),
+        let size = self.loaded.settings.input_size;
+        match self.of_cameras(|camera| camera.size.map(|(height, width)| format!("{width}x{height}"))) {
+            sizes if size == InputSize::Auto && !sizes.is_empty() => format!("auto {sizes}"),
+            _ => size.to_string(),
         }
     }
 }
@@ -444,12 +469,14 @@ impl Node for Detector {
 
     fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
         let of_a_camera = if matches!(self.loaded.settings.input, StreamChoice::Auto { .. }) { 3 } else { 2 };
+        let stream = cx.stream().map(str::to_owned).or_else(|| stream_of(self, &trigger)).unwrap_or_default();
         match trigger {
             Trigger::Message { input, message: Message::Image(image) } => {
-                self.detect(input / of_a_camera, &image, cx).map(|()| self.tell_labels(&image.header, cx))
+                let place = (input / of_a_camera, &*stream);
+                self.detect(place, &image, cx).map(|()| self.tell_labels(&image.header, cx))
             }
             Trigger::Message { input, message: Message::Diagnostics(info) } => {
-                let place = (input / of_a_camera, input % of_a_camera);
+                let place = (input / of_a_camera, input % of_a_camera, stream);
                 return self.note(place, &info, cx.now_ns()).map_err(StepError::Skip);
             }
             Trigger::Message { .. } | Trigger::Tick => Err("the detector only answers images".to_owned()),
@@ -469,7 +496,7 @@ impl Node for Detector {
             ("input_size", self.shown_size()),
             ("threads", engine.threads.to_string()),
             ("score_threshold", settings.score_threshold.to_string()),
-            ("bits", self.bits.to_string()),
+            ("bits", self.of_cameras(|camera| Some(camera.bits.to_string()))),
             ("input", parameters.input.clone()),
         ]
     }

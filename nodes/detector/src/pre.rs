@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use fast_image_resize::images::{Image, TypedImageRef};
 use fast_image_resize::pixels::{U8, U8x3};
 use fast_image_resize::{FilterType, PixelTrait, ResizeAlg, ResizeOptions, Resizer};
-use modulo_core::{Frame, Letterbox, Samples, tone};
+use modulo_core::{Frame, Letterbox, tone};
 use ndarray::{Array4, ArrayView4};
 
 use crate::input_size::InputSize;
@@ -13,50 +13,54 @@ use crate::input_size::InputSize;
 /// Grey of the padding, as the models were trained with.
 const GREY: f32 = 114.0 / 255.0;
 
-/// Keeps the tensor from frame to frame, so that only the pixels are written again.
+/// The most tensors that are kept: cameras of more sizes share them by turns.
+const KEPT: usize = 8;
+
+/// Keeps the tensors of the sizes in use from frame to frame, so that only the pixels are written again.
 #[derive(Default)]
 pub struct Preprocessor {
-    tensor: Array4<f32>,
-    placed: Option<Letterbox>,
+    /// Each with the place of its image, grey around it; the one of the last frame first.
+    tensors: Vec<(Letterbox, Array4<f32>)>,
     resizer: Resizer,
 }
 
 impl Preprocessor {
-    /// Writes `frame` into the tensor, `1 x 3 x H x W`, RGB in `[0, 1]`; mono is repeated to three channels.
+    /// Writes `frame`, whose largest sample is `most`, into a tensor, `1 x 3 x H x W`, RGB in `[0, 1]`; mono is repeated to three channels.
     ///
     /// # Errors
-    /// A message of one line when the pixels cannot be read.
-    pub fn fill(&mut self, frame: &Frame, bits: u8, size: InputSize) -> Result<Letterbox, String> {
+    /// A message of one line when the image cannot be brought to this size.
+    pub fn fill(&mut self, frame: &Frame, most: f64, size: InputSize) -> Result<Letterbox, String> {
         let (height, width, channels) = frame.dim();
         let letterbox = size.place(height, width).map_err(|error| error.to_string())?;
         self.reserve(size.tensor(height, width), letterbox);
-        let pixels = eight_bit(frame, bits)?;
+        let frame = tone::eight_bits(frame, most as f32);
+        let pixels = frame.as_u8().and_then(|pixels| pixels.as_slice()).expect("8 bits in standard layout");
         let pixels = if letterbox.inner() == (height, width) {
-            pixels
+            Cow::Borrowed(pixels)
         } else {
-            Cow::Owned(self.resized(&pixels, frame.dim(), letterbox.inner())?)
+            Cow::Owned(self.resized(pixels, frame.dim(), letterbox.inner())?)
         };
         self.write(&pixels, &letterbox, channels);
         Ok(letterbox)
     }
 
-    /// Returns the tensor as last filled.
-    pub fn tensor(&self) -> ArrayView4<'_, f32> {
-        self.tensor.view()
+    /// Returns the tensor as last filled, once there was a frame.
+    pub fn tensor(&self) -> Option<ArrayView4<'_, f32>> {
+        self.tensors.first().map(|(_, tensor)| tensor.view())
     }
 
     /// Returns (height, width) of the tensor, once there was a frame.
     pub fn size(&self) -> Option<(usize, usize)> {
-        let (_, _, height, width) = self.tensor.dim();
-        self.placed.map(|_| (height, width))
+        self.tensor().map(|tensor| (tensor.dim().2, tensor.dim().3))
     }
 
-    /// Grey everywhere, unless the next image covers exactly the last one.
+    /// Takes the tensor in which the next image covers exactly an earlier one, or makes one that is grey everywhere.
     fn reserve(&mut self, (height, width): (usize, usize), letterbox: Letterbox) {
-        if self.placed != Some(letterbox) || self.size() != Some((height, width)) {
-            self.tensor = Array4::from_elem((1, 3, height, width), GREY);
-            self.placed = Some(letterbox);
-        }
+        let dim = (1, 3, height, width);
+        let fits = |(placed, tensor): &(Letterbox, Array4<f32>)| *placed == letterbox && tensor.dim() == dim;
+        let kept = self.tensors.iter().position(fits).map(|at| self.tensors.remove(at));
+        self.tensors.truncate(KEPT - 1);
+        self.tensors.insert(0, kept.unwrap_or_else(|| (letterbox, Array4::from_elem(dim, GREY))));
     }
 
     fn resized(
@@ -76,8 +80,9 @@ impl Preprocessor {
     }
 
     fn write(&mut self, pixels: &[u8], letterbox: &Letterbox, channels: usize) {
-        let (_, _, height, width) = self.tensor.dim();
-        let tensor = self.tensor.as_slice_mut().expect("the tensor was made in standard layout");
+        let (_, tensor) = self.tensors.first_mut().expect("one was reserved");
+        let (_, _, height, width) = tensor.dim();
+        let tensor = tensor.as_slice_mut().expect("the tensor was made in standard layout");
         let (red, rest) = tensor.split_at_mut(height * width);
         let (green, blue) = rest.split_at_mut(height * width);
         let ((_, inner_width), (top, left)) = (letterbox.inner(), letterbox.corner());
@@ -115,36 +120,6 @@ fn write_mono(row: &[u8], [red, green, blue]: [&mut [f32]; 3]) {
     blue.copy_from_slice(red);
 }
 
-/// Returns the samples on 8 bits, `H x W x C` interleaved. `bits` of the sensor, 0 (or more than the encoding has) =
-/// the encoding's: a code of b bits is shifted so that `2^b` comes to lie at 256; codes beyond `2^b` become white.
-///
-/// # Errors
-/// A message of one line when `bits` is 0 and the samples are floats, which have no range of their own.
-pub fn eight_bit(frame: &Frame, bits: u8) -> Result<Cow<'_, [u8]>, String> {
-    let bits = if bits == 0 { frame.depth() } else { bits.min(frame.depth()) };
-    match frame.samples() {
-        Samples::U8(pixels) if bits == 8 => {
-            Ok(Cow::Borrowed(pixels.as_slice().expect("a frame is in standard layout")))
-        }
-        Samples::U8(pixels) => Ok(pixels.iter().map(|&code| shifted(code.into(), bits)).collect()),
-        Samples::U16(pixels) => Ok(pixels.iter().map(|&code| shifted(code, bits)).collect()),
-        Samples::F32(_) if bits == 32 => {
-            Err("image has 32-bit float samples, of which no range is known: set `bits` to the sensor's"
-                .into())
-        }
-        Samples::F32(pixels) => {
-            // The conversion with `as` clamps.
-            let scale = 256.0 / f32::from(bits).exp2();
-            Ok(pixels.iter().map(|&sample| (sample * scale) as u8).collect())
-        }
-    }
-}
-
-fn shifted(code: u16, bits: u8) -> u8 {
-    let level = (u32::from(code) << 8) >> bits;
-    level.min(255) as u8
-}
-
 #[cfg(test)]
 mod tests {
     use ndarray::{Array3, Array4};
@@ -153,22 +128,21 @@ mod tests {
     use super::*;
 
     /// The definition, one sample at a time, for an image that is not resized.
-    fn naive(frame: &Frame, bits: u8, size: InputSize) -> Array4<f32> {
+    fn naive(frame: &Frame, most: f32, size: InputSize) -> Array4<f32> {
         let (height, width, channels) = frame.dim();
         let (rows, columns) = size.tensor(height, width);
         let (top, left) = match size {
             InputSize::Auto => (0, 0),
             InputSize::Fixed { .. } => ((rows - height) / 2, (columns - width) / 2),
         };
-        let bits = if bits == 0 || bits > frame.depth() { frame.depth() } else { bits };
         let values = frame.to_f32();
         Array4::from_shape_fn((1, 3, rows, columns), |(_, channel, y, x)| {
             let (Some(y), Some(x)) = (y.checked_sub(top), x.checked_sub(left)) else { return GREY };
             if y >= height || x >= width {
                 return GREY;
             }
-            let share = values[[y, x, channel.min(channels - 1)]] / f32::from(bits).exp2();
-            (share * 256.0).floor().clamp(0.0, 255.0) / 255.0
+            let sample = values[[y, x, channel.min(channels - 1)]];
+            (255.0 / most * sample + 0.5).floor().clamp(0.0, 255.0) / 255.0
         })
     }
 
@@ -190,17 +164,15 @@ mod tests {
         #[test]
         fn what_is_not_resized_is_as_defined(
             frames in prop::collection::vec(frames(), 1..4),
-            bits in 0u8..=16,
+            bits in 1u8..=16,
             size in prop_oneof![Just(InputSize::Auto), Just(InputSize::Fixed { height: 64, width: 96 })],
         ) {
             let mut pre = Preprocessor::default();
-            for frame in &frames {
-                if bits == 0 && frame.depth() == 32 {
-                    prop_assert!(pre.fill(frame, bits, size).is_err_and(|why| why.contains("`bits`")));
-                } else {
-                    pre.fill(frame, bits, size).expect("filled");
-                    prop_assert_eq!(pre.tensor().to_owned(), naive(frame, bits, size));
-                }
+            let most = (1u32 << bits) - 1;
+            // By turns, as those of several cameras come.
+            for frame in frames.iter().chain(&frames) {
+                pre.fill(frame, most.into(), size).expect("filled");
+                prop_assert_eq!(pre.tensor().expect("a frame").to_owned(), naive(frame, most as f32, size));
             }
         }
     }
@@ -210,12 +182,31 @@ mod tests {
         let ramp = Array3::from_shape_fn((100, 128, 3), |(_, x, _)| 2 * x as u8);
         let size = InputSize::Fixed { height: 64, width: 64 };
         let mut pre = Preprocessor::default();
-        pre.fill(&Frame::from_u8(ramp).expect("a frame"), 0, size).expect("filled");
-        let tensor = pre.tensor();
+        pre.fill(&Frame::from_u8(ramp).expect("a frame"), 255.0, size).expect("filled");
+        let tensor = pre.tensor().expect("a frame");
         assert_eq!((tensor[[0, 0, 6, 30]], tensor[[0, 2, 57, 30]]), (GREY, GREY));
         for x in 2..62 {
             let expected = (4 * x + 1) as f32 / 255.0;
             assert!((tensor[[0, 1, 32, x]] - expected).abs() < 1.5 / 255.0, "column {x}");
         }
+    }
+
+    #[test]
+    fn cameras_of_other_sizes_keep_their_tensors() {
+        let mut pre = Preprocessor::default();
+        let mut tensors = std::collections::BTreeSet::new();
+        for turn in 0..4 * KEPT {
+            let frame = Frame::from_u8(Array3::zeros((9 + 32 * (turn % KEPT), 40, 1))).expect("a frame");
+            pre.fill(&frame, 255.0, InputSize::Auto).expect("filled");
+            tensors.insert(pre.tensor().expect("a frame").as_ptr());
+        }
+        assert_eq!((tensors.len(), pre.tensors.len()), (KEPT, KEPT));
+        pre.fill(&Frame::from_u8(Array3::zeros((7, 900, 1))).expect("a frame"), 255.0, InputSize::Auto)
+            .expect("filled");
+        assert_eq!(
+            pre.tensors.len(),
+            KEPT,
+            "a ninth size takes the place of the one that was used longest ago"
+        );
     }
 }

@@ -227,7 +227,7 @@ fn what_is_no_image_is_skipped() {
 fn bits_bring_the_sensor_to_the_models_range() {
     let dark = |level| Frame::from_u16(Array3::from_elem((128, 128, 1), level)).expect("a frame");
     for (bits, level, expected) in
-        [("12", 2048, 128.0), ("0", 2048, 8.0), ("10", 1023, 255.0), ("4", 15, 240.0)]
+        [("12", 2048, 128.0), ("0", 2048, 8.0), ("10", 1023, 255.0), ("4", 15, 255.0)]
     {
         let mut node = detector("rows.onnx", &[("bits", bits), ("score_threshold", "0")]);
         let told = classes(&detections(&mut node, dark(level)));
@@ -237,19 +237,81 @@ fn bits_bring_the_sensor_to_the_models_range() {
     }
 }
 
-/// A stream of the suite keeps the last description of its camera; an absolute topic may have images of another camera.
+fn even(depth: u8, level: u16) -> Frame {
+    let pixels = Array3::from_elem((128, 128, 3), level);
+    if depth == 8 { Frame::from_u8(pixels.mapv(|v| v as u8)) } else { Frame::from_u16(pixels) }
+        .expect("a frame")
+}
+
+/// Sends the description of a sensor of `bits` for the second `stamp`, and then an image of the second 7 on `stream`. Returns the bits and the
+/// level with which it was read.
+fn read_as(
+    node: &mut Detector,
+    (bits, stamp): (u8, i32),
+    frame: Frame,
+    stream: Option<&str>,
+) -> (String, u8) {
+    let (clock, wanted) = (ManualClock::at(0), [true, false]);
+    let header = Header { stamp: Time { sec: stamp, nanosec: 8 }, frame_id: "camera".into() };
+    let sensor = SensorModel { bits, ..SensorModel::default() };
+    let message = sensor_info::message(&header, &sensor, "/modulo_camera");
+    let mut cx = Context::new("/detector", &clock, &wanted);
+    node.step(Trigger::Message { input: 1, message }, &mut cx).expect("a description");
+    let message = Message::Image(Arc::new(image(frame)));
+    let mut cx = Context::new("/detector", &clock, &wanted).of_stream(stream);
+    node.step(Trigger::Message { input: 0, message }, &mut cx).expect("a step");
+    let answers = cx.finish().messages;
+    let Some((0, Message::Detections(array))) = answers.first() else { panic!("{answers:?}") };
+    let (_, score) =
+        classes(array).into_iter().find(|(class, _)| class == "7").expect("its score is the level");
+    let told = node.state().into_iter().find(|(key, _)| *key == "bits").expect("in the state").1;
+    (told, (255.0 * score).round() as u8)
+}
+
+/// The bits of the sensor are those of its codes. Pictures have 8, and of an image of another name, which the camera may have sensed, they say
+/// nothing.
 #[test]
-fn a_description_is_about_the_frames_of_its_own_camera() {
-    for (input, stamp, bits) in [("recovered", 9, "6"), ("/image", 9, "0"), ("/image", 7, "6")] {
-        let mut node = detector("rows.onnx", &[("input", input)]);
-        let header = Header { stamp: Time { sec: stamp, nanosec: 8 }, frame_id: "camera".into() };
-        let model = SensorModel { bits: 6, ..SensorModel::default() };
-        let clock = ManualClock::at(0);
-        let trigger = Trigger::Message { input: 1, message: sensor_info::message(&header, &model) };
-        node.step(trigger, &mut Context::new("/detector", &clock, &[])).expect("a description");
-        // Of the second 7.
-        detections(&mut node, grey(96, 160, 60));
-        assert!(node.state().contains(&("bits", bits.to_owned())), "{input}, {stamp}: {:?}", node.state());
+fn bits_belong_to_the_stream() {
+    for bits in 1..=16 {
+        let (depth, most) = (if bits <= 8 { 8 } else { 16 }, u16::MAX >> (16 - bits));
+        for (input, frame, read) in [
+            ("recovered", even(8, 200), (8, 200)),
+            ("ideal", even(8, 40), (8, 40)),
+            ("/front/recovered", even(8, 77), (8, 77)),
+            ("modulo", even(depth, most), (bits, 255)),
+            ("saturated", even(depth, most), (bits, 255)),
+            ("/front/modulo", even(depth, most), (bits, 255)),
+            ("/camera/image_raw", even(depth, u16::MAX >> (16 - depth)), (depth, 255)),
+        ] {
+            let is_foreign = input.starts_with("/camera");
+            // The description of an earlier frame counts, too, and the parameter of the reader is about codes alone.
+            for (sensor, stamp, given) in [(bits, 7, 0), (bits, 6, 0), (8, 7, bits)] {
+                let given = if is_foreign { 0 } else { given }.to_string();
+                let changes = [("input", input), ("bits", &given), ("score_threshold", "0")];
+                let got = read_as(&mut detector("rows.onnx", &changes), (sensor, stamp), frame.clone(), None);
+                assert_eq!(got, (read.0.to_string(), read.1), "{input}, {bits} bits, parameter {given}");
+            }
+        }
+    }
+}
+
+/// While the input changes, the last images of the stream before still come.
+#[test]
+fn an_image_is_read_as_its_own_stream_has_it() {
+    let with = |input| parameters(&data("rows.onnx"), &[("input", input), ("score_threshold", "0")]);
+    for (bits, depth) in [(4, 8), (10, 16)] {
+        let mut node = detector("rows.onnx", &[("score_threshold", "0")]);
+        let modulo = even(depth, u16::MAX >> (16 - bits));
+        let level = |node: &mut Detector, frame: &Frame, stream| {
+            read_as(node, (bits, 7), frame.clone(), Some(stream)).1
+        };
+        assert_eq!(level(&mut node, &even(8, 200), "recovered"), 200);
+        node.configure(&with("modulo")).expect("possible");
+        assert_eq!(level(&mut node, &even(8, 200), "recovered"), 200);
+        assert_eq!(level(&mut node, &modulo, "modulo"), 255);
+        node.configure(&with("/front/recovered")).expect("possible");
+        assert_eq!(level(&mut node, &modulo, "modulo"), 255);
+        assert_eq!(level(&mut node, &even(8, 9), "/front/recovered"), 9);
     }
 }
 
@@ -406,7 +468,7 @@ fn answered(fallback: &str, psf_sigma: f64) -> Vec<&'static str> {
         let now = frame * 100_000_000;
         let mut image = image(grey(96, 160, 204));
         image.header.stamp = Time::from_ns(now);
-        let info = sensor_info::message(&image.header, &sensor);
+        let info = sensor_info::message(&image.header, &sensor, "/modulo_camera");
         chain.feed("/sensor_info", info, now).expect("a step");
         let image = Message::Image(Arc::new(image));
         for stream in ["/saturated", "/recovered"] {
@@ -448,7 +510,8 @@ fn one_detector_answers_several_cameras() {
         for (camera, output, bits) in [("/front", outputs[0], 8), ("/car/rear", outputs[1], 6)] {
             let mut image = image(grey(96, 160, 60));
             image.header.stamp = Time::from_ns(frame);
-            let info = sensor_info::message(&image.header, &SensorModel { bits, ..SensorModel::default() });
+            let info =
+                sensor_info::message(&image.header, &SensorModel { bits, ..SensorModel::default() }, camera);
             chain.feed(&format!("{camera}/sensor_info"), info, frame).expect("a step");
             let answers = chain.feed(&format!("{camera}/modulo"), Message::Image(Arc::new(image)), frame);
             let topics: Vec<_> = answers.expect("a step").into_iter().map(|(topic, _)| topic).collect();
@@ -462,4 +525,29 @@ fn one_detector_answers_several_cameras() {
     }
     let why = refusal(&data("rows.onnx"), &[("cameras", "[/front]"), ("input", "/image")]);
     assert!(why.contains("no absolute topic"), "{why}");
+}
+
+/// The state of a detector is published when it has changed: what differs between cameras is no change.
+#[test]
+fn cameras_of_other_sizes_and_bits_have_one_state() {
+    let mut node = detector("rows.onnx", &[("cameras", "[/front, /rear]"), ("input", "modulo")]);
+    let clock = ManualClock::at(0);
+    let mut states = Vec::new();
+    for _ in 0..3 {
+        for (camera, namespace, bits, height) in [(0, "/front", 8, 96), (1, "/rear", 6, 200)] {
+            let image = image(grey(height, 160, 60));
+            let sensor = SensorModel { bits, ..SensorModel::default() };
+            let info = sensor_info::message(&image.header, &sensor, namespace);
+            let mut send = |input, message| {
+                let mut cx = Context::new("/detector", &clock, &[true, false, true, false]);
+                node.step(Trigger::Message { input, message }, &mut cx).expect("a step");
+            };
+            send(2 * camera + 1, info);
+            send(2 * camera, Message::Image(Arc::new(image)));
+            states.push(node.state());
+        }
+    }
+    let value = |name| states[1].iter().find(|(key, _)| *key == name).expect("in the state").1.clone();
+    assert_eq!((value("bits"), value("input_size")), ("8, 6".to_owned(), "auto 160x128, 160x224".to_owned()));
+    assert!(states[1..].windows(2).all(|pair| pair[0] == pair[1]), "{states:?}");
 }

@@ -148,7 +148,7 @@ impl ModuloCamera {
             tracing::warn!("{why}");
         }
         // Before the frame that it describes, and for late readers also when there is no reader now.
-        let info = sensor_info::message(header, &self.parameters.sensor);
+        let info = sensor_info::message(header, &self.parameters.sensor, cx.node());
         cx.emit(SENSOR_INFO, info);
         if !self.calibration.is_on_topic_of(cx.node()) && cx.wanted(CAMERA_INFO) {
             let side = |axis| u32::try_from(radiance.len_of(Axis(axis))).unwrap_or(u32::MAX);

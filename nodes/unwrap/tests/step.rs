@@ -202,7 +202,7 @@ fn the_recovered_image_is_shown_as_the_pictures_that_the_camera_sees() {
         (exposure.modulo(), exposure.ideal())
     };
     let model = SensorModel { alpha: 2.0, headroom: 0.8, transfer: camera, ..SensorModel::default() };
-    let described = sensor_info::message(&header(), &model);
+    let described = sensor_info::message(&header(), &model, "/modulo_camera");
     for (set, of_range, expected, headroom) in
         [("camera", "0", camera, 0.8), ("rec709", "0", own, 0.8), ("camera", "0.9", camera, 0.9)]
     {
@@ -237,7 +237,7 @@ fn denoise_removes_the_noise_of_the_described_sensor_from_both_images() {
     let run = |denoise, described: bool| {
         let mut node = unwrap(&[("alpha", "2"), ("denoise", denoise)]);
         if described {
-            let message = sensor_info::message(&header(), &model);
+            let message = sensor_info::message(&header(), &model, "/modulo_camera");
             let clock = ManualClock::at(0);
             let mut cx = Context::new("/unwrap", &clock, &[true, true]);
             node.step(Trigger::Message { input: 1, message }, &mut cx).expect("a good description");
@@ -298,7 +298,7 @@ fn each_frame_is_unwrapped_with_the_sensor_that_made_it() {
     let at = |ns| Header { stamp: Time::from_ns(ns), ..header() };
     let frame = |ns| Message::Image(Arc::new(StampedFrame { header: at(ns), frame: modulo.clone() }));
     let model = |alpha| SensorModel { alpha, ..SensorModel::default() };
-    let described = |ns, alpha| sensor_info::message(&at(ns), &model(alpha));
+    let described = |ns, alpha| sensor_info::message(&at(ns), &model(alpha), "/modulo_camera");
 
     assert!(feed(1, described(1, 2.0)).1.is_empty());
     assert!(feed(1, described(2, 4.0)).1.is_empty(), "the next frame has another sensor");
@@ -333,7 +333,7 @@ fn a_frame_waits_for_the_first_description_and_not_for_ever() {
     let at = |ns| Header { stamp: Time::from_ns(ns), ..header() };
     let frame = |ns| Message::Image(Arc::new(StampedFrame { header: at(ns), frame: modulo.clone() }));
     let model = SensorModel { alpha: 2.0, ..SensorModel::default() };
-    let described = |ns| sensor_info::message(&at(ns), &model);
+    let described = |ns| sensor_info::message(&at(ns), &model, "/modulo_camera");
     let mut node = UnwrapNode::new(&UnwrapParameters::default()).expect("a node");
     assert_eq!(node.give_up(), None);
     assert_eq!(feed(&mut node, 0, frame(1)).0, Ok(Flow::Kept));

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use modulo_middleware::graph::Graph;
 use modulo_middleware::transport::zenoh::ZenohTransport;
 use modulo_middleware::transport::{Guard, Payload, RawSample, TransportError};
-use modulo_msgs::diagnostic_msgs::DiagnosticArray;
+use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus};
 use modulo_msgs::ros_name;
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::topic::{Durability, Profile, Reliability};
@@ -125,10 +125,15 @@ impl Statuses {
     /// Takes the statuses of `array`; names beyond the first 256 are left out.
     pub fn note(&mut self, array: &DiagnosticArray) {
         for status in &array.status {
-            if self.by_name.len() < STATUSES || self.by_name.contains_key(&status.name) {
-                self.by_name.insert(status.name.clone(), status.into());
-                self.fresh.insert(status.name.clone());
-            }
+            self.note_as(&status.name, status);
+        }
+    }
+
+    /// Takes a status under another name than its own, which several publishers may share.
+    pub fn note_as(&mut self, name: &str, status: &DiagnosticStatus) {
+        if self.by_name.len() < STATUSES || self.by_name.contains_key(name) {
+            self.by_name.insert(name.to_owned(), StatusView { name: name.to_owned(), ..status.into() });
+            self.fresh.insert(name.to_owned());
         }
     }
 
@@ -239,4 +244,21 @@ fn offers(node: &str, images: &[String]) -> Vec<String> {
     let made = |topic: &&String| topic.ends_with("/annotated") || topic.ends_with("/hdr");
     let others = images.iter().filter(|topic| !is_short(topic) && !made(topic));
     short.map(str::to_owned).chain(others.cloned()).chain([AUTO.to_owned()]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Bags of earlier versions call the sensor of each camera alike.
+    #[test]
+    fn each_camera_keeps_its_sensor() {
+        let mut statuses = Statuses::default();
+        let status = DiagnosticStatus { name: "sensor".into(), ..DiagnosticStatus::default() };
+        for topic in ["/front/sensor_info", "/rear/sensor_info"] {
+            statuses.note_as(topic, &status);
+        }
+        let names: Vec<String> = statuses.take_fresh().into_iter().map(|status| status.name).collect();
+        assert_eq!(names, ["/front/sensor_info", "/rear/sensor_info"]);
+    }
 }

@@ -1,7 +1,7 @@
 //! [`ShownImage`]: an image as 8 bits for a browser, and the histogram of its radiance.
 
-use modulo_core::{DisplayCurve, Frame, Samples, Transfer};
-use modulo_runtime::StreamScale;
+use modulo_core::{DisplayCurve, Frame, Samples, Transfer, tone};
+use modulo_runtime::{LightScale, StreamScale};
 
 use crate::watch::Audience;
 
@@ -27,9 +27,9 @@ pub struct ShownImage {
 }
 
 impl ShownImage {
-    /// Makes 8 bits of `frame`, whose samples mean radiance of this `scale`, or something else for `None`.
+    /// Makes 8 bits of `frame`, whose samples have this `scale`, if it is known.
     pub fn of(frame: &Frame, scale: Option<StreamScale>, audience: Audience) -> Self {
-        match scale {
+        match scale.and_then(|scale| Some((scale.most(), scale.light()?))) {
             Some(scale) => of_radiance(frame, scale, audience),
             None => of_samples(frame),
         }
@@ -37,12 +37,12 @@ impl ShownImage {
 }
 
 /// A page gets sRGB's codes of radiance: dark parts keep their steps, which it may show brighter.
-fn of_radiance(frame: &Frame, scale: StreamScale, audience: Audience) -> ShownImage {
-    let curve = DisplayCurve::of_white(scale.white());
+fn of_radiance(frame: &Frame, (most, light): (f64, LightScale), audience: Audience) -> ShownImage {
+    let curve = DisplayCurve::of_white(light.white());
     let code = |sample: f64| {
-        let radiance = scale.radiance((sample / scale.most()).min(1.0));
+        let radiance = light.radiance((sample / most).min(1.0));
         let code = match audience {
-            Audience::Page => Transfer::Srgb.encode(radiance / scale.white()),
+            Audience::Page => Transfer::Srgb.encode(radiance / light.white()),
             Audience::Foxglove => curve.code(radiance),
         };
         (255.0 * code).round() as u8
@@ -58,8 +58,9 @@ fn of_radiance(frame: &Frame, scale: StreamScale, audience: Audience) -> ShownIm
         }
         Samples::F32(values) => values.mapv(|sample| code(f64::from(sample))),
     };
-    let white = (frame.depth() > 8).then_some(scale.most() as f32);
-    ShownImage { frame: eight_bits(shown), white, peaks: Some(scale.white()), stops: stops(frame, scale) }
+    let (white, frame_shown) = ((frame.depth() > 8).then_some(most as f32), Frame::from_u8(shown));
+    let shown = frame_shown.expect("the shape is that of a frame");
+    ShownImage { frame: shown, white, peaks: Some(light.white()), stops: stops(frame, (most, light)) }
 }
 
 /// Samples of more than 8 bits keep their ratio; the largest one becomes white.
@@ -67,21 +68,16 @@ fn of_samples(frame: &Frame) -> ShownImage {
     let (frame, white) = match frame.samples() {
         Samples::U8(_) => (frame.clone(), None),
         _ => {
-            let values = frame.to_f32();
-            let white = values.iter().copied().fold(1.0, f32::max);
-            (eight_bits(values.mapv(|value| (255.0 * value / white).round() as u8)), Some(white))
+            let white = frame.to_f32().iter().copied().fold(1.0, f32::max);
+            (tone::eight_bits(frame, white).into_owned(), Some(white))
         }
     };
     ShownImage { frame, white, peaks: None, stops: Vec::new() }
 }
 
-fn eight_bits(codes: ndarray::Array3<u8>) -> Frame {
-    Frame::from_u8(codes).expect("the shape is that of a frame")
-}
-
 /// Returns the share of the samples in each bin. A sample counts for the whole interval of radiance that its code stands for, so that
 /// the few codes of dark parts leave no gaps.
-fn stops(frame: &Frame, scale: StreamScale) -> Vec<f32> {
+fn stops(frame: &Frame, (most, light): (f64, LightScale)) -> Vec<f32> {
     let step = (frame.height() * frame.width() * frame.channels()).div_ceil(LOOKED_AT).max(1);
     // A step that shares no divisor with the channels and, mostly, the width sees all of them.
     let step = step | 1;
@@ -89,7 +85,7 @@ fn stops(frame: &Frame, scale: StreamScale) -> Vec<f32> {
     let mut all = 0.0;
     let mut add = |sample: f64, count: f32| {
         let at = |sample: f64| {
-            let radiance = scale.radiance((sample / scale.most()).clamp(0.0, 1.0));
+            let radiance = light.radiance((sample / most).clamp(0.0, 1.0));
             ((radiance.log2() - LEAST_STOP) * BINS_OF_A_STOP).clamp(0.0, BINS as f64 - 1e-6)
         };
         let (from, to) = (at(sample), at(sample + 1.0));
@@ -118,29 +114,29 @@ mod tests {
 
     use super::*;
 
-    fn scale(topic: &str) -> StreamScale {
+    fn scale(topic: &str, depth: u8) -> Option<StreamScale> {
         let sensor = SensorModel { alpha: 4.0, headroom: 1.0, ..SensorModel::default() };
-        StreamScale::of(topic, &sensor).expect("a stream of the camera")
+        StreamScale::of(topic, depth, Some(&sensor), 0)
     }
 
     #[test]
     fn a_stop_has_its_bin_and_all_shares_are_one() {
         // Codes 63 and 64 of the recovered image, whose 255 are two stops above the peak, are about the peak.
         let frame = Frame::from_u8(Array3::from_elem((40, 30, 3), 64)).expect("a frame");
-        let shown = ShownImage::of(&frame, Some(scale("recovered")), Audience::Page);
+        let shown = ShownImage::of(&frame, scale("recovered", 8), Audience::Page);
         let peak = (-LEAST_STOP * BINS_OF_A_STOP) as usize;
         assert!(shown.stops[peak] > 0.9, "{:?}", shown.stops);
         assert!((shown.stops.iter().sum::<f32>() - 1.0).abs() < 1e-4);
         assert_eq!(shown.peaks, Some(4.0));
         let black = Frame::from_u8(Array3::from_elem((4, 3, 1), 0)).expect("a frame");
-        let stops = ShownImage::of(&black, Some(scale("recovered")), Audience::Page).stops;
+        let stops = ShownImage::of(&black, scale("recovered", 8), Audience::Page).stops;
         assert!((stops.iter().sum::<f32>() - 1.0).abs() < 1e-4 && stops[peak..].iter().all(|s| *s == 0.0));
     }
 
     #[test]
     fn an_image_of_16_bits_has_the_white_of_its_sensor_and_any_other_one_its_largest_sample() {
         let frame = Frame::from_u16(Array3::from_elem((4, 3, 1), 512)).expect("a frame");
-        let shown = ShownImage::of(&frame, Some(scale("hdr")), Audience::Page);
+        let shown = ShownImage::of(&frame, scale("hdr", 16), Audience::Page);
         assert_eq!((shown.white, shown.frame.to_f32()[[0, 0, 0]]), (Some(1024.0), 188.0), "sRGB's half");
         let shown = ShownImage::of(&frame, None, Audience::Page);
         assert_eq!((shown.white, shown.frame.to_f32()[[0, 0, 0]], shown.peaks), (Some(512.0), 255.0, None));

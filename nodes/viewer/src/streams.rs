@@ -87,6 +87,8 @@ struct DetectorResult {
 pub struct NextImage {
     /// Topic of the image.
     pub topic: String,
+    /// Stamp of the image.
+    pub stamp: Time,
     /// CDR of the image.
     pub payload: Payload,
     /// Boxes of this very image, by the topic of their detector.
@@ -209,6 +211,7 @@ impl Streams {
             boxes: self.boxes_of(graph, &topic, &image),
             truth: self.truth_of(graph, &topic, &image),
             topic,
+            stamp: image.stamp,
             payload: image.payload,
         };
         next.into_iter().map(image).collect()

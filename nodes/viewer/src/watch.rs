@@ -10,7 +10,7 @@ use modulo_msgs::std_msgs::Time;
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::sensor_info::{self, SensorHistory};
 use modulo_runtime::topic::RECOVERY_TOPIC;
-use modulo_runtime::{Message, MessageKind, StampedFrame, StreamScale};
+use modulo_runtime::{Message, MessageKind, SensorModel, StampedFrame, StreamScale};
 use tokio::sync::Notify;
 use tokio::task::spawn_blocking;
 
@@ -158,13 +158,14 @@ impl Watch {
             let mut inbox = self.inbox();
             let pace = inbox.pace;
             let next = inbox.streams.next(graph, pace, now);
-            let with_scale = |image| (inbox.scale_of(&image), image);
-            (next.into_iter().map(with_scale).collect::<Vec<_>>(), pace)
+            let with_sensor = |image| (inbox.sensor_of(&image), image);
+            (next.into_iter().map(with_sensor).collect::<Vec<_>>(), pace)
         };
         let camera = graph.camera(&next.first()?.1.topic).to_owned();
         let audience = self.audience;
         let encode_all = move || -> Vec<_> {
-            next.iter().map(|(scale, image)| (image.topic.clone(), encode(image, *scale, audience))).collect()
+            let encode = |sensor: &Option<_>, image| encode(image, sensor.as_ref(), audience);
+            next.iter().map(|(sensor, image)| (image.topic.clone(), encode(sensor, image))).collect()
         };
         let encoded = spawn_blocking(encode_all).await.expect("encoding does not panic");
         let (mut images, mut errors) = (Vec::new(), Vec::new());
@@ -199,7 +200,8 @@ impl Inbox {
         if origin.topic == state_topic(&origin.node) {
             return self.streams.state(&origin.node, array);
         }
-        let step = if sensor_info::is_topic(&origin.topic) {
+        let is_sensor = sensor_info::is_topic(&origin.topic);
+        let step = if is_sensor {
             // A description that cannot be read is counted by its readers in the suite.
             let _ = self.sensors.entry(namespace(&origin.topic).to_owned()).or_default().note(array);
             Some(Step::Sensed)
@@ -212,6 +214,11 @@ impl Inbox {
         };
         if let Some(step) = step {
             self.note(watch, origin, array.header.stamp, step);
+        }
+        if is_sensor {
+            // The page takes the sensor of the camera whose stream it shows.
+            array.status.iter().for_each(|status| self.statuses.note_as(&origin.topic, status));
+            return;
         }
         self.statuses.note(array);
     }
@@ -230,10 +237,9 @@ impl Inbox {
         self.notices.push_back(Notice { at_ms, stamp, node, step });
     }
 
-    /// Returns how the samples of an image stand for radiance, if its camera has described its sensor.
-    fn scale_of(&self, image: &NextImage) -> Option<StreamScale> {
-        let sensor = self.sensors.get(namespace(&image.topic))?.latest()?;
-        StreamScale::of(&image.topic, sensor)
+    /// Returns the sensor of an image, if its camera has described it.
+    fn sensor_of(&self, image: &NextImage) -> Option<SensorModel> {
+        self.sensors.get(namespace(&image.topic))?.nearest(image.stamp).cloned()
     }
 }
 
@@ -245,12 +251,13 @@ fn classes(boxes: &Detection2DArray) -> BTreeMap<String, usize> {
     classes
 }
 
-fn encode(next: &NextImage, scale: Option<StreamScale>, audience: Audience) -> Result<JpegImage, String> {
+fn encode(next: &NextImage, sensor: Option<&SensorModel>, audience: Audience) -> Result<JpegImage, String> {
     let Message::Image(image) =
         Message::decode(MessageKind::Image, &next.payload).map_err(|why| why.to_string())?
     else {
         return Err("is no image".to_owned());
     };
+    let scale = StreamScale::of(&next.topic, image.frame.depth(), sensor, 0);
     let shown = ShownImage::of(&image.frame, scale, audience);
     let jpeg = modulo_images::encode(&shown.frame, FileFormat::Jpeg).map_err(|why| why.to_string())?;
     let boxes = next.boxes.iter().map(|(detector, boxes)| (detector.clone(), BoxView::of(boxes)));

@@ -2,7 +2,7 @@
 //! node has to guess or repeat it.
 //!
 //! The camera publishes it on [`TOPIC`] before each frame, with the stamp of the frame, as a
-//! `diagnostic_msgs/msg/DiagnosticArray`, which every ROS 2 node can read: one status named `sensor`, whose values are
+//! `diagnostic_msgs/msg/DiagnosticArray`, which every ROS 2 node can read: one status named `NODE: sensor`, whose values are
 //! the parameters of [`SensorModel`] by name. The topic is reliable and transient local, so that a late reader gets the
 //! last one.
 
@@ -15,6 +15,7 @@ use modulo_msgs::std_msgs::{Header, Time};
 use crate::message::{Message, MessageKind};
 use crate::parameter::{ParameterError, ParameterSet as _};
 use crate::sensor::parameters::SensorModel;
+use crate::sensor::scale::StreamScale;
 use crate::topic::{Qos, Topic};
 
 /// Name of the topic, relative to the namespace of the camera.
@@ -27,17 +28,30 @@ pub fn topic() -> Topic {
     Topic { qos: Qos::Latched, ..Topic::new(TOPIC, MessageKind::Diagnostics) }
 }
 
+/// Returns the topic of the sensor that made the images of `stream`: that of the namespace of the reader, and beside an absolute topic whose
+/// name is that of a stream of the suite, such as `/front/modulo`.
+pub fn topic_beside(stream: &str) -> Topic {
+    match stream.rsplit_once('/') {
+        Some((namespace, name)) if StreamScale::STREAMS.contains(&name) => {
+            Topic { name: format!("{namespace}/{TOPIC}"), ..topic() }
+        }
+        _ => topic(),
+    }
+}
+
 /// Returns whether `topic` is that of a sensor, in any namespace. Such a topic is latched, whatever a bag says of it: bags
 /// of other programs, and older ones of this suite, name the quality of service usual for its type.
 pub fn is_topic(topic: &str) -> bool {
     topic.rsplit('/').next() == Some(TOPIC)
 }
 
-/// Returns the description of the frame with this `header`.
-pub fn message(header: &Header, model: &SensorModel) -> Message {
+/// Returns the description of the frame with this `header` by the camera `node`, a fully qualified name.
+pub fn message(header: &Header, model: &SensorModel, node: &str) -> Message {
     let values = model.to_text().into_iter();
     let values = values.map(|(key, value)| KeyValue { key: key.to_owned(), value }).collect();
-    let status = DiagnosticStatus { name: "sensor".into(), values, ..DiagnosticStatus::default() };
+    // Tools show statuses by name, and each camera has its own sensor.
+    let name = format!("{}: sensor", node.trim_start_matches('/'));
+    let status = DiagnosticStatus { name, values, ..DiagnosticStatus::default() };
     Message::Diagnostics(Arc::new(DiagnosticArray { header: header.clone(), status: vec![status] }))
 }
 
@@ -112,7 +126,7 @@ mod tests {
     }
 
     fn description(ns: u64, model: &SensorModel) -> DiagnosticArray {
-        let Message::Diagnostics(array) = message(&header(ns), model) else {
+        let Message::Diagnostics(array) = message(&header(ns), model, "/front/modulo_camera") else {
             unreachable!("a description is a DiagnosticArray")
         };
         DiagnosticArray::clone(&array)
@@ -152,6 +166,20 @@ mod tests {
         assert_eq!(history.nearest(Time::from_ns(last + 7)), history.latest(), "its own is late");
         assert_eq!(history.nearest(Time::from_ns(0)), history.latest(), "nothing is known of that time");
         assert_eq!(history.by_stamp.len(), REMEMBERED);
+    }
+
+    /// Tools show statuses by their name alone.
+    #[test]
+    fn the_status_of_each_camera_has_its_own_name() {
+        assert_eq!(description(1, &SensorModel::default()).status[0].name, "front/modulo_camera: sensor");
+        for (stream, topic) in [
+            ("recovered", "sensor_info"),
+            ("/front/modulo", "/front/sensor_info"),
+            ("/modulo", "/sensor_info"),
+            ("/camera/image_raw", "sensor_info"),
+        ] {
+            assert_eq!(topic_beside(stream).name, topic, "{stream}");
+        }
     }
 
     #[test]

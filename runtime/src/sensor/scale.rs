@@ -1,39 +1,91 @@
-//! [`StreamScale`]: how the samples of a stream stand for radiance.
+//! [`StreamScale`]: what the samples of a stream mean.
 
 use modulo_core::{DisplayCurve, Transfer};
 
 use crate::sensor::parameters::SensorModel;
 
-/// How the samples of a stream stand for radiance, in peaks of the sensor.
+/// The bits of a sample of the pictures `recovered` and `ideal`, whatever the bits of the sensor.
+const PICTURE: u8 = 8;
+
+/// What the samples of an image mean: which one is white, and the radiance that they stand for. It belongs to the stream of the image:
+/// the pictures of a sensor of 6 bits have 8.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StreamScale {
-    transfer: Transfer,
-    /// The largest sample.
     most: f64,
+    light: Option<LightScale>,
+}
+
+/// How the samples of a stream stand for radiance, in peaks of the sensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightScale {
+    transfer: Transfer,
     /// The radiance of the largest sample, in peaks of the sensor.
     white: f64,
 }
 
 impl StreamScale {
-    /// Returns the scale of the stream whose topic ends with the name `modulo`, `saturated`, `recovered`, `ideal` or `hdr`, of a
-    /// camera with this sensor; `None` for any other topic.
-    pub fn of(topic: &str, sensor: &SensorModel) -> Option<Self> {
-        let white = sensor.headroom * sensor.alpha;
-        let peak = f64::from(1_u32 << sensor.bits);
-        let (transfer, most, white) = match topic.rsplit('/').next()? {
-            "modulo" => (Transfer::Linear, peak - 1.0, 1.0),
-            // Pixels of low gain show what is above the peak.
-            "saturated" => (sensor.transfer, peak - 1.0, if sensor.gains.is_some() { white } else { 1.0 }),
-            "recovered" | "ideal" => (sensor.transfer, 255.0, white),
-            "hdr" => (Transfer::Linear, peak * white, white),
-            _ => return None,
+    /// The last parts of the names of the topics whose samples a sensor description covers.
+    pub const STREAMS: [&str; 5] = ["modulo", "saturated", "recovered", "ideal", "hdr"];
+
+    /// Returns the scale of an image of `depth` bits (8, 16, or 32 for floats) on `topic`, the last part of whose name tells the stream:
+    ///
+    /// - `recovered` and `ideal` of 8 bits are pictures: their largest sample is 255.
+    /// - `modulo` and `saturated` have the codes of the converter, up to `2^bits - 1`, and `hdr` counts up to `alpha * 2^bits` times the
+    ///   headroom. `bits` are those of `sensor`, the description of its camera, unless they are given here (0: not given).
+    /// - An image of another name, or without a description, has the `bits` that are given, else the whole range of its encoding.
+    ///
+    /// The samples stand for radiance where a sensor describes one of these streams. `None` for floats of unknown range.
+    pub fn of(topic: &str, depth: u8, sensor: Option<&SensorModel>, bits: u8) -> Option<Self> {
+        let peak_of = |bits: u8| f64::from(1_u32 << bits);
+        let given = Some(bits).filter(|&bits| bits > 0);
+        let codes = given.or(sensor.map(|sensor| sensor.bits)).map(|bits| peak_of(bits) - 1.0);
+        let encoding = Some(depth).filter(|&depth| depth <= 16).map(|depth| peak_of(depth) - 1.0);
+        let light = |white: fn(&SensorModel) -> LightScale| sensor.map(white);
+        let (most, light) = match (topic.rsplit('/').next(), sensor) {
+            (Some("recovered" | "ideal"), _) if depth == PICTURE => {
+                (encoding, light(LightScale::of_pictures))
+            }
+            (Some("modulo"), _) => (codes, light(|_| LightScale { transfer: Transfer::Linear, white: 1.0 })),
+            (Some("saturated"), _) => (codes, light(LightScale::of_saturated)),
+            (Some("hdr"), Some(sensor)) => {
+                let light = LightScale { transfer: Transfer::Linear, ..LightScale::of_pictures(sensor) };
+                (codes.map(|most| (most + 1.0) * light.white), Some(light))
+            }
+            _ => (given.map(|bits| peak_of(bits) - 1.0), None),
         };
-        Some(Self { transfer, most, white })
+        // No integer is above its encoding, whatever a description says.
+        let most = match (most, encoding) {
+            (Some(most), Some(encoding)) => most.min(encoding),
+            (most, encoding) => most.or(encoding)?,
+        };
+        Some(Self { most, light })
     }
 
-    /// Returns the largest sample; larger ones are clipped.
+    /// Returns the largest sample, which is white; larger ones are clipped.
     pub fn most(self) -> f64 {
         self.most
+    }
+
+    /// Returns the bits that the largest sample needs.
+    pub fn bits(self) -> u8 {
+        (self.most + 1.0).log2().ceil() as u8
+    }
+
+    /// Returns how the samples stand for radiance, if that is known.
+    pub fn light(self) -> Option<LightScale> {
+        self.light
+    }
+}
+
+impl LightScale {
+    fn of_pictures(sensor: &SensorModel) -> Self {
+        Self { transfer: sensor.transfer, white: sensor.headroom * sensor.alpha }
+    }
+
+    fn of_saturated(sensor: &SensorModel) -> Self {
+        let pictures = Self::of_pictures(sensor);
+        // Pixels of low gain show what is above the peak.
+        if sensor.gains.is_some() { pictures } else { Self { white: 1.0, ..pictures } }
     }
 
     /// Returns the radiance of the largest sample, in peaks of the sensor.
@@ -57,34 +109,64 @@ impl StreamScale {
 mod tests {
     use super::*;
 
+    fn light(topic: &str, sensor: &SensorModel) -> LightScale {
+        StreamScale::of(topic, 8, Some(sensor), 0)
+            .and_then(StreamScale::light)
+            .expect("a stream of the camera")
+    }
+
     #[test]
     fn the_same_radiance_has_the_same_scale_in_each_stream() {
         let sensor = SensorModel { bits: 10, alpha: 4.0, headroom: 0.97, ..SensorModel::default() };
-        let radiance = |topic: &str, sample: f64| {
-            let scale = StreamScale::of(topic, &sensor).expect("a stream of the camera");
-            scale.radiance(sample / scale.most())
+        let radiance = |topic: &str, depth, sample: f64| {
+            let scale = StreamScale::of(topic, depth, Some(&sensor), 0).expect("a scale");
+            Some(scale.light()?.radiance(sample / scale.most()))
         };
         // A quarter of the peak, as whole codes of each stream.
-        for (topic, sample, tolerance) in [
-            ("/modulo", 256.0, 1e-3),
-            ("/front/saturated", 256.0, 1e-3),
-            ("/recovered", 16.43, 1e-3),
-            ("ideal", 16.43, 1e-3),
-            ("/hdr", 256.0, 1e-9),
+        for (topic, depth, sample, tolerance) in [
+            ("/modulo", 16, 256.0, 1e-3),
+            ("/front/saturated", 16, 256.0, 1e-3),
+            ("/recovered", 8, 16.43, 1e-3),
+            ("ideal", 8, 16.43, 1e-3),
+            ("/hdr", 16, 256.0, 1e-9),
+            ("/hdr", 32, 256.0, 1e-9),
         ] {
-            assert!(
-                (radiance(topic, sample) - 0.25).abs() < tolerance,
-                "{topic}: {}",
-                radiance(topic, sample)
-            );
+            let got = radiance(topic, depth, sample).expect("a stream of the camera");
+            assert!((got - 0.25).abs() < tolerance, "{topic}: {got}");
         }
-        assert_eq!(StreamScale::of("/confidence", &sensor), None);
+        assert_eq!(radiance("/confidence", 8, 1.0), None);
+    }
+
+    /// The bits of a sensor are those of its codes alone, at any number of bits, and the parameter of a reader changes no more.
+    #[test]
+    fn pictures_have_8_bits_and_codes_those_of_the_sensor() {
+        for bits in 1..=16 {
+            let sensor = SensorModel { bits, alpha: 4.0, headroom: 1.0, ..SensorModel::default() };
+            let depth = if bits <= 8 { 8 } else { 16 };
+            let most = |topic, depth, sensor, given| {
+                StreamScale::of(topic, depth, sensor, given).map(|scale| (scale.most(), scale.bits()))
+            };
+            let codes = Some((f64::from((1_u32 << bits) - 1), bits));
+            for (sensor, given) in [(Some(&sensor), 0), (None, bits), (Some(&SensorModel::default()), bits)] {
+                assert_eq!(most("/recovered", 8, sensor, given), Some((255.0, 8)), "{bits}");
+                assert_eq!(most("front/ideal", 8, sensor, given), Some((255.0, 8)), "{bits}");
+                assert_eq!(most("modulo", depth, sensor, given), codes);
+                assert_eq!(most("/saturated", depth, sensor, given), codes);
+            }
+            let hdr = f64::from(4 << bits);
+            assert_eq!(most("/hdr", 32, Some(&sensor), 0), Some((hdr, bits + 3)));
+            // Of another topic, a description says nothing: it may be what the camera has sensed.
+            assert_eq!(most("/camera/image_raw", depth, None, bits), codes);
+            assert_eq!(most("/camera/image_raw", 8, Some(&sensor), 0), Some((255.0, 8)));
+            assert_eq!(most("/camera/image_raw", 16, Some(&sensor), 0), Some((65535.0, 16)));
+        }
+        assert_eq!(StreamScale::of("/image", 32, None, 0), None, "floats have no range of their own");
     }
 
     #[test]
     fn a_saturated_image_ends_in_white_and_a_recovered_one_goes_on() {
         let sensor = SensorModel { alpha: 4.0, headroom: 1.0, ..SensorModel::default() };
-        let shown = |topic| StreamScale::of(topic, &sensor).expect("a stream of the camera").shown();
+        let shown = |topic| light(topic, &sensor).shown();
         assert_eq!((shown("saturated")[255], shown("recovered")[255]), (255, 255));
         let at_peak = shown("recovered")[64];
         assert!((150..230).contains(&at_peak), "the peak is bright, but not white: {at_peak}");

@@ -151,7 +151,7 @@ const isClipped = (topic) => topic.endsWith("/saturated");
 function wrapsText(state, samples) {
   const of = (name) => samples.find(({ topic }) => topic.endsWith(name));
   const [y, x] = [of("/modulo"), of("/hdr")];
-  const bits = Number(sensorOf(state).bits);
+  const bits = y && Number(sensorOf(state, y.topic).bits);
   const same =
     y &&
     x &&

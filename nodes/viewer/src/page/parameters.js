@@ -43,7 +43,7 @@ export class Parameters {
     for (const parameter of state.parameters.get(node)) {
       const field = new Field(node, parameter, this.actions);
       fields.set(parameter.name, field);
-      const group = groupOf(parameter.name, node, sensorOf(state));
+      const group = groupOf(parameter.name, node, sensorOf(state, node));
       groups.set(group, [...(groups.get(group) ?? []), field]);
     }
     const order = [...groups].sort(([a], [b]) => (a === QOS) - (b === QOS) || (a === SENSOR) - (b === SENSOR));

@@ -11,7 +11,7 @@ export function newState(recorded) {
     error: "",
     graph: { images: [], first: [], detectors: [], truths: [], nodes: [], links: [], player: false },
     nodes: new Map(), // name -> { since, goneAt, restarts, history: [{ at, values }] }
-    statuses: new Map(), // name -> status
+    statuses: new Map(), // name, or topic of a sensor description -> status
     parameters: new Map(), // node -> list of parameters
     refusals: new Map(), // "node name" -> the node's sentence
     frames: [], // in the order of their arrival
@@ -238,9 +238,9 @@ export function noticeOf(state) {
   return state.error;
 }
 
-// The camera, its alpha and its sensor, if one has described itself.
-export function sensorOf(state) {
-  return Object.fromEntries(state.statuses.get("sensor")?.values ?? []);
+// The sensor of the camera in the namespace of a topic or a node, if it has described itself.
+export function sensorOf(state, name) {
+  return Object.fromEntries(state.statuses.get(`${namespaceOf(name)}/sensor_info`)?.values ?? []);
 }
 
 // The first node that has a settable parameter of this name, and whether it is one of several.
