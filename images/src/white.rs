@@ -16,6 +16,8 @@ const TWELVE_BITS: u16 = 4095;
 pub struct White {
     /// The value of full scale, if the user gave it.
     given: Option<f32>,
+    /// The code of full scale in images of 8 bits.
+    eight: f32,
     /// How integers stand for radiance.
     transfer: Transfer,
     /// The radiance of full scale that was found in a float image.
@@ -36,7 +38,13 @@ impl White {
             return Err(ImageError::White(white));
         }
         let given = Some(white).filter(|white| *white > 0.0);
-        Ok(Self { given, transfer, found: None, wide: false })
+        Ok(Self { given, eight: f32::from(u8::MAX), transfer, found: None, wide: false })
+    }
+
+    /// Takes `most` > 0, the largest sample of a camera that has described itself, for full scale, unless a white was given.
+    #[must_use]
+    pub fn of_described(self, most: f32) -> Self {
+        Self { given: self.given.or(Some(most)), eight: self.eight.min(most), ..self }
     }
 
     /// The radiance of full scale that was found in a float image.
@@ -95,7 +103,7 @@ impl White {
         self.learn(&frame, &origin);
         let codes = match frame.samples() {
             // The largest code stands for full scale and all beyond it: a clipped sky saturates the sensor, too.
-            Samples::U8(codes) => scaled(&dithered(codes, f32::from(u8::MAX)), f32::from(u8::MAX)),
+            Samples::U8(codes) => scaled(&dithered(codes, self.eight), self.eight),
             Samples::U16(codes) => match self.given {
                 Some(white) => scaled(&dithered(codes, white.floor()), white),
                 None => {
@@ -190,6 +198,25 @@ mod tests {
 
     fn deep(code: u16) -> Frame {
         Frame::from_u16(Array3::from_elem((1, 1, 1), code)).expect("one pixel")
+    }
+
+    /// Codes of 6, 14 and 8 bits.
+    #[test]
+    fn a_described_camera_has_its_own_full_scale() {
+        let eight = |code| Frame::from_u8(Array3::from_elem((1, 1, 1), code)).expect("one pixel");
+        for (frame, most) in [(eight(63), 63.0), (deep(16383), 16383.0), (eight(255), 4095.0)] {
+            let white =
+                |white: f32| White::new(white, Transfer::Linear).expect("possible").of_described(most);
+            assert_eq!(white(0.0).radiance(&frame, "a").expect("radiance")[(0, 0, 0)], BELOW_ONE);
+            let dark =
+                White::new(0.0, Transfer::Linear).expect("possible").radiance(&frame, "a").expect("radiance");
+            assert_eq!(dark[(0, 0, 0)] < 0.3, most < 255.0 || frame.depth() > 8);
+        }
+        let mut given = White::new(65536.0, Transfer::Linear).expect("possible").of_described(16383.0);
+        assert!(
+            given.radiance(&deep(16383), "a").expect("radiance")[(0, 0, 0)] < 0.3,
+            "what is given counts"
+        );
     }
 
     #[test]

@@ -3,6 +3,7 @@
 #[path = "../harness/mod.rs"]
 mod harness;
 
+mod bits;
 mod launch;
 mod live;
 mod parameters;

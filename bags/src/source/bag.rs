@@ -12,8 +12,9 @@ use modulo_msgs::image::restore;
 use modulo_msgs::sensor_msgs::{CameraInfo, CompressedImage, Image};
 use modulo_msgs::std_msgs::Header;
 use modulo_msgs::vision_msgs::Detection2DArray;
-use modulo_runtime::MessageKind;
+use modulo_runtime::sensor_info::{self, SensorHistory};
 use modulo_runtime::topic::camera_info_topic;
+use modulo_runtime::{MessageKind, SensorModel, StreamScale};
 
 use super::{GroundTruth, Source, SourceError, SourceFrame, SourceOptions, from_detections};
 use crate::GROUND_TRUTH_TOPIC;
@@ -42,6 +43,10 @@ impl BagSource {
         let topic = image_topic(&bag, options.topic.as_deref())?;
         let selection = Selection::of([topic.topic.name.clone()]);
         let messages = bag.messages(&selection);
+        let white = match read_scale(&bag, &topic)? {
+            Some(scale) => white.of_described(scale.most() as f32),
+            None => white,
+        };
         // What is wrong with another topic alone does not concern the images.
         let losses = bag.warnings().iter().filter(|warning| warning.is_loss_of_any_topic());
         let mut losses: Vec<_> = losses.map(ToString::to_string).collect();
@@ -202,22 +207,45 @@ fn read_labels(
     Ok(labels)
 }
 
-/// Reads the first camera info beside the topic of the images. A camera seldom changes its calibration, and a bag is not read as a
-/// whole for it.
+/// Reads the first camera info beside the topic of the images.
 fn read_camera_info(bag: &BagReader, images: &TopicCount) -> Result<Option<Arc<CameraInfo>>, SourceError> {
-    // The files of NAME are on NAME/compressed.
-    let name = &*images.topic.name;
-    let is_file = kind(images) == Some(MessageKind::CompressedImage);
-    let raw = name.rsplit_once('/').filter(|_| is_file).map_or(name, |(raw, _)| raw);
-    let topic = camera_info_topic(raw);
-    let is_info = |t: &TopicCount| t.topic.name == topic && kind(t) == Some(MessageKind::CameraInfo);
-    if !bag.topics().iter().any(is_info) {
+    let message = first(bag, camera_info_topic(stream(images)), MessageKind::CameraInfo)?;
+    let read = |message: RawMessage| cdr::from_slice(&message.data).map_err(|e| bad(&message, e));
+    Ok(message.map(read).transpose()?.map(Arc::new))
+}
+
+/// Returns what the samples of the images mean, if the first description of a sensor beside them tells it: a sensor of 6 bits has no
+/// code above 63.
+fn read_scale(bag: &BagReader, images: &TopicCount) -> Result<Option<StreamScale>, SourceError> {
+    // Of floats, as no encoding limits them. Pictures have no other full scale than that of their encoding.
+    let scale_of = |sensor: &SensorModel| StreamScale::of(stream(images), 32, Some(sensor), 0);
+    let topic = sensor_info::topic_beside(stream(images)).name;
+    if scale_of(&SensorModel::default()).is_none() {
+        return Ok(None);
+    }
+    let Some(message) = first(bag, topic, MessageKind::Diagnostics)? else { return Ok(None) };
+    let info = cdr::from_slice(&message.data).map_err(|e| bad(&message, e))?;
+    let mut sensors = SensorHistory::default();
+    sensors.note(&info).map_err(|e| bad(&message, e))?;
+    Ok(sensors.latest().and_then(scale_of))
+}
+
+/// Returns the first message of a topic that seldom changes: a bag is not read as a whole for it.
+fn first(bag: &BagReader, topic: String, wanted: MessageKind) -> Result<Option<RawMessage>, SourceError> {
+    let is_wanted = |t: &TopicCount| t.topic.name == topic && kind(t) == Some(wanted);
+    if !bag.topics().iter().any(is_wanted) {
         return Ok(None);
     }
     // One that is left out is followed by another.
-    let mut infos = bag.messages(&Selection::of([topic])).filter(|m| !matches!(m, Err(BagError::LeftOut(_))));
-    let Some(message) = infos.next().transpose()? else { return Ok(None) };
-    Ok(Some(Arc::new(cdr::from_slice(&message.data).map_err(|e| bad(&message, e))?)))
+    let mut messages = bag.messages(&Selection::of([topic])).filter(|m| !matches!(m, Err(BagError::LeftOut(_))));
+    Ok(messages.next().transpose()?)
+}
+
+/// Returns the name of the stream of the images: the files of NAME are on NAME/compressed.
+fn stream(images: &TopicCount) -> &str {
+    let name = &*images.topic.name;
+    let is_file = kind(images) == Some(MessageKind::CompressedImage);
+    name.rsplit_once('/').filter(|_| is_file).map_or(name, |(raw, _)| raw)
 }
 
 fn read_message(message: &RawMessage) -> Result<(Header, Frame), SourceError> {

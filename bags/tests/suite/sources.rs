@@ -12,7 +12,7 @@ use modulo_images::save_png;
 use modulo_msgs::cdr;
 use modulo_msgs::sensor_msgs::{CameraInfo, CompressedImage, Image};
 use modulo_msgs::std_msgs::{Header, Time};
-use modulo_runtime::Qos;
+use modulo_runtime::{Qos, SensorModel, sensor_info};
 use ndarray::Array3;
 use proptest::prelude::*;
 
@@ -555,5 +555,45 @@ fn a_bag_has_the_camera_info_beside_its_images() {
         let options = SourceOptions { topic: Some(topic.into()), ..SourceOptions::default() };
         let source = open(&path.display().to_string(), &options).expect("a source");
         assert_eq!(source.camera_info().as_deref(), expected.as_ref(), "{topic}");
+    }
+}
+
+/// The largest code of a stream is full scale, whatever its encoding could hold.
+#[test]
+fn recorded_codes_have_the_bits_of_the_sensor_beside_them() {
+    let (_guard, path) = temporary("described");
+    let mut bag = BagWriter::create(&path, Compression::Lz4).expect("a new folder");
+    let mut write = |topic: &str, type_name: &str, data: Vec<u8>| {
+        let id = bag.topic(&BagTopic::new(topic, type_name, Qos::Images)).expect("one type");
+        bag.write(id, 5, 5, &data).expect("written");
+    };
+    for (camera, bits) in [("/six", 6), ("/fourteen", 14)] {
+        let sensor = SensorModel { bits, alpha: 2.0, headroom: 1.0, ..SensorModel::default() };
+        let info = sensor_info::message(&Header::default(), &sensor, camera).encode().expect("encodes");
+        write(&format!("{camera}/sensor_info"), "diagnostic_msgs/msg/DiagnosticArray", info);
+        for (stream, code) in
+            [("saturated", 1u16 << (bits - 1)), ("hdr", 1 << bits), ("ideal", 128), ("image", 128)]
+        {
+            let pixels = Array3::from_elem((2, 3, 1), code);
+            let is_deep = stream == "hdr" || (stream == "saturated" && bits > 8);
+            let frame =
+                if is_deep { Frame::from_u16(pixels) } else { Frame::from_u8(pixels.mapv(|v| v as u8)) };
+            let image = Image::from_frame(Header::default(), &frame.expect("a frame"));
+            write(
+                &format!("{camera}/{stream}"),
+                "sensor_msgs/msg/Image",
+                cdr::to_vec(&image).expect("encodes"),
+            );
+        }
+    }
+    bag.finish().expect("finished");
+    for topic in ["six", "fourteen"]
+        .iter()
+        .flat_map(|camera| ["saturated", "hdr", "ideal", "image"].map(|stream| format!("/{camera}/{stream}")))
+    {
+        let options = SourceOptions { topic: Some(topic.clone()), ..SourceOptions::default() };
+        let mut source = open(&path.display().to_string(), &options).expect("a source");
+        let radiance = source.next().expect("a frame").expect("readable").radiance[(0, 0, 0)];
+        assert!((radiance - 0.5).abs() < 0.015, "{topic}: {radiance}");
     }
 }

@@ -49,8 +49,8 @@ modulo_runtime::parameters! {
         class_map: String = String::new(),
         /// Number of threads of one inference. 0: as many as the machine has cores.
         threads: usize = 0 => 0..=64,
-        /// Bits of the sensor that made the image. 0: those of the camera's sensor description, and without one the
-        /// whole range of the encoding, 8 or 16 bits.
+        /// Bits of the codes of modulo, saturated, or a topic of another camera. 0: those of the camera's sensor description for its
+        /// own streams, else the whole range of the encoding, 8 or 16 bits. The pictures recovered and ideal always have 8 bits.
         bits: u8 = 0 => 0..=16,
     }
 }
@@ -135,7 +135,7 @@ pub struct Settings {
     pub input_size: InputSize,
     /// Classes to publish.
     pub classes: Classes,
-    /// Sensor bits, 0 = the encoding's.
+    /// Bits of the codes, 0 = those of the sensor, else of the encoding.
     pub bits: u8,
 }
 
