@@ -12,6 +12,9 @@ use crate::range::{HALF_A_CODE, Range};
 use crate::simd::{floor, mapped, widest};
 use crate::transfer::Transfer;
 
+/// The floats from here on, up to twice this number, are whole numbers, and their lowest bits count up.
+const WHOLE: f32 = (1u32 << 23) as f32;
+
 /// Returns `round(255 * x / (headroom * alpha * 2^b))`, clamped to 0..255, as a frame of 8 bits.
 ///
 /// # Errors
@@ -57,8 +60,6 @@ pub(crate) fn shown(
 /// single precision rounds a whole code of this range differently.
 #[inline(always)]
 fn shown_whole(samples: &[f32], range: Range, radiance: &impl Fn(f32) -> f32) -> Option<Vec<u8>> {
-    /// The floats from here on, up to twice this number, are whole numbers, and their lowest bits count up.
-    const WHOLE: f32 = (1u32 << 23) as f32;
     /// Carries halves up, and is far below the distance of any other code from a half.
     const ABOVE: f32 = 1.0 / 4096.0;
     /// The greatest white for which checking all codes costs little.
@@ -137,13 +138,14 @@ pub fn hdr(x: &Array3<f32>, range: Range) -> Result<Frame, FrameError> {
     }
 }
 
-/// Returns the frame with 8 bits: `floor(255 * sample / most + 1/2)` in single precision, clamped to 0..255, where `most` > 0 is the sample
-/// that becomes white. A frame that is so already is not copied.
+/// Returns the frame with 8 bits: `255 / most * sample` in single precision, rounded to the nearest code (of two, the even one), and clamped to
+/// 0..255, where `most` > 0 is the sample that becomes white. A frame that is so already is not copied.
 pub fn eight_bits(frame: &Frame, most: f32) -> Cow<'_, Frame> {
     let scale = 255.0 / most;
     #[inline(always)]
     fn code(sample: f32, scale: f32) -> u8 {
-        (sample * scale + 0.5) as u8
+        // The conversion with `as` has no vector instruction.
+        ((sample * scale).clamp(0.0, 255.0) + WHOLE).to_bits() as u8
     }
     let codes = match frame.samples() {
         Samples::U8(_) if most == 255.0 => return Cow::Borrowed(frame),
@@ -291,9 +293,11 @@ mod tests {
     fn the_largest_sample_becomes_white() {
         let wide = |samples: Vec<u16>| Array3::from_shape_vec((1, samples.len(), 1), samples).unwrap();
         let samples: Vec<u16> = (0..=u16::MAX).collect();
-        let codes = |frame: &Frame, most| eight_bits(frame, most).as_u8().unwrap().iter().copied().collect();
+        let codes = |frame: &Frame, most| -> Vec<u8> {
+            eight_bits(frame, most).as_u8().unwrap().iter().copied().collect()
+        };
         for most in (1..=16).map(|bits| (1u32 << bits) as f32 - 1.0).chain([0.5, 993.28]) {
-            let code = |sample: f32| (255.0 / most * sample + 0.5).floor().clamp(0.0, 255.0) as u8;
+            let code = |sample: f32| (255.0 / most * sample).round_ties_even().clamp(0.0, 255.0) as u8;
             let defined = samples.iter().map(|&sample| code(sample.into())).collect::<Vec<_>>();
             let eight = Frame::from_u8(wide(samples[..256].to_vec()).mapv(|sample| sample as u8)).unwrap();
             assert_eq!(codes(&eight, most), defined[..256], "{most}");

@@ -594,6 +594,6 @@ fn recorded_codes_have_the_bits_of_the_sensor_beside_them() {
         let options = SourceOptions { topic: Some(topic.clone()), ..SourceOptions::default() };
         let mut source = open(&path.display().to_string(), &options).expect("a source");
         let radiance = source.next().expect("a frame").expect("readable").radiance[(0, 0, 0)];
-        assert!((radiance - 0.5).abs() < 0.015, "{topic}: {radiance}");
+        assert!((radiance - 0.5).abs() < 0.02, "{topic}: {radiance}");
     }
 }

@@ -142,7 +142,7 @@ mod tests {
                 return GREY;
             }
             let sample = values[[y, x, channel.min(channels - 1)]];
-            (255.0 / most * sample + 0.5).floor().clamp(0.0, 255.0) / 255.0
+            (255.0 / most * sample).round_ties_even().clamp(0.0, 255.0) / 255.0
         })
     }
 

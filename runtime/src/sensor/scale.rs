@@ -147,7 +147,8 @@ mod tests {
                 StreamScale::of(topic, depth, sensor, given).map(|scale| (scale.most(), scale.bits()))
             };
             let codes = Some((f64::from((1_u32 << bits) - 1), bits));
-            for (sensor, given) in [(Some(&sensor), 0), (None, bits), (Some(&SensorModel::default()), bits)] {
+            let other = SensorModel::default();
+            for (sensor, given) in [(Some(&sensor), 0), (None, bits), (Some(&other), bits)] {
                 assert_eq!(most("/recovered", 8, sensor, given), Some((255.0, 8)), "{bits}");
                 assert_eq!(most("front/ideal", 8, sensor, given), Some((255.0, 8)), "{bits}");
                 assert_eq!(most("modulo", depth, sensor, given), codes);
