@@ -4,6 +4,8 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use modulo_runtime::input::{LARGEST_TEXT, read_text};
+
 /// The name of the package of this suite.
 pub const SUITE: &str = "modulo";
 
@@ -121,7 +123,7 @@ fn files_in(folder: &Path) -> Vec<FoundFile> {
 }
 
 fn about(file: &Path) -> String {
-    let text = std::fs::read_to_string(file).unwrap_or_default();
+    let text = read_text(file, LARGEST_TEXT).unwrap_or_default();
     let comment = text.lines().next().and_then(|line| line.strip_prefix('#'));
     comment.unwrap_or_default().trim().to_owned()
 }

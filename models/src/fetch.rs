@@ -1,4 +1,4 @@
-use std::fs::{File, Permissions};
+use std::fs::{self, File, Permissions};
 use std::io::{self, Read, Write};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
@@ -100,7 +100,7 @@ pub fn fetch(request: &FetchRequest<'_>, progress: &dyn Fn(u64, Option<u64>)) ->
     let host = uri.host().filter(|_| matches!(uri.scheme_str(), Some("http" | "https")));
     let agent = agent(host.ok_or_else(|| FetchError::Url(request.url.to_owned()))?, STALL);
     let folder = request.file.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
-    std::fs::create_dir_all(folder).map_err(disk)?;
+    fs::create_dir_all(folder).map_err(disk)?;
     // A temporary file is readable for its owner only. The model gets the mode of any new file, so that the umask
     // decides. It lies in the folder of the target, because a file can only be renamed within one file system.
     let mode = Permissions::from_mode(0o666);
@@ -180,6 +180,10 @@ fn agent(host: &str, stall: Duration) -> Agent {
 }
 
 fn sha256_of(path: &Path) -> io::Result<String> {
+    // To open a pipe would wait for its writer, and a device may have no end.
+    if !fs::metadata(path)?.is_file() {
+        return Err(io::Error::other("is not a regular file"));
+    }
     let (mut file, mut hash, mut buffer) = (File::open(path)?, Sha256::new(), vec![0; 1 << 16]);
     loop {
         match file.read(&mut buffer)? {

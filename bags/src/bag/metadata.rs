@@ -3,10 +3,9 @@
 //! The files take precedence: reading a bag takes only the list of its files and their form from here.
 
 use std::fmt::Write;
-use std::io::Read as _;
 use std::path::Path;
 
-use modulo_images::open_regular;
+use modulo_runtime::input::read_text;
 use modulo_runtime::parameter::yaml_text::of_string as quoted;
 use modulo_runtime::yaml::{self, Content, Item};
 
@@ -53,9 +52,7 @@ pub(super) struct Contents<'a> {
 /// Reads a `metadata.yaml` of any version and checks that its files are of a form that is read here. What the files are, their
 /// first bytes tell.
 pub(super) fn read(path: &Path) -> Result<Metadata, BagError> {
-    let mut text = String::new();
-    let read = open_regular(path).and_then(|file| file.take(LONGEST).read_to_string(&mut text));
-    read.map_err(|e| match e.kind() {
+    let text = read_text(path, LONGEST).map_err(|e| match e.kind() {
         std::io::ErrorKind::InvalidData => BagError::Metadata(path.to_owned(), e.to_string()),
         _ => FileError::new(path, e).into(),
     })?;

@@ -9,6 +9,7 @@ use modulo_ap::average::Membership;
 use modulo_ap::difficulty::DONT_CARE;
 use modulo_bags::source::GroundTruth;
 use modulo_detector::{COCO_TO_KITTI, parse_class_map};
+use modulo_runtime::input::{LARGEST_TEXT, read_text};
 
 use crate::GridError;
 
@@ -145,7 +146,7 @@ pub fn of_labels<'a>(labels: impl Iterator<Item = &'a GroundTruth>) -> BTreeSet<
 }
 
 fn read(path: &Path) -> Result<Table, GridError> {
-    let text = std::fs::read_to_string(path).map_err(|why| GridError::io(path, why))?;
+    let text = read_text(path, LARGEST_TEXT).map_err(|why| GridError::io(path, why))?;
     let table = parse_class_map(&text).map_err(|why| GridError::Table(path.to_owned(), why))?;
     // An empty file would drop all classes: every score would be 0 without a word.
     if table.is_empty() {

@@ -6,11 +6,15 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use csv::{ByteRecord, ByteRecordsIntoIter};
+use modulo_runtime::input::read_bytes;
 use modulo_runtime::{ParameterSet as _, SensorModel, Value, launcher};
 
 use crate::GridError;
 use crate::labels;
 use crate::results::{BOXES, Cell, FRAMES, Input, Point, RESULTS, Results, Setup, TABLE};
+
+/// Size of the largest results, bytes.
+const LARGEST: u64 = 1 << 30;
 
 /// Reads the results in `folder`. `None` if there are no results.
 ///
@@ -18,7 +22,7 @@ use crate::results::{BOXES, Cell, FRAMES, Input, Point, RESULTS, Results, Setup,
 /// [`GridError`] if they cannot be read.
 pub fn load(folder: &Path) -> Result<Option<Results>, GridError> {
     let path = folder.join(RESULTS);
-    match std::fs::read(&path) {
+    match read_bytes(&path, LARGEST) {
         Ok(text) => {
             let json = |source| GridError::Json(path.clone(), source);
             serde_json::from_slice(&text).map(Some).map_err(json)

@@ -1,12 +1,11 @@
 //! [`Classes`]: from the model's class index to the name that is published.
 
 use std::collections::BTreeMap;
-use std::io::Read as _;
 use std::path::Path;
-use std::{fs, io};
 
 use modulo_msgs::vision_msgs::VisionClass;
 use modulo_runtime::ParameterError;
+use modulo_runtime::input::read_text;
 
 use crate::model::ClassNames;
 
@@ -112,7 +111,7 @@ impl Classes {
 
 /// Reads a class map; an empty `to` drops the class like a class that is not named at all.
 fn read_map(path: &Path, names: &ClassNames) -> Result<BTreeMap<String, String>, String> {
-    let text = read_text(path).map_err(|error| error.to_string())?;
+    let text = read_text(path, MAX_MAP).map_err(|error| error.to_string())?;
     let known = names.all();
     let mut map = parse_class_map(&text)?;
     if let Some(from) = map.keys().find(|from| !known.is_empty() && !known.contains(from)) {
@@ -123,20 +122,6 @@ fn read_map(path: &Path, names: &ClassNames) -> Result<BTreeMap<String, String>,
         return Err("maps no class, at least one line 'from: to' is needed".to_owned());
     }
     Ok(map)
-}
-
-/// Reads a regular file of at most [`MAX_MAP`] bytes. A pipe or a device could keep its reader for ever.
-fn read_text(path: &Path) -> io::Result<String> {
-    let refuse = |why: String| Err(io::Error::new(io::ErrorKind::InvalidInput, why));
-    if !fs::metadata(path)?.is_file() {
-        return refuse("is not a regular file".to_owned());
-    }
-    let mut text = String::new();
-    fs::File::open(path)?.take(MAX_MAP + 1).read_to_string(&mut text)?;
-    if text.len() as u64 > MAX_MAP {
-        return refuse(format!("is larger than {MAX_MAP} bytes, and no class map"));
-    }
-    Ok(text)
 }
 
 /// Parses the lines `from: to` of a class map; `#` opens a comment, names may be in quotes.
@@ -176,7 +161,7 @@ mod tests {
     use super::*;
 
     fn names() -> ClassNames {
-        ClassNames::of(Path::new("none"), Some("{0: 'person', 1: 'bicycle', 2: 'car'}"))
+        ClassNames::of(Path::new("none"), Some("{0: 'person', 1: 'bicycle', 2: 'car'}")).expect("names")
     }
 
     fn classes(map: &str, wanted: &[&str]) -> Result<Classes, String> {
@@ -224,7 +209,7 @@ mod tests {
 
     #[test]
     fn a_class_without_a_name_is_its_number() {
-        let nameless = ClassNames::of(Path::new("none"), None);
+        let nameless = ClassNames::of(Path::new("none"), None).expect("none");
         let of = |name: &str| Classes::new(&nameless, ClassMap::default(), &[name.to_owned()]);
         assert_eq!(of("99").expect("a number").publish(99).as_deref(), Some("99"));
         assert!(of("99999999").is_err(), "a number of 16 bits");

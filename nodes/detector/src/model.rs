@@ -4,7 +4,10 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::io::ErrorKind;
 use std::path::Path;
+
+use modulo_runtime::input::read_text;
 
 /// Value of the parameter `model` for the embedded model; a file of that name is `./demo`.
 pub const DEMO: &str = "demo";
@@ -15,6 +18,7 @@ pub fn embedded(model: &Path) -> Option<&'static [u8]> {
 }
 
 const INPUT: &str = "exactly one input [1, 3, H, W] of float32, H and W both fixed or both free";
+const NAMES: &str = "a text file with one name a line, or none";
 const OUTPUT: &str = "an output [1, N, 6] of float32 (x1, y1, x2, y2, score, class: \
                       an end-to-end export such as YOLOv10's, without non-maximum suppression outside)";
 
@@ -90,7 +94,7 @@ impl ModelLayout {
     /// names.
     ///
     /// # Errors
-    /// [`ShapeError`] with the found and the needed shape.
+    /// [`ShapeError`] with the found and the needed shape, or with a file of names that cannot be read.
     pub fn of(model: &Path, signature: &Signature) -> Result<Self, ShapeError> {
         let refuse = |found, needed| ShapeError { model: model.display().to_string(), found, needed };
         let (input, size) = image_input(&signature.inputs)
@@ -104,7 +108,8 @@ impl ModelLayout {
             input: input.to_owned(),
             output: output.name.clone(),
             size,
-            names: ClassNames::of(model, signature.names.as_deref()),
+            names: ClassNames::of(model, signature.names.as_deref())
+                .map_err(|why| refuse(format!("file of class names {why}"), NAMES))?,
         })
     }
 }
@@ -139,6 +144,9 @@ fn list(ports: &[TensorSpec]) -> String {
     ports.iter().map(TensorSpec::to_string).collect::<Vec<_>>().join(" and ")
 }
 
+/// Size of the largest file with names, bytes.
+const MAX_NAMES: u64 = 1 << 20;
+
 /// Largest valid class index; a broken file must not cost gigabytes of memory.
 const MOST: usize = 65_535;
 
@@ -148,13 +156,22 @@ pub struct ClassNames(BTreeMap<usize, String>);
 
 impl ClassNames {
     /// Reads the names from the metadata, or else from `<model>.names` (one name a line) beside the model. There may be no names.
-    pub fn of(model: &Path, metadata: Option<&str>) -> Self {
-        let from_metadata = metadata.and_then(python_dict).filter(|names| !names.is_empty());
-        let names = from_metadata.or_else(|| {
-            let text = std::fs::read_to_string(model.with_extension("names")).ok()?;
-            Some(text.lines().map(|line| line.trim().to_owned()).enumerate().take(MOST + 1).collect())
-        });
-        Self(names.unwrap_or_default())
+    ///
+    /// # Errors
+    /// A text with the path and the fault of a file of names that cannot be read.
+    pub fn of(model: &Path, metadata: Option<&str>) -> Result<Self, String> {
+        if let Some(names) = metadata.and_then(python_dict).filter(|names| !names.is_empty()) {
+            return Ok(Self(names));
+        }
+        let file = model.with_extension("names");
+        match read_text(&file, MAX_NAMES) {
+            Ok(text) => {
+                let lines = text.trim_start_matches('\u{feff}').lines().map(|line| line.trim().to_owned());
+                Ok(Self(lines.enumerate().take(MOST + 1).collect()))
+            }
+            Err(why) if why.kind() == ErrorKind::NotFound => Ok(Self::default()),
+            Err(why) => Err(format!("{} {why}", file.display())),
+        }
     }
 
     /// Returns the name of `class`; its number when the model has no name for it.

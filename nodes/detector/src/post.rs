@@ -47,7 +47,8 @@ mod tests {
     use crate::parameter::DetectorParameters;
 
     fn settings(changes: &[(&str, &str)]) -> Settings {
-        let names = ClassNames::of(Path::new("none"), Some("{0: 'person', 1: 'bicycle', 2: 'car'}"));
+        let names = Some("{0: 'person', 1: 'bicycle', 2: 'car'}");
+        let names = ClassNames::of(Path::new("none"), names).expect("names");
         let layout = ModelLayout { input: "images".into(), output: "output0".into(), size: None, names };
         let parameters = DetectorParameters::from_text(changes).expect("possible");
         Settings::new(&parameters, &layout, ClassMap::default()).expect("readable")

@@ -351,6 +351,12 @@ fn names_come_from_metadata_then_a_file_then_numbers() {
     assert_eq!(classes(&detections(&mut node, grey(64, 64, 0)))[0].0, "0");
     std::fs::write(folder.path().join("mine.names"), "walker\n\nauto\n").expect("written");
     assert_eq!(known(&model), ["walker", "1", "auto"]);
+
+    // A pipe would keep its reader for ever.
+    std::fs::remove_file(folder.path().join("mine.names")).expect("there");
+    std::os::unix::fs::symlink("/dev/zero", folder.path().join("mine.names")).expect("a link");
+    let why = refusal(&model, &[]);
+    assert!(why.contains("mine.names is not a regular file") && why.contains("one name a line"), "{why}");
 }
 
 #[test]

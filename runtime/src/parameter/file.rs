@@ -15,6 +15,7 @@ use std::path::Path;
 
 use modulo_msgs::rcl_interfaces::ParameterValue;
 
+use crate::input::{LARGEST_TEXT, read_text};
 use crate::name::NodeName;
 use crate::parameter::text::{self, Yaml};
 use crate::parameter::yaml_text;
@@ -59,7 +60,7 @@ pub fn read(path: &Path, node_name: &NodeName) -> Result<Vec<(String, String)>, 
 /// The same as those of [`read`].
 pub fn entries(path: &Path, node_name: &NodeName) -> Result<Vec<Entry>, ArgsError> {
     let wrong = |why: String| ArgsError::File(path.display().to_string(), why);
-    let text = std::fs::read_to_string(path).map_err(|why| wrong(why.to_string()))?;
+    let text = read_text(path, LARGEST_TEXT).map_err(|why| wrong(why.to_string()))?;
     parse(&text, node_name).map_err(wrong)
 }
 

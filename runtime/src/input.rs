@@ -1,0 +1,66 @@
+//! Files that a user names: regular ones of a bounded size. To open a pipe would wait for its writer, and a device may have no
+//! end.
+
+use std::fs::{File, metadata};
+use std::io::{Error, ErrorKind, Read as _, Result};
+use std::path::Path;
+
+/// The largest text that a person writes, such as a launch file, bytes.
+pub const LARGEST_TEXT: u64 = 16 << 20;
+
+/// Reads the regular file at `path`, which has at most `most` bytes.
+///
+/// # Errors
+/// The error of the system, or one that says what the file is not.
+pub fn read_bytes(path: &Path, most: u64) -> Result<Vec<u8>> {
+    if !metadata(path)?.is_file() {
+        let why = "is not a regular file but a pipe, a device or a folder; copy its content to a file";
+        return Err(Error::new(ErrorKind::InvalidInput, why));
+    }
+    let mut bytes = Vec::new();
+    // The size that the system tells may change while the file is read.
+    File::open(path)?.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > most {
+        return Err(Error::new(
+            ErrorKind::InvalidData,
+            format!("is larger than {most} bytes, the most that is read"),
+        ));
+    }
+    Ok(bytes)
+}
+
+/// Reads the text in the regular file at `path`, which has at most `most` bytes.
+///
+/// # Errors
+/// Those of [`read_bytes`], and one for a file that is no UTF-8 text.
+pub fn read_text(path: &Path, most: u64) -> Result<String> {
+    let no_text = |why| Error::new(ErrorKind::InvalidData, format!("is no UTF-8 text: {why}"));
+    String::from_utf8(read_bytes(path, most)?).map_err(no_text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_bounded_regular_file_is_read() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let file = folder.path().join("file");
+        std::fs::write(&file, "text").expect("writable");
+        assert_eq!(read_text(&file, 4).expect("fits"), "text");
+        assert!(read_text(&file, 3).expect_err("too large").to_string().contains("larger than 3 bytes"));
+        std::fs::write(&file, [0xff]).expect("writable");
+        assert!(read_text(&file, 4).expect_err("no text").to_string().contains("no UTF-8 text"));
+        assert_eq!(
+            read_bytes(&folder.path().join("none"), 4).expect_err("missing").kind(),
+            ErrorKind::NotFound
+        );
+        let pipe = folder.path().join("pipe");
+        let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+        assert!(made.is_ok_and(|status| status.success()), "a pipe");
+        for special in [&pipe, Path::new("/dev/zero"), folder.path()] {
+            let why = read_text(special, 4).expect_err("special").to_string();
+            assert!(why.contains("is not a regular file"), "{why}");
+        }
+    }
+}
