@@ -23,7 +23,8 @@ use modulo_runtime::ParameterError;
 
 pub use classes::parse_class_map;
 pub use engine::{
-    EngineChoice, EngineDevice, EngineError, EngineOptions, onnxruntime_library, onnxruntime_places,
+    EngineChoice, EngineDevice, EngineError, EngineOptions, model_parts, onnxruntime_library,
+    onnxruntime_places,
 };
 pub use measure::{ModelInfo, Speed, describe, measure};
 pub use model::{DEMO, ShapeError, embedded};

@@ -312,11 +312,11 @@ impl Data {
 }
 
 fn sha256(model: &Path) -> Result<String, GridError> {
-    let bytes = match modulo_detector::embedded(model) {
-        Some(bytes) => bytes.to_vec(),
-        None => std::fs::read(model).map_err(|why| GridError::io(model, why))?,
-    };
-    Ok(modulo_models::hex(&Sha256::digest(bytes)))
+    let parts = modulo_detector::model_parts(model);
+    let parts = parts.map_err(|why| GridError::io(model, std::io::Error::other(why)))?;
+    // As `cat model.onnx model.onnx.data | sha256sum` gives it.
+    let hash = parts.iter().fold(Sha256::new(), |hash, (_, bytes)| hash.chain_update(bytes));
+    Ok(modulo_models::hex(&hash.finalize()))
 }
 
 fn sequence(folder: &Path, options: &SourceOptions) -> Result<Drive, SourceError> {

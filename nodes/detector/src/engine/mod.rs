@@ -4,6 +4,7 @@
 
 mod onnxruntime;
 mod rten;
+mod weights;
 
 use std::fmt;
 use std::num::NonZeroUsize;
@@ -222,6 +223,20 @@ pub fn onnxruntime_library() -> Result<String, EngineError> {
 /// Returns the places where ONNX Runtime is looked for, in order; one without a folder is left to the system's loader.
 pub fn onnxruntime_places() -> Vec<PathBuf> {
     onnxruntime::places_here()
+}
+
+/// Returns the bytes of `model` and of the files with its weights, each with the path of the file. All of them together are the
+/// model.
+///
+/// # Errors
+/// [`EngineError::Load`] when one of them cannot be read.
+pub fn model_parts(model: &Path) -> Result<Vec<(PathBuf, Vec<u8>)>, EngineError> {
+    match embedded(model) {
+        Some(bytes) => Ok(vec![(model.to_owned(), bytes.to_vec())]),
+        None => weights::read(model)
+            .map(|file| file.parts)
+            .map_err(|why| EngineError::load(model, "the system", why)),
+    }
 }
 
 /// Loads `model` with the engine asked for, on the device asked for. `auto` takes ONNX Runtime where its library is found, else

@@ -13,6 +13,7 @@ use ort::session::Session;
 use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
 use ort::value::{Outlet, TensorElementType, TensorRef, ValueType};
 
+use super::weights::{self, ModelFile};
 use super::{Engine, EngineDevice, EngineError};
 use crate::model::{ElementType, ModelLayout, Signature, TensorSpec, embedded};
 
@@ -133,7 +134,12 @@ impl OnnxRuntime {
         let mut builder = with_provider(builder, provider, threads, library)?;
         let session = match embedded(model) {
             Some(bytes) => builder.commit_from_memory(bytes),
-            None => builder.commit_from_file(model),
+            None => {
+                match weights::read(model).map_err(|why| EngineError::load(model, provider.engine(), why))? {
+                    ModelFile { parts, .. } if parts.len() == 1 => builder.commit_from_file(model),
+                    ModelFile { whole, .. } => builder.commit_from_memory(&whole),
+                }
+            }
         };
         let session = session.map_err(failed)?;
         let layout = ModelLayout::of(model, &signature(&session))?;

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use ndarray::{Array2, ArrayView4};
 use rten::{DataType, Dimension, Model, NodeId, RunOptions, ThreadPool, ValueType, ValueView};
 
-use super::{Engine, EngineError};
+use super::{Engine, EngineError, weights};
 use crate::model::{ElementType, ModelLayout, Signature, TensorSpec, embedded};
 
 /// The word for this engine.
@@ -30,7 +30,7 @@ impl Rten {
         let failed = |why: String| EngineError::load(path, NAME, why);
         let bytes = match embedded(path) {
             Some(bytes) => bytes.to_vec(),
-            None => std::fs::read(path).map_err(|error| failed(error.to_string()))?,
+            None => weights::read(path).map_err(failed)?.whole,
         };
         let model = Model::load(bytes).map_err(|error| failed(error.to_string()))?;
         let layout = ModelLayout::of(path, &signature(&model))?;
