@@ -13,11 +13,10 @@ use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryRead
 use mcap::{McapError, Summary};
 
 use super::chunk::{self, MAX_CHUNK};
+use super::definition::complete;
 use super::scan::{Scan, UnchunkedMessage, crc_of, scan};
 use super::storage::{Cursor, FileSummary, Merge, MergeInput, Storage};
-use super::{
-    BagError, BagTopic, BagWarning, LeftOut, RawMessage, Selection, TopicCount, type_hash, unpacked,
-};
+use super::{BagError, BagTopic, BagWarning, LeftOut, RawMessage, Selection, TopicCount, unpacked};
 use crate::FileError;
 
 /// The length of the footer with the magic bytes behind it: opcode, length, two offsets and the CRC.
@@ -297,7 +296,7 @@ fn cdr_topics(path: &Path, summary: &Summary, warnings: &mut Vec<BagWarning>) ->
     let mut topics = HashMap::new();
     for (&id, channel) in &summary.channels {
         if channel.message_encoding == "cdr" {
-            topics.insert(id, Arc::new(topic(channel)));
+            topics.insert(id, Arc::new(complete(path, topic(channel), warnings)));
         } else {
             let why = format!("they are '{}', cdr is needed", channel.message_encoding);
             let messages = message_count(summary, id);
@@ -316,8 +315,8 @@ fn topic(channel: &mcap::Channel<'_>) -> BagTopic {
     };
     BagTopic {
         name: channel.topic.clone(),
-        type_hash: type_hash(entry("topic_type_hash"), &type_name, &schema),
         type_name,
+        type_hash: entry("topic_type_hash"),
         qos: entry("offered_qos_profiles"),
         schema_encoding,
         schema,

@@ -5,6 +5,7 @@
 
 mod bag_file;
 mod chunk;
+mod definition;
 mod mcap_file;
 mod metadata;
 pub mod qos;
@@ -37,7 +38,7 @@ pub struct BagTopic {
     pub name: String,
     /// Name of the type, such as `sensor_msgs/msg/Image`.
     pub type_name: String,
-    /// `RIHS01_` and 64 hexadecimal digits, as recorded or by the definition; empty without either.
+    /// `RIHS01_` and 64 hexadecimal digits, by the definition, else as recorded, else of the suite; empty without any.
     pub type_hash: String,
     /// Offered quality of service, a YAML list as rosbag2 writes it; may be empty.
     pub qos: String,
@@ -60,14 +61,6 @@ impl BagTopic {
             schema: schema.into_bytes(),
         }
     }
-}
-
-/// Returns the recorded hash of a type, or the hash of its definition when the bag records no hash.
-fn type_hash(recorded: String, type_name: &str, schema: &[u8]) -> String {
-    if recorded.starts_with("RIHS") {
-        return recorded;
-    }
-    modulo_msgs::type_hash_of_schema(type_name, &String::from_utf8_lossy(schema)).unwrap_or_default()
 }
 
 /// A topic and how many messages the bag has of it.
@@ -298,6 +291,21 @@ pub enum BagWarning {
         topic: String,
         /// Name of its type.
         type_name: String,
+    },
+    /// The recorded hash of a type is not that of its definition.
+    #[error(
+        "{}: topic '{topic}': the type hash {recorded} is recorded, but its definition has {defined}, which is used",
+        path.display()
+    )]
+    OtherHash {
+        /// The file.
+        path: PathBuf,
+        /// Name of the topic.
+        topic: String,
+        /// The recorded hash.
+        recorded: String,
+        /// The hash of the definition.
+        defined: String,
     },
 }
 

@@ -10,6 +10,7 @@ use std::sync::Arc;
 use rusqlite::types::ValueRef;
 use rusqlite::{Connection, ErrorCode, OpenFlags, Row, Statement};
 
+use super::definition::complete;
 use super::storage::{Cursor, FileSummary, Storage};
 use super::{BagError, BagTopic, BagWarning, LeftOut, RawMessage, Selection, TopicCount, unpacked};
 use crate::FileError;
@@ -198,11 +199,8 @@ fn topics(
             warnings.push(LeftOut::of_topic(path, &topic.name, messages, why).into());
             continue;
         }
-        if topic.schema.is_empty() {
-            let (topic, type_name) = (topic.name.clone(), topic.type_name.clone());
-            warnings.push(BagWarning::NoDefinition { path: path.to_owned(), topic, type_name });
-        }
-        topics.push((id, TopicCount { topic: Arc::new(topic), messages }));
+        let topic = Arc::new(complete(path, topic, warnings));
+        topics.push((id, TopicCount { topic, messages }));
     }
     for (id, messages) in counts {
         let (place, why) = (format!("topic number {id}"), "the file has no topic of this number".to_owned());
@@ -218,18 +216,18 @@ fn column(row: &Row<'_>, name: &str) -> rusqlite::Result<String> {
     if has { Ok(row.get::<_, Option<String>>(name)?.unwrap_or_default()) } else { Ok(String::new()) }
 }
 
-/// Reads a topic. A definition that the file lacks is taken from the suite.
+/// Reads a topic with the definition that the file has of its type, if any.
 fn topic(row: &Row<'_>, definitions: &HashMap<String, (String, String)>) -> rusqlite::Result<BagTopic> {
-    let (name, type_name): (String, String) = (row.get("name")?, row.get("type")?);
-    let (qos, type_hash) = (column(row, "offered_qos_profiles")?, column(row, "type_description_hash")?);
-    if let Some((encoding, text)) = definitions.get(&type_name) {
-        let (schema_encoding, schema) = (encoding.clone(), text.clone().into_bytes());
-        let type_hash = super::type_hash(type_hash, &type_name, &schema);
-        return Ok(BagTopic { name, type_name, type_hash, qos, schema_encoding, schema });
-    }
-    let ours = BagTopic::new(&name, &type_name, super::qos::parse(&qos));
-    let type_hash = if type_hash.is_empty() { ours.type_hash } else { type_hash };
-    Ok(BagTopic { type_hash, qos, ..ours })
+    let type_name: String = row.get("type")?;
+    let (schema_encoding, text) = definitions.get(&type_name).cloned().unwrap_or_default();
+    Ok(BagTopic {
+        name: row.get("name")?,
+        type_name,
+        type_hash: column(row, "type_description_hash")?,
+        qos: column(row, "offered_qos_profiles")?,
+        schema_encoding,
+        schema: text.into_bytes(),
+    })
 }
 
 /// Returns the encodings and texts of the definitions by type; files before version 4 have no definitions.

@@ -26,7 +26,8 @@ impl Selection {
         Self { topics: Some(topics.into_iter().map(Into::into).collect()), start_ns: None }
     }
 
-    pub(super) fn has(&self, topic: &str) -> bool {
+    /// Returns whether the topic called `topic` is selected.
+    pub fn has(&self, topic: &str) -> bool {
         self.topics.as_ref().is_none_or(|topics| topics.iter().any(|t| t == topic))
     }
 }

@@ -1,7 +1,8 @@
 //! Bags are read as they were written.
 
 use modulo_bags::bag::{
-    BagError, BagInfo, BagReader, BagTopic, BagWriter, Compression, RawMessage, Selection, copy,
+    BagError, BagInfo, BagReader, BagTopic, BagWarning, BagWriter, Compression, RawMessage, Selection,
+    TopicCount, copy,
 };
 use modulo_runtime::Qos;
 use proptest::prelude::*;
@@ -146,4 +147,64 @@ fn what_is_no_bag_says_so() {
     let text = folder.path().join("text.mcap");
     std::fs::write(&text, "this is a text and no recording").expect("written");
     assert!(matches!(BagReader::open(&text), Err(BagError::NotBag(_))));
+}
+
+/// Readers since ROS 2 Iron find a topic only by the hash of its type, which Humble and the Python package `mcap` do not record.
+#[test]
+fn a_type_gets_the_hash_of_its_definition() {
+    let (folder, path) = temporary("bag");
+    let image = BagTopic::new("/image", "sensor_msgs/msg/Image", Qos::Images);
+    let text = |schema: &str| ("ros2msg".to_owned(), schema.as_bytes().to_vec());
+    let with =
+        |name: &str, type_name: &str, type_hash: &str, (schema_encoding, schema): (String, Vec<u8>)| {
+            let (name, type_name, type_hash) = (name.to_owned(), type_name.to_owned(), type_hash.to_owned());
+            BagTopic { name, type_name, type_hash, schema_encoding, schema, ..BagTopic::default() }
+        };
+    let own = modulo_msgs::type_hash_of_schema("a/msg/B", "int8 c").expect("a definition");
+    let other = format!("RIHS01_{:064}", 7);
+    let whole = || ("ros2msg".to_owned(), image.schema.clone());
+    let (image_name, none) = (&*image.type_name, || (String::new(), Vec::new()));
+    let topics = [
+        (with("/whole", image_name, "", whole()), &*image.type_hash),
+        (with("/short", "sensor_msgs/Image", "", whole()), &*image.type_hash),
+        // As a writer of ROS 1 texts has it: not readable, but the type is known.
+        (with("/old", image_name, "", text("time stamp\n")), &*image.type_hash),
+        (with("/bare", image_name, "", none()), &*image.type_hash),
+        (with("/zeros", image_name, &format!("RIHS01_{:064}", 0), whole()), &*image.type_hash),
+        (with("/wrong", image_name, &other, whole()), &*image.type_hash),
+        (with("/own", "a/msg/B", "", text("int8 c\n")), &*own),
+        (with("/recorded", "a/msg/B", &other, none()), &*other),
+        (with("/unknown", "a/msg/B", "", none()), ""),
+    ];
+    let mut bag = BagWriter::create(&path, Compression::None).expect("a new folder");
+    for (topic, _) in &topics {
+        bag.topic(topic).expect("a topic");
+    }
+    bag.finish().expect("finished");
+    let read = BagReader::open(&path).expect("a bag");
+    let hashes = |bag: &BagReader| {
+        let hash = |counted: TopicCount| (counted.topic.name.clone(), counted.topic.type_hash.clone());
+        bag.topics().into_iter().map(hash).collect::<Vec<_>>()
+    };
+    let expected: Vec<_> =
+        topics.iter().map(|(topic, hash)| (topic.name.clone(), (*hash).to_owned())).collect();
+    assert_eq!(hashes(&read), expected);
+    assert!(read.topics().iter().all(|counted| counted.topic.type_name.split('/').count() == 3));
+    let warned = |warning: &BagWarning| match warning {
+        BagWarning::OtherHash { topic, recorded, defined, .. } => {
+            assert_eq!((recorded, defined), (&other, &image.type_hash));
+            topic.clone()
+        }
+        BagWarning::NoDefinition { topic, .. } => topic.clone(),
+        other => panic!("{other}"),
+    };
+    let mut warned: Vec<String> = read.warnings().iter().map(warned).collect();
+    warned.sort();
+    assert_eq!(warned, ["/recorded", "/unknown", "/wrong"]);
+
+    let out = folder.path().join("out");
+    copy(&read, &out, Compression::None).expect("copied");
+    let metadata = std::fs::read_to_string(out.join("metadata.yaml")).expect("written");
+    assert_eq!(metadata.matches(&image.type_hash).count(), 6, "{metadata}");
+    assert_eq!(hashes(&BagReader::open(&out).expect("a bag")), expected);
 }
