@@ -119,6 +119,60 @@ fn play(bench: &Bench, bag: &Path, arguments: &[&str]) {
     assert_eq!(playing.0.wait().expect("it ends").code(), Some(0));
 }
 
+/// A topic that ROS 2 does not allow must not keep the others from being played.
+#[test]
+fn a_topic_that_cannot_be_offered_is_left_out_and_named() {
+    let bench = Bench::new();
+    let path = bench.path("bag");
+    let mut bag = BagWriter::create(&path, Compression::None).expect("a new bag");
+    let own = BagTopic { name: "/own".into(), type_name: "a/msg/B".into(), ..BagTopic::default() };
+    for topic in [
+        BagTopic::new("/device_0/Auto Exposure/value", "std_msgs/msg/String", Qos::Results),
+        // As the Python package `mcap` writes it.
+        BagTopic { type_hash: String::new(), ..BagTopic::new("/ok/image", IMAGE, Qos::Images) },
+        own,
+        BagTopic::new("/2nd//image", IMAGE, Qos::Images),
+    ] {
+        let topic = bag.topic(&topic).expect("a topic");
+        bag.write(topic, START, START, &[0, 1, 0, 0]).expect("writable");
+    }
+    bag.finish().expect("writable");
+    let play = |arguments: &[&str]| {
+        let played = bench.run(&[&["bag", "play", utf8(&path)], arguments].concat());
+        (played.status.code(), text(&played))
+    };
+    let (code, said) = play(&[]);
+    assert_eq!(code, Some(3), "{said}");
+    for part in [
+        "'/device_0/Auto Exposure/value' is left out",
+        "--remap '/device_0/Auto Exposure/value:=/NAME'",
+        "--topics",
+        "'/2nd//image' is left out",
+        "topic '/own' is found only by readers without type hashes",
+        "/ok/image: 1 messages",
+    ] {
+        assert!(said.contains(part), "{part} in {said}");
+    }
+    let (code, said) = play(&["--topics", "/ok/image"]);
+    assert!(
+        code == Some(0) && said.contains("/ok/image: 1 messages") && !said.contains("left out"),
+        "{said}"
+    );
+
+    let remote = Remote::new(bench.domain.id);
+    let (_exposure, exposures) = remote.listen("/exposure", "std_msgs/msg/String", Qos::Results);
+    let (_image, images) = remote.listen("/ok/image", IMAGE, Qos::Images);
+    let rules = ["/device_0/Auto Exposure/value:=/exposure", "2nd//image:=/second"];
+    let (code, said) = play(&["--remap", rules[0], rules[1]]);
+    assert_eq!(code, Some(3), "the type of /own has no hash: {said}");
+    assert!(!said.contains("left out"), "{said}");
+    for samples in [exposures, images] {
+        samples.recv_timeout(Duration::from_secs(10)).expect("heard");
+    }
+    let (code, said) = play(&["--remap", "/ok/image:=/b c"]);
+    assert!(code == Some(2) && said.contains("'/b c' is not a ROS name"), "{said}");
+}
+
 #[test]
 fn a_killed_recorder_keeps_all_but_its_last_second() {
     let bench = Bench::new();

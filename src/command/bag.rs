@@ -13,7 +13,8 @@ use modulo_bags::import::{ImportError, ImportReport, import_kitti, import_video}
 use modulo_bags::source::SourceError;
 use modulo_bags_live::capture::capture;
 use modulo_bags_live::play::{PlayOptions, PlaybackClock, PlaybackState, Player, Repeat};
-use modulo_bags_live::replay::{self, ReplayError, ReplayOptions, replay};
+use modulo_bags_live::remap::TopicRemaps;
+use modulo_bags_live::replay::{self, ReplayError, ReplayOptions, Replayed, replay};
 use modulo_eval::grid::words;
 use modulo_middleware::driver::wait_until_ready;
 use modulo_middleware::process::node_files::ReportFile;
@@ -251,21 +252,22 @@ fn play(args: &BagPlay) -> Result<Ended, Failure> {
     if let Some(hz) = args.clock.filter(|hz| !(hz.is_finite() && *hz > 0.0)) {
         return Err(usage(anyhow!("--clock {hz}: must be a finite number above 0")));
     }
-    let options = ReplayOptions { remaps: pairs(&args.remap)?, clock_hz: args.clock };
+    let remaps = TopicRemaps::new(pairs(&args.remap)?).map_err(usage)?;
+    let options = ReplayOptions { remaps, clock_hz: args.clock };
     let (clock, transport) = open_session()?;
     wait_until_ready(&transport, &*clock, args.wait_for.clone(), PATIENCE, &stop)
         .map_err(|missing| ReplayError::Waited(PATIENCE.as_secs(), missing))?;
-    let sent = replay(&transport, &clock, &mut player, pace, &options, &stop)?;
+    let Replayed { sent, unheard } = replay(&transport, &clock, &mut player, pace, &options, &stop)?;
     drop(transport);
     if let Some(folder) = launcher::folder(launcher::REPORT_DIR) {
-        let report = replay::report(&sent, player.bag(), &options);
+        let report = replay::report(&sent, &player, &options);
         let file = ReportFile::create(&folder, &report.node).context("file of the player's report");
         file?.write(&report, clock.ticks_ns());
     }
     for (topic, count) in sent {
         say!("{topic}: {count} messages");
     }
-    Ok(told(&player, ended))
+    Ok(told(&player, if unheard.is_empty() { ended } else { Ended::WithLoss }))
 }
 
 /// Tells what a replay has left out. What the bag lacks is told again, because a launcher gives the last line as the reason.

@@ -9,4 +9,5 @@
 pub mod capture;
 pub mod control;
 pub mod play;
+pub mod remap;
 pub mod replay;

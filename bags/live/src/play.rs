@@ -5,7 +5,7 @@
 
 use std::time::Duration;
 
-use modulo_bags::bag::{BagError, BagReader, Messages, RawMessage, Selection};
+use modulo_bags::bag::{BagError, BagReader, Messages, RawMessage, Selection, TopicCount};
 use modulo_runtime::clock::nanos;
 
 /// A shorter part of a bag is not repeated.
@@ -45,6 +45,14 @@ pub enum PlayError {
         "loop = true: the part of the bag that is played lasts {0:?}, and at least 1 ms is needed; play more of it, or only once"
     )]
     Round(Duration),
+    /// None of the chosen topics is in the bag.
+    #[error("the bag has none of the topics {wanted}; it has {topics}")]
+    Topics {
+        /// The chosen topics.
+        wanted: String,
+        /// The topics of the bag.
+        topics: String,
+    },
     /// A start behind the end of the bag.
     #[error("start offset = {offset:?}: the bag lasts {duration:?}")]
     StartOffset {
@@ -83,8 +91,10 @@ impl Player {
     /// Prepares the replay of `bag`.
     ///
     /// # Errors
-    /// [`PlayError::StartOffset`] for an offset behind the end, [`PlayError::Round`] for a repetition of less than 1 ms.
+    /// [`PlayError::StartOffset`] for an offset behind the end, [`PlayError::Round`] for a repetition of less than 1 ms,
+    /// [`PlayError::Topics`] when no chosen topic is in the bag.
     pub fn new(bag: BagReader, options: &PlayOptions) -> Result<Self, PlayError> {
+        check_topics(&bag, options.topics.as_deref().unwrap_or_default())?;
         // An empty bag lasts no time at all.
         let (first, last) = bag.span().unwrap_or((0, 0));
         // An offset to the very end still plays the last message.
@@ -166,10 +176,26 @@ impl Player {
         self.left_out
     }
 
-    /// Returns the bag.
-    pub fn bag(&self) -> &BagReader {
-        &self.bag
+    /// Returns the topics that are played, with their counts in the whole bag.
+    pub fn topics(&self) -> Vec<TopicCount> {
+        let mut topics = self.bag.topics();
+        topics.retain(|counted| self.selection.has(&counted.topic.name));
+        topics
     }
+}
+
+/// Reports each of the topics `wanted` that the bag does not have.
+fn check_topics(bag: &BagReader, wanted: &[String]) -> Result<(), PlayError> {
+    let topics = bag.topics();
+    let missing: Vec<_> =
+        wanted.iter().filter(|name| topics.iter().all(|counted| counted.topic.name != **name)).collect();
+    if !missing.is_empty() && missing.len() == wanted.len() {
+        let topics: Vec<_> = topics.iter().map(|counted| counted.topic.name.as_str()).collect();
+        let topics = if topics.is_empty() { "none".to_owned() } else { topics.join(", ") };
+        return Err(PlayError::Topics { wanted: wanted.join(", "), topics });
+    }
+    missing.iter().for_each(|name| tracing::warn!("the bag has no topic '{name}'"));
+    Ok(())
 }
 
 /// Whether a replay goes on.

@@ -16,9 +16,8 @@ use modulo_middleware::transport::{
 use modulo_msgs::builtin::Time;
 use modulo_msgs::{Interface, cdr, rosgraph_msgs, sensor_msgs};
 use modulo_runtime::clock::nanos;
-use modulo_runtime::name::NameError;
 use modulo_runtime::wire::attachment::Attachment;
-use modulo_runtime::wire::keys::{self, Endpoint};
+use modulo_runtime::wire::keys::{self, Endpoint, Hashes};
 use modulo_runtime::{
     Address, Allowed, Clock, Descriptor, Message, MessageKind, NodeName, NodeReport, Parameters, Qos, Stop,
     Urgency, Value, sensor_info,
@@ -26,7 +25,8 @@ use modulo_runtime::{
 
 use crate::control::{PlayerAction, PlayerCommand, PlayerReply, Service};
 use crate::play::{NextMessage, PlaybackClock, PlaybackState, Player};
-use modulo_bags::bag::{BagError, BagReader, BagTopic, RawMessage, qos};
+use crate::remap::TopicRemaps;
+use modulo_bags::bag::{BagError, BagTopic, RawMessage, TopicCount, qos};
 
 /// The name of the node in ROS 2, too.
 const NODE: &str = "rosbag2_player";
@@ -69,14 +69,23 @@ pub enum ReplayError {
 /// Options of a replay.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReplayOptions {
-    /// (from, to) pairs for the names of topics.
-    pub remaps: Vec<(String, String)>,
+    /// The new names of topics.
+    pub remaps: TopicRemaps,
     /// The bag's time on `/clock`, so many times a second; finite and above 0.
     pub clock_hz: Option<f64>,
 }
 
-/// Sends every message of `player` when it is due by `pace`, which starts here; returns how many were sent, by topic. At
-/// rate 0 an image waits until the readers have taken the last one.
+/// The messages of a replay.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Replayed {
+    /// Number of messages that were sent, by topic.
+    pub sent: BTreeMap<String, u64>,
+    /// Topics with messages that no reader gets: ROS 2 allows not their name or type, or their type has no hash.
+    pub unheard: Vec<String>,
+}
+
+/// Sends every message of `player` when it is due by `pace`, which starts here. At rate 0 an image waits until the readers
+/// have taken the last one.
 ///
 /// # Errors
 /// [`ReplayError`] when the bag cannot be read on or the wire does not take it.
@@ -87,10 +96,14 @@ pub fn replay(
     pace: PlaybackClock,
     options: &ReplayOptions,
     stop: &Stop,
-) -> Result<BTreeMap<String, u64>, ReplayError> {
-    let node_name = NodeName { name: NODE.into(), namespace: "/".into(), remaps: options.remaps.clone() };
-    let time = options.clock_hz.map(|hz| ClockPublisher::declare(transport, &node_name, hz)).transpose()?;
-    let publishers = Publishers::declare(transport, &node_name, player.bag(), time.as_ref())?;
+) -> Result<Replayed, ReplayError> {
+    let node_name = NodeName { name: NODE.into(), namespace: "/".into(), remaps: Vec::new() };
+    let remaps = &options.remaps;
+    let clock_hz = options.clock_hz;
+    let time = clock_hz.map(|hz| ClockPublisher::declare(transport, &node_name, remaps, hz)).transpose()?;
+    let mut unheard = Vec::new();
+    let publishers =
+        Publishers::declare(transport, &node_name, (&*player, remaps, time.as_ref()), &mut unheard)?;
     let events = Arc::new(Queue::new(clock.clone(), Limit { messages: COMMANDS, bytes: usize::MAX }));
     stop.wakes(&events);
     // Services come before the announcement: a node that others see must answer them.
@@ -121,7 +134,7 @@ pub fn replay(
     // The last messages must have left before the publishers go.
     thread::sleep(transport.settling());
     replay.events.end();
-    done.map(|()| replay.publishers.sent())
+    done.map(|()| Replayed { sent: replay.publishers.sent(), unheard })
 }
 
 /// Returns the services of the node, and where their calls arrive.
@@ -199,16 +212,16 @@ fn serve_parameters(
 
 /// Returns the account of a replay that has sent so many messages by topic, for the summary of a launch: its frames are the
 /// images on the topic with the most of them.
-pub fn report(sent: &BTreeMap<String, u64>, bag: &BagReader, options: &ReplayOptions) -> NodeReport {
-    let node_name = NodeName { name: NODE.into(), namespace: "/".into(), remaps: options.remaps.clone() };
-    let mut report = NodeReport::new(node_name.fully_qualified());
+pub fn report(sent: &BTreeMap<String, u64>, player: &Player, options: &ReplayOptions) -> NodeReport {
+    let mut report = NodeReport::new(format!("/{NODE}"));
     let mut frames = 0;
-    for topic in bag.topics().into_iter().map(|counted| counted.topic) {
-        let Some(count) = sent.get(&topic.name) else { continue };
+    for topic in player.topics().into_iter().map(|counted| counted.topic) {
+        // The messages were sent by the names in the graph.
+        let Ok(name) = options.remaps.resolve(&topic.name) else { continue };
+        let Some(count) = sent.get(&name) else { continue };
         if matches!(topic.type_name.as_str(), "sensor_msgs/msg/Image" | "sensor_msgs/msg/CompressedImage") {
             frames = frames.max(*count);
         }
-        let name = node_name.resolve(&topic.name).unwrap_or_else(|_| topic.name.clone());
         report.published.insert(name, *count);
     }
     let status = [("role", "source".to_owned()), ("frames", frames.to_string())];
@@ -391,17 +404,24 @@ struct TopicPublisher {
 }
 
 impl Publishers {
-    /// Declares all topics of `bag` except that of `time`, of which there must be only one source.
+    /// Declares all topics of `player` except that of `time`, of which there must be only one source. Those that no reader
+    /// gets are added to `unheard`.
     fn declare(
         transport: &ZenohTransport,
         node_name: &NodeName,
-        bag: &BagReader,
-        time: Option<&ClockPublisher>,
+        (player, remaps, time): (&Player, &TopicRemaps, Option<&ClockPublisher>),
+        unheard: &mut Vec<String>,
     ) -> Result<Self, TransportError> {
         // Every topic is declared before the first message, so that readers find them all in time.
         let mut publishers = Vec::new();
-        for topic in bag.topics().into_iter().map(|counted| counted.topic) {
-            let endpoint = endpoint(&topic, node_name)?;
+        for TopicCount { topic, messages } in player.topics() {
+            let offered = endpoint(&topic, remaps);
+            let fault = fault(&topic, &offered, transport.hashes());
+            if let Some(fault) = fault.filter(|_| messages > 0) {
+                tracing::warn!("{fault}");
+                unheard.push(topic.name.clone());
+            }
+            let Ok(endpoint) = offered else { continue };
             if time.is_some_and(|time| time.name == endpoint.topic) {
                 tracing::warn!("{} of the bag is left out: --clock publishes it", endpoint.topic);
                 continue;
@@ -417,7 +437,8 @@ impl Publishers {
         self.0.iter().any(|topic| topic.publisher.wanted())
     }
 
-    /// Returns the publisher of the topic and type of `message`; `None` where --clock publishes the time instead.
+    /// Returns the publisher of the topic and type of `message`; `None` where --clock publishes the time instead, and for a
+    /// topic that is left out.
     fn of(&mut self, message: &RawMessage) -> Option<&mut TopicPublisher> {
         let BagTopic { name, type_name, .. } = &*message.topic;
         self.0.iter_mut().find(|to| to.topic.name == *name && to.topic.type_name == *type_name)
@@ -452,8 +473,14 @@ struct ClockPublisher {
 
 impl ClockPublisher {
     /// Declares `/clock`, published `hz` times a second.
-    fn declare(transport: &ZenohTransport, node_name: &NodeName, hz: f64) -> Result<Self, TransportError> {
-        let endpoint = endpoint(&BagTopic::new("/clock", rosgraph_msgs::Clock::NAME, Qos::Clock), node_name)?;
+    fn declare(
+        transport: &ZenohTransport,
+        node_name: &NodeName,
+        remaps: &TopicRemaps,
+        hz: f64,
+    ) -> Result<Self, TransportError> {
+        let endpoint = endpoint(&BagTopic::new("/clock", rosgraph_msgs::Clock::NAME, Qos::Clock), remaps)
+            .map_err(|why| TransportError::new("publisher of /clock", why))?;
         let publisher = transport.advertise_raw(node_name, &endpoint)?;
         Ok(Self { name: endpoint.topic, publisher, every: (1e9 / hz) as u64, next: 0 })
     }
@@ -476,14 +503,37 @@ impl ClockPublisher {
     }
 }
 
-fn endpoint(topic: &BagTopic, node_name: &NodeName) -> Result<Endpoint, TransportError> {
-    let refused = |why: NameError| TransportError::new("topic of the bag", why);
+/// Returns why no reader gets `topic`; `None` where one can.
+fn fault(topic: &BagTopic, offered: &Result<Endpoint, String>, hashes: Hashes) -> Option<String> {
+    let BagTopic { name, type_name, .. } = topic;
+    match offered {
+        Err(why) => Some(format!("topic '{name}' is left out: {why}")),
+        Ok(endpoint) if endpoint.type_hash == keys::NO_HASH && hashes == Hashes::Rihs01 => Some(format!(
+            "topic '{name}' is found only by readers without type hashes: neither the bag nor the suite defines \
+             {type_name}, and --hash none plays without hashes"
+        )),
+        Ok(_) => None,
+    }
+}
+
+/// Returns the endpoint of `topic`, or why ROS 2 does not allow it.
+fn endpoint(topic: &BagTopic, remaps: &TopicRemaps) -> Result<Endpoint, String> {
+    let name = &topic.name;
+    let remedy =
+        |why| format!("{why}; --remap '{name}:=/NAME' plays it as /NAME, --topics plays others only");
     let is_status = topic.type_name == MessageKind::Diagnostics.type_name();
-    let latched = is_status && sensor_info::is_topic(&topic.name);
+    let latched = is_status && sensor_info::is_topic(name);
+    let is_word = |word: &str| NodeName::new(word, "/", &[]).is_ok();
+    if topic.type_name.split('/').count() != 3 || !topic.type_name.split('/').all(is_word) {
+        return Err(format!(
+            "its type '{}' is none of ROS 2, such as sensor_msgs/msg/Image",
+            topic.type_name
+        ));
+    }
     // A token needs some text in place of the hash, and rmw_zenoh has one for this.
     let type_hash = if topic.type_hash.is_empty() { keys::NO_HASH } else { &topic.type_hash };
     Ok(Endpoint {
-        topic: node_name.resolve(&topic.name).map_err(refused)?,
+        topic: remaps.resolve(name).map_err(remedy)?,
         dds_type: modulo_msgs::dds_name(&topic.type_name),
         type_hash: type_hash.to_owned(),
         qos: keys::qos_string(if latched { Qos::Latched } else { qos::parse(&topic.qos) }).to_owned(),

@@ -81,7 +81,7 @@ fn a_loop_goes_on_where_the_round_ended() {
     let start_offset = Duration::from_millis(800);
     let options = PlayOptions { repeat: Repeat::Forever, start_offset, ..PlayOptions::default() };
     assert_eq!(played(&path, &options, 5), [(0, 8), (100, 9), (100, 8), (200, 9), (200, 8)]);
-    let silent = PlayOptions { topics: Some(vec!["/none".into()]), ..options };
+    let silent = PlayOptions { topics: Some(vec!["/topic_2".into()]), ..options };
     assert_eq!(played(&path, &silent, 5), []);
 }
 
@@ -91,6 +91,20 @@ fn a_round_may_be_short() {
     let duration = Some(Duration::from_millis(150));
     let options = PlayOptions { repeat: Repeat::Forever, duration, ..PlayOptions::default() };
     assert_eq!(played(&path, &options, 5), [(0, 0), (100, 1), (150, 0), (250, 1), (300, 0)]);
+}
+
+/// A name that is misspelt would play nothing, without a word.
+#[test]
+fn topics_that_are_not_in_the_bag_are_refused() {
+    let (_folder, path) = recorded();
+    let of = |names: &[&str]| {
+        let topics = Some(names.iter().map(|name| (*name).to_owned()).collect());
+        Player::new(BagReader::open(&path).expect("a bag"), &PlayOptions { topics, ..PlayOptions::default() })
+    };
+    let why = of(&["/none", "topic_1"]).err().expect("refused").to_string();
+    assert_eq!(why, "the bag has none of the topics /none, topic_1; it has /topic_2, /topic_0, /topic_1");
+    let player = of(&["/none", "/topic_1"]).expect("one is there");
+    assert_eq!(player.topics().iter().map(|counted| &*counted.topic.name).collect::<Vec<_>>(), ["/topic_1"]);
 }
 
 /// Its messages would come without a pause.

@@ -81,6 +81,11 @@ impl ZenohTransport {
         lock(&self.graph).clone()
     }
 
+    /// Returns the form of type hashes in this domain.
+    pub fn hashes(&self) -> Hashes {
+        self.hashes
+    }
+
     fn new_id(&self) -> u64 {
         self.next_id.fetch_add(1, Ordering::Relaxed)
     }
