@@ -5,6 +5,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use modulo_bags::bag::{BagReader, BagTopic, BagWriter, Compression, Selection};
 use modulo_runtime::MessageKind;
 use serde_json::Value;
 
@@ -386,6 +387,19 @@ fn completions_and_manual_pages_name_the_commands() {
     assert!(page.contains("compression"), "{page}");
 }
 
+/// Its node answers the other arguments, so that clap does not answer these.
+#[test]
+fn run_has_a_help_as_every_command() {
+    for word in ["-h", "--help"] {
+        let help = Bench::new().run(&["run", word]);
+        assert!(
+            help.status.success() && text(&help).contains("Usage: modulo run [OPTIONS] <NODE>"),
+            "{}",
+            text(&help)
+        );
+    }
+}
+
 /// Commands with a value that is out of range, and words that the refusal must contain. FILE, FOLDER and OUT stand for an
 /// image, its folder and a folder for results.
 const REFUSED: [(&[&str], &[&str]); 54] = [
@@ -621,24 +635,70 @@ fn a_mosaic_is_recovered_by_the_suite() {
     assert!(text(&output).contains("trusted 2 of 2"), "{}", text(&output));
 }
 
+/// The sample as the bag of two cameras, one of which has a name that ROS 2 does not allow.
+fn two_cameras(path: &Path) {
+    let sample = BagReader::open(&sample()).expect("a bag");
+    let mut bag = BagWriter::create(path, Compression::None).expect("a new bag");
+    for message in sample.messages(&Selection::of(["/modulo", "/sensor_info"])) {
+        let message = message.expect("readable");
+        for camera in ["/front", "/rear cam"] {
+            let topic =
+                BagTopic { name: format!("{camera}{}", message.topic.name), ..(*message.topic).clone() };
+            let id = bag.topic(&topic).expect("one type");
+            bag.write(id, message.log_time, message.publish_time, &message.data).expect("writable");
+        }
+    }
+    bag.finish().expect("writable");
+}
+
 #[test]
 fn the_sample_replayed_shows_traffic() {
     let bench = Bench::new();
-    let bag = arg("bag", sample());
-    let summary = bench.path("summary.json");
-    let file = summary.display().to_string();
-    let arguments =
-        ["launch", "launch/replay.launch.yaml", &bag, "play_rate:=0", "engine:=rten", "--summary", &file];
-    let output = bench.run(&arguments);
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
-    assert!(!text(&output).contains("DURABILITY"), "{}", text(&output));
-    let summary = json(&summary);
-    assert_eq!(summary["frames"], 12, "{summary}");
-    // At rate 0 the player waits for the nodes, so that a busy machine replaces no frame.
-    let count = |topic: &str, field: &str| summary["topics"][topic][field].as_u64().expect("a count");
-    assert_eq!(count("/detector/detections", "out"), 12, "{summary}");
-    assert_eq!(count("/modulo", "dropped") + count("/recovered", "dropped"), 0, "{summary}");
-    assert!(classes(&summary, "recovered")["car"] >= 30, "{summary}");
+    let two = bench.path("two");
+    two_cameras(&two);
+    let of_rear = ["bag_topic:=/rear cam/modulo", "bag_sensor_info:=/rear cam/sensor_info"];
+    for (bag, topics) in [(sample(), &[][..]), (two, &of_rear)] {
+        let (bag, summary) = (arg("bag", bag), bench.path("summary.json"));
+        let file = summary.display().to_string();
+        let arguments =
+            ["launch", "launch/replay.launch.yaml", &bag, "play_rate:=0", "engine:=rten", "--summary", &file];
+        let output = bench.run(&[&arguments, topics].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+        assert!(!text(&output).contains("DURABILITY"), "{}", text(&output));
+        let summary = json(&summary);
+        assert_eq!(summary["frames"], 12, "{summary}");
+        // At rate 0 the player waits for the nodes, so that a busy machine replaces no frame.
+        let count = |topic: &str, field: &str| summary["topics"][topic][field].as_u64().expect("a count");
+        assert_eq!(count("/detector/detections", "out"), 12, "{summary}");
+        assert_eq!(count("/modulo", "dropped") + count("/recovered", "dropped"), 0, "{summary}");
+        assert!(classes(&summary, "recovered")["car"] >= 30, "{summary}");
+    }
+}
+
+#[test]
+fn a_bag_with_several_cameras_is_a_source_by_the_name_of_a_topic() {
+    let bench = Bench::new();
+    let (two, out) = (bench.path("two"), bench.path("out"));
+    two_cameras(&two);
+    let (source, front) = (arg("source", &two), arg("front", &two));
+    let out = ["engine:=rten", "-o", out.to_str().expect("UTF-8")];
+    let eval = |arguments: &[&str]| {
+        bench.run(&[&["eval", "launch/raw.launch.yaml", &source], arguments, &out].concat())
+    };
+    let refused = eval(&[]);
+    let said = text(&refused);
+    assert_eq!(refused.status.code(), Some(2), "{said}");
+    assert!(said.contains("2 image topics") && said.contains("'source_topic:=/front/modulo'"), "{said}");
+    let done = eval(&["source_topic:=/rear cam/modulo"]);
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done));
+    assert!(text(&done).contains("frames 12"), "{}", text(&done));
+
+    let (rear, topics) = (arg("rear", &two), ["front_topic:=/front/modulo", "rear_topic:=/rear cam/modulo"]);
+    let print = ["launch", "--print", "launch/cameras.launch.yaml", &front, &rear];
+    let printed = text(&bench.run(&[&print, &topics[..]].concat()));
+    for topic in ["/front/modulo", "'/rear cam/modulo'"] {
+        assert!(printed.contains(&format!("source_topic = {topic}")), "{topic} in {printed}");
+    }
 }
 
 /// A bag that was cut, and one with a chunk that fails its CRC: each command answers what is there, names what is not, and ends with 3.

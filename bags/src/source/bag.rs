@@ -164,12 +164,18 @@ fn image_topic(bag: &BagReader, wanted: Option<&str>) -> Result<TopicCount, Sour
     if let [only] = fitting[..] {
         return Ok(only.clone());
     }
+    let names: Vec<_> = images.iter().map(|t| t.topic.name.as_str()).collect();
     let found = match wanted {
         Some(name) => format!("no image topic '{name}'"),
-        None => format!("{} image topics, name the one to read", images.len()),
+        None => format!("{} image topics", images.len()),
     };
-    let names: Vec<_> = images.iter().map(|t| t.topic.name.as_str()).collect();
-    let mut topics = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+    let mut topics = match names.first() {
+        None => "none".to_owned(),
+        Some(first) => format!(
+            "{}; choose one by 'source_topic:={first}' behind a launch file, or by -p 'source_topic:={first}' of a camera",
+            names.join(", ")
+        ),
+    };
     // The topic may be in the part that is missing.
     bag.warnings().iter().filter(|w| w.is_loss_of_any_topic()).for_each(|w| topics += &format!("; {w}"));
     Err(SourceError::Topic { path: bag.path().to_owned(), found, topics })

@@ -421,6 +421,18 @@ fn an_unknown_topic_names_those_there_are() {
     let options = SourceOptions { topic: Some("/image".into()), ..SourceOptions::default() };
     let error = open(&out.display().to_string(), &options).err().expect("refused").to_string();
     assert!(error.contains("'/image'") && error.contains("/camera/image_raw"), "{error}");
+
+    let two = folder.path().join("two");
+    let mut bag = BagWriter::create(&two, Compression::None).expect("a new folder");
+    for name in ["/left/image_raw", "/right/image_raw"] {
+        bag.topic(&BagTopic::new(name, "sensor_msgs/msg/Image", Qos::Images)).expect("a topic");
+    }
+    bag.finish().expect("finished");
+    let error =
+        open(&two.display().to_string(), &SourceOptions::default()).err().expect("refused").to_string();
+    let way = "2 image topics; image topics here: /left/image_raw, /right/image_raw; choose one by \
+               'source_topic:=/left/image_raw' behind a launch file, or by -p 'source_topic:=/left/image_raw'";
+    assert!(error.contains(way), "{error}");
 }
 
 /// Opens the source, reads it whole, returns (frames, labelled objects).
