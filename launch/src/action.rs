@@ -7,10 +7,11 @@ use std::path::{Path, PathBuf};
 
 pub(crate) use process::{ExecutableAction, NodeAction, Parameter, ParameterValue, ProcessAction};
 
+use modulo_runtime::input::{LARGEST_TEXT, read_text};
 use modulo_runtime::yaml::{self, Content, Item, ScalarType};
 
 use crate::attributes::{Attributes, Text};
-use crate::{LaunchError, Mistakes, listed};
+use crate::{LaunchError, Mistakes, listed, refused};
 
 /// A launch file.
 #[derive(Clone, Debug)]
@@ -109,7 +110,10 @@ const READERS: [ActionReader; 14] = [
 /// # Errors
 /// [`LaunchError::File`] when it cannot be opened, [`LaunchError::At`] for each entry in it that is no action.
 pub(crate) fn read_file(path: &Path) -> Result<LaunchFile, Mistakes> {
-    let text = std::fs::read_to_string(path).map_err(|e| LaunchError::file(path, e))?;
+    let text = read_text(path, LARGEST_TEXT).map_err(|e| LaunchError::file(path, e))?;
+    if let Some(why) = refused::language(path, &text) {
+        return Err(LaunchError::file(path, why).into());
+    }
     let root = yaml::read_agreed(&text).map_err(|e| LaunchError::at(path, e.line, e.message))?;
     if matches!(root.content, Content::Scalar(_, ScalarType::Null)) {
         return Err(LaunchError::at(path, root.line, "is empty, 'launch:' with a list is expected").into());
@@ -135,15 +139,10 @@ fn read(file: &Path, item: &Item) -> Result<Action, Mistakes> {
             return Err(LaunchError::at(file, item.line, message).into());
         }
     };
-    if key.name == "set_use_sim_time" {
-        // ROS 2 sets it for the launch process alone: no node would see what the file seems to promise.
-        let why = "set_use_sim_time: ROS 2 does not set it for nodes; \
-                   write set_parameter: { name: use_sim_time, value: \"true\" }";
-        return Err(LaunchError::at(file, key.line, why).into());
-    }
     let Some(reader) = READERS.iter().find(|reader| reader.name == key.name) else {
-        let known = listed(READERS.iter().map(|reader| reader.name), "");
-        let message = format!("unknown action '{}', known actions are {known}", key.name);
+        let known = || listed(READERS.iter().map(|reader| reader.name), "");
+        let message = refused::reason("action", &key.name)
+            .unwrap_or_else(|| format!("unknown action '{}', known actions are {}", key.name, known()));
         return Err(LaunchError::at(file, key.line, message).into());
     };
     // ROS 2 takes a list right below `group` for its children.

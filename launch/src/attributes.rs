@@ -6,7 +6,7 @@ use std::path::Path;
 use modulo_runtime::yaml::{Content, Item, Key, ScalarType};
 
 use crate::substitution::Template;
-use crate::{LaunchError, listed};
+use crate::{LaunchError, listed, refused};
 
 /// A string of a launch file with its line.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,9 +43,9 @@ impl<'a> Attributes<'a> {
         };
         let line = pairs.first().map_or(item.line, |(key, _)| key.line);
         if let Some((key, _)) = pairs.iter().find(|(key, _)| !known.contains(&key.name.as_str())) {
-            let message =
-                format!("{of}: unknown key '{}', known keys are {}", key.name, listed(known, "none"));
-            return Err(LaunchError::at(file, key.line, message));
+            let unknown = || format!("unknown key '{}', known keys are {}", key.name, listed(known, "none"));
+            let why = refused::reason("attribute", &key.name).unwrap_or_else(unknown);
+            return Err(LaunchError::at(file, key.line, format!("{of}: {why}")));
         }
         Ok(Self { file, line, of, pairs })
     }

@@ -11,6 +11,7 @@ mod action;
 mod attributes;
 mod package;
 pub mod plan;
+mod refused;
 pub mod substitution;
 pub mod summary;
 pub mod supervisor;

@@ -52,8 +52,25 @@ const MISTAKES: &[(&str, &str)] = &[
     ),
     (
         "- set_use_sim_time: { value: true }",
-        "2: set_use_sim_time: ROS 2 does not set it for nodes; write set_parameter",
+        "2: set_use_sim_time: ROS 2 knows this action, but it is not supported here: ROS 2 does not set it for nodes",
     ),
+    (
+        "- node_container: { pkg: p, exec: e, name: c, composable_node: [] }",
+        "2: node_container: ROS 2 knows this action, but it is not supported here: it loads components",
+    ),
+    (
+        "- shutdown: { reason: done }",
+        "2: shutdown: ROS 2 knows this action, but it is not supported here: write on_exit",
+    ),
+    (
+        "- node: { pkg: p, exec: e, launch-prefix: gdb }",
+        "2: node: launch-prefix: ROS 2 knows this attribute, but it is not supported here: the program",
+    ),
+    (
+        "- node: { pkg: p, exec: e, param: [{ from: a.yaml, allow_substs: 'true' }] }",
+        "2: param: allow_substs: ROS 2 knows this attribute, but it is not supported here: a parameter file",
+    ),
+    ("- executable: { cmd: ls, shell: 'true' }", "2: executable: shell: ROS 2 knows this attribute"),
     (
         "- set_parameter: { name: a, value: '[1]' }",
         "2: parameter 'a' = [1] is a list, which ROS 2 does not pass on here",
@@ -144,6 +161,24 @@ fn a_file_that_is_no_launch_file_is_refused() {
     ] {
         let refusal = Files::new(text).refusal(&[]);
         assert!(refusal.starts_with(message), "{refusal}");
+    }
+}
+
+#[test]
+fn a_launch_file_in_another_language_is_named() {
+    let files = Files::new("<launch>\n  <node pkg=\"p\" exec=\"e\"/>\n</launch>\n")
+        .with("a.launch.py", "def generate_launch_description():\n    pass\n");
+    assert!(files.refusal(&[]).contains("ROS 2 knows launch files in XML, but only YAML is supported here"));
+    let python = modulo_launch::check(&files.path("a.launch.py"), &[]).expect_err("is Python").into_first();
+    assert!(python.to_string().contains("ROS 2 knows launch files in Python"), "{python}");
+}
+
+/// A pipe would keep its reader for ever, and a device has no end.
+#[test]
+fn what_is_no_regular_file_is_refused() {
+    for special in ["/dev/zero", "/tmp"] {
+        let why = modulo_launch::check(std::path::Path::new(special), &[]).expect_err("special").into_first();
+        assert!(why.to_string().contains("is not a regular file"), "{why}");
     }
 }
 
