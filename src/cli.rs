@@ -153,6 +153,13 @@ fn help_template(command: &clap::Command) -> String {
     )
 }
 
+/// Returns the help of the subcommand `name`.
+pub fn help_of(name: &str) -> String {
+    let (mut command, called) = (command(), format!("modulo {name}"));
+    let subcommand = command.find_subcommand_mut(name).expect("a command asks for its own help");
+    subcommand.clone().bin_name(called).render_help().to_string()
+}
+
 /// Adds `argument` to the subcommand that `path` leads to.
 fn with_argument(command: clap::Command, path: &[&str], argument: &clap::Arg) -> clap::Command {
     match path {
@@ -161,7 +168,7 @@ fn with_argument(command: clap::Command, path: &[&str], argument: &clap::Arg) ->
     }
 }
 
-fn with_negative_numbers(command: clap::Command) -> clap::Command {
+pub(crate) fn with_negative_numbers(command: clap::Command) -> clap::Command {
     let takes = |argument: clap::Arg| match argument.get_action().takes_values() {
         // A list such as -4,2 is not a number.
         true if argument.get_value_delimiter().is_some() => argument.allow_hyphen_values(true),

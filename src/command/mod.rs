@@ -11,6 +11,8 @@ macro_rules! say {
 pub mod bag;
 pub mod bench;
 mod camera_end;
+#[cfg(test)]
+mod documents;
 pub mod eval;
 pub mod graph;
 mod grid;

@@ -34,6 +34,7 @@ use crate::{Ended, Failure, LONG_VERSION, VERSION};
 #[derive(Args)]
 pub struct Run {
     /// Name of the node: modulo_camera, unwrap or detector
+    #[arg(allow_hyphen_values = true)]
     pub node: String,
     /// --ros-args ... as ROS 2 writes them, or --help
     #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
@@ -42,6 +43,10 @@ pub struct Run {
 
 /// Runs one node until it is done or asked to end.
 pub fn run(args: &Run) -> Result<Ended, Failure> {
+    if ["-h", "--help"].contains(&args.node.as_str()) {
+        say!("{}", crate::cli::help_of("run"));
+        return Ok(Ended::Done);
+    }
     if args.node == camera_end::NAME {
         return camera_end::run(&args.arguments);
     }

@@ -1,0 +1,154 @@
+//! A test: every command in the documents can be run as it is written, as far as its words tell.
+
+use std::path::{Path, PathBuf};
+
+use clap::ArgMatches;
+use clap::error::ErrorKind;
+use modulo_runtime::ros_args::RosArgs;
+
+use super::launch::refuse;
+use super::pairs;
+use super::run::kind_of;
+use crate::cli;
+
+/// The words of each command in a line of a shell, without its comment.
+fn commands(line: &str) -> Vec<Vec<String>> {
+    let (mut commands, mut word, mut quote) = (vec![Vec::new()], None::<String>, None);
+    for letter in line.chars() {
+        match (quote, letter) {
+            (Some(open), _) if open == letter => quote = None,
+            (Some(_), _) => word.get_or_insert_default().push(letter),
+            (None, '\'' | '"') => {
+                quote = Some(letter);
+                word.get_or_insert_default();
+            }
+            (None, '#') if word.is_none() => break,
+            (None, ' ' | ';' | '&' | '|' | '>') => {
+                commands.last_mut().expect("there is one").extend(word.take());
+                if letter != ' ' {
+                    commands.push(Vec::new());
+                }
+            }
+            (None, _) => word.get_or_insert_default().push(letter),
+        }
+    }
+    commands.last_mut().expect("there is one").extend(word);
+    commands
+}
+
+/// The arguments of a command of the suite; `None` for another program.
+fn arguments(words: &[String]) -> Option<Vec<String>> {
+    let first = words.iter().position(|word| !word.contains('=') || word.contains('/'))?;
+    let words: Vec<&str> = words[first..].iter().map(String::as_str).collect();
+    let found = match words[..] {
+        ["cargo", "run", "--release", "--", ref rest @ ..] => rest.to_vec(),
+        ["ros2", "launch", "modulo", ref rest @ ..] => [&["launch"], rest].concat(),
+        ["ros2", "run", "modulo", ref rest @ ..] => [&["run"], rest].concat(),
+        [program, ref rest @ ..] if program == "modulo" || program.ends_with("/bin/modulo") => rest.to_vec(),
+        _ => return None,
+    };
+    Some(found.into_iter().map(str::to_owned).collect())
+}
+
+/// Why the command with these arguments is wrong. A command that is `named` in a sentence may leave arguments out.
+fn fault(arguments: &[String], named: bool) -> Option<String> {
+    let words = std::iter::once("modulo").chain(arguments.iter().map(String::as_str));
+    match cli::with_negative_numbers(cli::command()).try_get_matches_from(words) {
+        Ok(matches) => match matches.subcommand()? {
+            ("launch" | "eval", of) => launch_fault(of),
+            ("run", of) => run_fault(of),
+            ("param", of) => param_fault(of.subcommand()?.1),
+            _ => None,
+        },
+        Err(why) => match why.kind() {
+            ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => None,
+            ErrorKind::MissingRequiredArgument
+            | ErrorKind::MissingSubcommand
+            | ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand
+                if named =>
+            {
+                None
+            }
+            // A number is asked for, and the documents have a word in its place.
+            ErrorKind::ValueValidation if arguments.iter().any(|word| is_placeholder(word)) => None,
+            _ => Some(why.to_string()),
+        },
+    }
+}
+
+fn is_placeholder(word: &str) -> bool {
+    !word.is_empty() && word.bytes().all(|letter| letter.is_ascii_uppercase())
+}
+
+fn texts(of: &ArgMatches, name: &str) -> Vec<String> {
+    of.try_get_many::<String>(name).ok().flatten().into_iter().flatten().cloned().collect()
+}
+
+/// Launch files that the documents name must exist, and take the arguments.
+fn launch_fault(of: &ArgMatches) -> Option<String> {
+    let file =
+        of.get_one::<PathBuf>("file").filter(|file| file.to_string_lossy().ends_with(".launch.yaml"))?;
+    // In a workspace of colcon, the checkout is in its folder `src`.
+    let file = modulo_launch::launch_file(file.strip_prefix("src/modulo").unwrap_or(file));
+    let plan = modulo_launch::resolve(&file, &pairs(&texts(of, "arguments")).ok()?);
+    match plan.map(|plan| refuse(&plan)) {
+        Err(why) => Some(why.to_string()),
+        Ok(Err(crate::Failure::Usage(why) | crate::Failure::Run(why))) => Some(why.to_string()),
+        Ok(Ok(())) => None,
+    }
+}
+
+fn run_fault(of: &ArgMatches) -> Option<String> {
+    let (node, words) = (of.get_one::<String>("node")?, texts(of, "arguments"));
+    if node.starts_with('-') || node == "NODE" || words.iter().any(|word| word == "--params-file") {
+        return None;
+    }
+    let fault = || -> anyhow::Result<()> {
+        let (kind, (ros, _)) = (kind_of(node)?, RosArgs::parse(&words)?);
+        let node_name = ros.node_name(kind.name)?;
+        kind.parameters_of(&node_name)?.with_text(&ros.parameters_for(&node_name)?)?;
+        Ok(())
+    };
+    fault().err().map(|why| format!("{why:#}"))
+}
+
+/// Parameters of the nodes with the usual names must exist.
+fn param_fault(of: &ArgMatches) -> Option<String> {
+    let text = |name| of.try_get_one::<String>(name).ok().flatten();
+    let (node, name) = (text("node")?.rsplit('/').next()?, text("name")?);
+    let declared = kind_of(node).ok()?.parameters();
+    // Names with a dot depend on the name of the node.
+    let unknown = !name.contains('.') && declared.descriptor(name).is_none();
+    unknown.then(|| format!("{node} has no parameter {name}"))
+}
+
+#[test]
+fn every_command_in_the_documents_can_be_run() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folders = ["", "docs", "models", "nodes/ros2_bridge", "tools/train"];
+    let documents = folders.iter().flat_map(|folder| std::fs::read_dir(root.join(folder)).expect("a folder"));
+    let documents = documents.map(|entry| entry.expect("a file").path());
+    let (mut faults, mut count) = (Vec::new(), 0);
+    for path in documents.filter(|path| path.extension().is_some_and(|extension| extension == "md")) {
+        let text = std::fs::read_to_string(&path).expect("readable").replace("\\\n", "  ");
+        for (index, block) in text.split("```").enumerate() {
+            let shell = index % 2 == 1 && (block.starts_with("sh\n") || block.starts_with("bash\n"));
+            let lines: Vec<&str> = match index % 2 {
+                0 => block.split('`').skip(1).step_by(2).collect(),
+                _ if shell => block.lines().skip(1).collect(),
+                _ => continue,
+            };
+            for line in lines {
+                let line = line.split_whitespace().collect::<Vec<_>>().join(" ");
+                for arguments in commands(&line).iter().filter_map(|words| arguments(words)) {
+                    count += 1;
+                    if let Some(why) = fault(&arguments, !shell) {
+                        faults.push(format!("{}: {line}\n    {why}", path.display()));
+                    }
+                }
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+    assert!(count > 150, "only {count} commands were found");
+}
