@@ -230,13 +230,12 @@ const SHEET_TEXT: f32 = 15.0;
 /// Height of a line of text, px.
 const SHEET_LINE: u32 = 24;
 
-/// Draws images of one size in two columns, row by row, each below its name. A legend below them names the colours of
-/// `classes`; entries that have no room are left out. `None` without images, or if their sizes differ or are too large.
-pub fn sheet<S: AsRef<str>>(pictures: &[(S, Picture)], classes: &[&str]) -> Option<RgbImage> {
-    let (width, height) = pictures.first()?.1.size();
-    if pictures.iter().any(|(_, picture)| picture.size() != (width, height)) {
-        return None;
-    }
+/// Draws images in two columns, row by row, each below its name, in places of the size of the largest one; the place of a missing
+/// image is empty. A legend below them names the colours of `classes`; entries that have no room are left out. `None` without
+/// images, or if they are too large.
+pub fn sheet<S: AsRef<str>>(pictures: &[(S, Option<Picture>)], classes: &[&str]) -> Option<RgbImage> {
+    let sizes = pictures.iter().filter_map(|(_, picture)| Some(picture.as_ref()?.size()));
+    let (width, height) = sizes.reduce(|a, b| (a.0.max(b.0), a.1.max(b.1)))?;
     let (columns, rows) = (pictures.len().min(2) as u32, pictures.len().div_ceil(2) as u32);
     let total = (columns * (width + SHEET_GAP) - SHEET_GAP, rows * (SHEET_LINE + height) + SHEET_LINE);
     let mut sheet = Pixmap::new(total.0, total.1)?;
@@ -245,6 +244,7 @@ pub fn sheet<S: AsRef<str>>(pictures: &[(S, Picture)], classes: &[&str]) -> Opti
     for (index, (name, picture)) in (0u32..).zip(pictures) {
         let (left, top) = (index % 2 * (width + SHEET_GAP), index / 2 * (SHEET_LINE + height));
         text.draw(&mut sheet, (left as f32 + 2.0, top as f32, (top + SHEET_LINE) as f32), name.as_ref(), INK);
+        let Some(picture) = picture else { continue };
         let picture = picture.drawn(&picture.pixels, LEAST_LABEL).ok()?;
         let (left, top) = (left as i32, (top + SHEET_LINE) as i32);
         let paint = PixmapPaint::default();
@@ -280,7 +280,7 @@ mod tests {
 
     #[test]
     fn four_images_are_two_rows_with_a_gap_between() {
-        let pictures = [1, 2, 3, 4].map(|value| ("one", plain(value, 90)));
+        let pictures = [1, 2, 3, 4].map(|value| ("one", Some(plain(value, 90))));
         let sheet = sheet(&pictures, &["car", "a class whose name is longer than the sheet is wide"])
             .expect("a sheet");
         assert_eq!(sheet.dimensions(), (90 + SHEET_GAP + 90, 3 * SHEET_LINE + 4));
@@ -296,8 +296,12 @@ mod tests {
     }
 
     #[test]
-    fn sizes_that_differ_give_none() {
-        assert_eq!(sheet(&[("one", plain(1, 3)), ("two", plain(1, 4))], &[]), None);
-        assert_eq!(sheet::<&str>(&[], &[]), None);
+    fn images_of_other_sizes_and_missing_ones_have_places_of_one_size() {
+        let pictures = [("one", Some(plain(1, 3))), ("two", None), ("three", Some(plain(3, 4)))];
+        let sheet = sheet(&pictures, &[]).expect("a sheet");
+        assert_eq!(sheet.dimensions(), (4 + SHEET_GAP + 4, 3 * SHEET_LINE + 4));
+        let at = |x, y| sheet.get_pixel(x, y).0[0];
+        assert_eq!((at(0, SHEET_LINE), at(3, SHEET_LINE), at(0, 2 * SHEET_LINE + 2)), (1, 255, 3));
+        assert_eq!(super::sheet::<&str>(&[], &[]), None);
     }
 }

@@ -60,10 +60,31 @@ pub fn is_hidden(path: &Path) -> bool {
 /// [`ImageError`] when the file is missing, cut short, of an unknown format, an animation, an OpenEXR image without red,
 /// green and blue, or holds NaN or an infinity.
 pub fn read_image(path: &Path) -> Result<Frame, ImageError> {
-    let io = |why| ImageError::Io(path.to_owned(), why);
+    decode(&content(path)?, &path.display().to_string())
+}
+
+/// Reads one image file like [`read_image`], with the number of bits that its format gives a sample; `None` for a format that does not keep
+/// the codes of a sensor as they are, which is any but PNG.
+///
+/// # Errors
+/// As [`read_image`].
+pub fn read_codes(path: &Path) -> Result<(Frame, Option<u8>), ImageError> {
+    let bytes = content(path)?;
+    let frame = decode(&bytes, &path.display().to_string())?;
+    // Behind the signature and the head of the first chunk: width, height, depth and colour type. A palette has colours of 8 bits.
+    let depth = match (bytes.starts_with(b"\x89PNG"), bytes.get(24..26)) {
+        (true, Some([_, 3])) => Some(8),
+        (true, Some([depth, _])) => Some(*depth),
+        _ => None,
+    };
+    Ok((frame, depth))
+}
+
+fn content(path: &Path) -> Result<Vec<u8>, ImageError> {
     let mut bytes = Vec::new();
-    open_regular(path).and_then(|mut file| file.read_to_end(&mut bytes)).map_err(io)?;
-    decode(&bytes, &path.display().to_string())
+    let read = open_regular(path).and_then(|mut file| file.read_to_end(&mut bytes));
+    read.map_err(|why| ImageError::Io(path.to_owned(), why))?;
+    Ok(bytes)
 }
 
 /// Opens a regular file for reading. To open a pipe would wait for its writer, and a device may have no end.

@@ -43,6 +43,9 @@ pub struct Summary {
     pub restarts: BTreeMap<String, u32>,
     /// Processes that have done their work but have lost something, such as a player of a bag that was cut, with the reason.
     pub with_loss: Vec<String>,
+    /// Whether an evaluation was stopped before its sources were over.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub stopped: bool,
     /// Topics that are read as best effort: the sender does not promise that all messages arrive.
     #[serde(skip)]
     pub best_effort: BTreeSet<String>,

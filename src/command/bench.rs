@@ -13,7 +13,7 @@ use modulo_bench::{
 };
 use modulo_camera::CameraParameters;
 use modulo_core::{SensorError, UnwrapError, WorkersError};
-use modulo_detector::{EngineChoice, EngineOptions, measure};
+use modulo_detector::{EngineChoice, EngineOptions, embedded, measure};
 use modulo_images::{ImageError, WHITE_PERCENTILE};
 use modulo_launch::launch_file;
 use modulo_runtime::SystemClock;
@@ -238,6 +238,10 @@ fn this_program() -> Result<PathBuf, Failure> {
 
 fn bench_detector(args: &DetectorBench) -> Result<Ended, Failure> {
     let DetectorBench { labelled, source, request } = args;
+    // A later one that is missing would be known only when those before it were measured.
+    for model in request.model.iter().filter(|model| embedded(Path::new(model)).is_none()) {
+        std::fs::metadata(model).with_context(|| format!("model {model}")).map_err(usage)?;
+    }
     let mut options = labelled.options();
     if options.is_empty() {
         options = vec!["--source".into(), source.into()];
@@ -295,6 +299,8 @@ fn failure(why: BenchError) -> Failure {
         BenchError::Empty(_)
         | BenchError::Number { .. }
         | BenchError::Option(_)
+        | BenchError::NotCodes(..)
+        | BenchError::NoFrames(_)
         | BenchError::Parameter(_)
         | BenchError::Output(..)
         | BenchError::Video(_)

@@ -1,22 +1,26 @@
 //! `modulo eval FILE`: runs the nodes of a launch file in lockstep. Without FILE it runs the grid.
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, anyhow, bail};
 use clap::{Args, Subcommand};
 use modulo_bags::bag::{BagWriter, Compression};
-use modulo_bags::source::SourceError;
-use modulo_eval::launch_file::{DetectorStream, Evaluation, EvaluationPlan, Recordings, StreamScore};
+use modulo_bags::source::{SourceError, is_endless};
+use modulo_eval::launch_file::{Evaluation, EvaluationPlan, NamedNodes, Recordings, SCORES, StreamResult};
 use modulo_eval::store;
 use modulo_eval::video::AnnotatedVideo;
-use modulo_launch::Summary;
+use modulo_launch::{Plan, Summary};
+use modulo_middleware::process::signals::first_signal;
 use modulo_runtime::lockstep::Lockstep;
-use modulo_runtime::topic::RECOVERY_TOPIC;
-use modulo_runtime::{MessageKind, Node, NodeName, NodeReport, SystemClock, Value};
-use modulo_video::{VideoAddress, VideoError};
+use modulo_runtime::output::prepare_file;
+use modulo_runtime::{NodeName, NodeReport, Parameters, SystemClock, Value};
+use modulo_video::VideoAddress;
 
 use super::launch::{prepare, refuse, tell_slower_engine};
 use super::progress::ProgressLine;
+use super::run::NodeKind;
 use super::{grid, pairs, start_log, usage};
 use crate::{Ended, Failure};
 
@@ -27,7 +31,7 @@ pub struct Eval {
     /// Command for existing results
     #[command(subcommand)]
     pub verb: Option<Verb>,
-    /// Launch file (ROS 2 YAML) with one camera. Without it: a grid over --kitti, --sequence, --yolo, --coco or
+    /// Launch file (ROS 2 YAML) with one camera or several. Without it: a grid over --kitti, --sequence, --yolo, --coco or
     /// --source
     #[arg(conflicts_with = "LabelledFrames")]
     pub file: Option<PathBuf>,
@@ -102,147 +106,213 @@ pub fn eval(args: &Eval) -> Result<Ended, Failure> {
     }
 }
 
-/// Runs every frame of the camera of the file, or of each `--source`, through the nodes, and writes boxes and scores.
+/// Name of the file with the counts of the run.
+const SUMMARY: &str = "summary.json";
+
+/// Runs every frame of the cameras of the file, or of each `--source`, through the nodes, and writes boxes and scores.
 fn launch_file(args: &Eval, file: &Path, out: &Path) -> Result<Ended, Failure> {
     let arguments = pairs(&args.arguments)?;
+    let of_source = |source: &String| [&arguments[..], &[("source".to_owned(), source.clone())]].concat();
+    let mut runs: Vec<_> = args.source.iter().map(of_source).collect();
+    if runs.is_empty() {
+        runs.push(arguments.clone());
+    }
+    let mut made = Some(nodes(file, &runs[0], Needed::All)?);
+    // Opened, and closed again: a source that is not there must be known now and not after the frames of those before it.
+    runs[1..].iter().try_for_each(|run| nodes(file, run, Needed::Cameras).map(drop))?;
+    let plan = |made: &NamedNodes| {
+        let plan = EvaluationPlan::new(made, out.to_owned(), args.topics.clone());
+        plan.with_context(|| file.display().to_string()).map_err(usage)
+    };
+    let mut recordings =
+        made.as_ref().map(|made| outputs(args, &plan(made)?)).expect("the first run is made")?;
+    let asked = first_signal().context("signal handlers")?;
     let mut evaluation = Evaluation::new(args.grid.options.difficulty.unwrap_or_default());
-    let bag = args.bag.as_ref().map(|folder| BagWriter::create(folder, Compression::Zstd)).transpose()?;
-    if let (Some(video), Err(why)) = (&args.video, modulo_video::version()) {
-        return Err(usage(VideoError::NoProgram(video.display().to_string(), why)));
-    }
-    let video = args.video.as_deref().map(AnnotatedVideo::create).transpose().map_err(usage)?;
-    let mut recordings = Recordings { bag, video };
-    let mut reports = Vec::new();
-    if args.source.is_empty() {
-        reports = run(args, (file, out), &arguments, &mut evaluation, &mut recordings)?;
-    }
+    let (mut reports, mut ended) = (Vec::new(), Ok(()));
     // All sources add to the same evaluation, so that the scores count over all frames and not over sources.
-    for source in &args.source {
-        let arguments = [arguments.clone(), vec![("source".to_owned(), source.clone())]].concat();
-        reports.extend(run(args, (file, out), &arguments, &mut evaluation, &mut recordings)?);
+    for run in &runs {
+        let made = made.take().map_or_else(|| nodes(file, run, Needed::All), Ok);
+        ended = made.and_then(|made| {
+            let plan = plan(&made)?;
+            add(made, &plan, (&mut evaluation, &mut recordings), &asked, &mut reports)
+        });
+        if ended.is_err() || asked.load(Ordering::Relaxed) {
+            break;
+        }
     }
-    recordings.bag.map(BagWriter::finish).transpose()?;
-    recordings.video.map(AnnotatedVideo::finish).transpose()?;
-    evaluation.write(out)?;
-    let summary = Summary::new(&reports, []);
-    summary.write(&out.join("summary.json"))?;
+    if let (Err(_), 0) = (&ended, evaluation.frames()) {
+        // The corrected command finds no bag in its way.
+        args.bag.iter().for_each(|bag| drop(std::fs::remove_dir_all(bag)));
+        return ended.map(|()| Ended::Done);
+    }
+    let summary = Summary { stopped: asked.load(Ordering::Relaxed), ..Summary::new(&reports, []) };
+    finish(args, out, (evaluation, recordings, summary), ended)
+}
+
+/// Prints the results before it writes them, so that a full disk does not take them. `ended` is how the run ended.
+fn finish(
+    args: &Eval,
+    out: &Path,
+    (evaluation, recordings, summary): (Evaluation, Recordings, Summary),
+    ended: Result<(), Failure>,
+) -> Result<Ended, Failure> {
     say!("{}", summary.to_string().trim_end());
-    evaluation.scores().iter().for_each(|(stream, score)| print_score(stream, score));
+    let results = evaluation.results();
+    results.iter().for_each(|(stream, result)| print_result(stream, result, &evaluation));
+    if summary.stopped {
+        let frames = evaluation.frames();
+        eprintln!("[eval] stopped by a signal: the results are those of the {frames} frames before it");
+    }
+    let files = [
+        recordings.finish().err().map(anyhow::Error::from),
+        evaluation.write(out, summary.stopped).err().map(anyhow::Error::from),
+        summary.write(&out.join(SUMMARY)).err().map(anyhow::Error::from),
+    ];
+    let ended = ended.err().map(|(Failure::Usage(why) | Failure::Run(why))| why);
+    let failures: Vec<_> = ended.into_iter().chain(files.into_iter().flatten()).collect();
+    if !failures.is_empty() {
+        let all: Vec<_> = failures.iter().map(|why| format!("{why:#}")).collect();
+        return Err(anyhow!(all.join("; ")).into());
+    }
     tell_slower_engine(&summary);
     if args.images {
         eprintln!("pictures with boxes: {}", out.join("grid.png").display());
     } else {
         eprintln!("pictures with boxes: the same command with --images");
     }
-    Ok(if summary.lost(false) { Ended::WithLoss } else { Ended::Done })
+    let lost = summary.lost(false) || summary.stopped || results.values().any(StreamResult::lost);
+    Ok(if lost { Ended::WithLoss } else { Ended::Done })
 }
 
-fn print_score(stream: &str, score: &StreamScore) {
-    let classes: Vec<_> = score.classes.iter().map(|(c, (ap, n))| format!("{c} {ap:.3} ({n})")).collect();
-    say!("AP50 on {stream} ({} objects): {:.3}; {}", score.difficulty, score.ap50, classes.join(", "));
-}
-
-fn run(
-    args: &Eval,
-    (file, out): (&Path, &Path),
-    arguments: &[(String, String)],
-    evaluation: &mut Evaluation,
-    recordings: &mut Recordings,
-) -> Result<Vec<NodeReport>, Failure> {
-    let made = nodes(file, arguments)?;
-    // A node that asks for a period is driven by time and not by messages: it is where frames come from.
-    let source = made.iter().position(|(node, _)| node.period().is_some());
-    let source = source.with_context(|| format!("{}: no node is a source of frames", file.display()));
-    let source = source.map_err(usage)?;
-    let plan = EvaluationPlan {
-        interval: made[source].0.period().expect("the source was found by its period"),
-        streams: streams(&made)?,
-        truth: topic_of(&made[source].0.outputs(), MessageKind::Detections, &made[source].1)?,
-        save_images: args.images,
-        folder: out.to_owned(),
-        bagged: args.topics.clone(),
+fn print_result(stream: &str, result: &StreamResult, Evaluation { difficulty, .. }: &Evaluation) {
+    let score = match result {
+        StreamResult::Scored(score) => score,
+        StreamResult::NoImage => return say!("AP50 on {stream}: none, no image arrived"),
+        StreamResult::NoLabels => return say!("AP50 on {stream}: none, no frame has labels"),
+        StreamResult::NoObject => {
+            return say!("AP50 on {stream} ({difficulty} objects): none, there is no labelled object");
+        }
     };
-    let mut recorded: Vec<String> = plan.streams.iter().map(|s| s.detections.clone()).collect();
-    recorded.extend(plan.truth.iter().chain(&plan.bagged).cloned());
-    if plan.save_images {
-        recorded.extend(plan.streams.iter().map(|s| s.images.clone()));
+    let classes: Vec<_> = score.classes.iter().map(|(c, (ap, n))| format!("{c} {ap:.3} ({n})")).collect();
+    say!("AP50 on {stream} ({difficulty} objects): {:.3}; {}", score.ap50, classes.join(", "));
+    if score.unanswered > 0 {
+        say!(
+            "  {} of its {} frames have no answer, and count as frames without a box",
+            score.unanswered,
+            score.frames
+        );
     }
-    if plan.save_images || recordings.video.is_some() {
-        recorded.extend(plan.streams.iter().filter_map(|s| s.annotated.clone()));
+    if score.unlabelled > 0 {
+        say!("  {} other frames have no labels or cannot be read, and are not scored", score.unlabelled);
     }
-    if recordings.video.is_some() {
-        recorded.extend(plan.streams.iter().filter_map(|s| s.recovery.clone()));
-    }
-    // After the checks of the nodes, so that a wrong command makes no folder, and before the first frame.
-    store::prepare(out).map_err(grid::failure)?;
+}
+
+/// Opens all files of results, after the checks of the nodes and before the first frame. A refused command leaves none behind.
+fn outputs(args: &Eval, plan: &EvaluationPlan) -> Result<Recordings, Failure> {
+    let out = &plan.folder;
+    let is_new = !out.exists();
+    let opened = || -> anyhow::Result<Recordings> {
+        store::prepare(out)?;
+        let files = plan.streams().map(|stream| format!("{}.json", stream.name));
+        let files = files.chain([SUMMARY, SCORES].map(str::to_owned)).map(|name| out.join(name));
+        files.filter(|file| file.exists()).try_for_each(|file| prepare_file(&file))?;
+        let video_is_new = args.video.as_ref().filter(|video| !video.exists());
+        let video = args.video.as_deref().map(AnnotatedVideo::create).transpose()?;
+        let bag = args.bag.as_ref().map(|folder| BagWriter::create(folder, Compression::Zstd)).transpose();
+        let bag =
+            bag.inspect_err(|_| video_is_new.iter().for_each(|video| drop(std::fs::remove_file(video))))?;
+        Ok(Recordings::new(plan, bag, video, args.images)?)
+    };
+    opened().map_err(|why| {
+        if is_new {
+            // Only an empty folder is removed.
+            let _ = std::fs::remove_dir(out);
+        }
+        usage(why)
+    })
+}
+
+/// Runs the cameras of one source to their ends, or to the first signal.
+fn add(
+    made: NamedNodes,
+    plan: &EvaluationPlan,
+    (evaluation, recordings): (&mut Evaluation, &mut Recordings),
+    asked: &AtomicBool,
+    reports: &mut Vec<NodeReport>,
+) -> Result<(), Failure> {
     let names: Vec<&str> = made.iter().map(|(_, node_name)| node_name.name.as_str()).collect();
     eprintln!("[eval] {} in lockstep: every frame once, none dropped", names.join(", "));
+    for camera in plan.cameras.iter().filter(|camera| camera.streams.is_empty()) {
+        eprintln!("[eval] no detector reads the images of {}", camera.name);
+    }
     let timer = SystemClock::default();
-    let mut chain = Lockstep::new(&timer, recorded);
+    let mut chain = Lockstep::new(&timer, recordings.topics(plan));
     for (node, node_name) in made {
         chain.add(node, &node_name)?;
     }
     let line = ProgressLine::start();
-    evaluation.add(&mut chain, source, &plan, recordings, &|chain| line.show(|| chain.reports()))?;
-    Ok(chain.finish())
+    let ended = evaluation.add(&mut chain, plan, recordings, &|chain| {
+        line.show(|| chain.reports());
+        if asked.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    reports.extend(chain.finish());
+    Ok(ended?)
 }
 
-type Made = Vec<(Box<dyn Node>, NodeName)>;
+/// The nodes that are made.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Needed {
+    All,
+    Cameras,
+}
 
-fn nodes(file: &Path, arguments: &[(String, String)]) -> Result<Made, Failure> {
+fn nodes(file: &Path, arguments: &[(String, String)], needed: Needed) -> Result<NamedNodes, Failure> {
     let plan = modulo_launch::resolve(file, arguments).map_err(usage)?;
     refuse(&plan)?;
-    let nodes = modulo_launch::compose(&plan).map_err(usage)?;
-    let make = |node| {
-        let (kind, node_name, parameters) = prepare(node)?;
-        if let Some(Value::String(source)) = parameters.get("source")
-            && let Some(VideoAddress::Live(address)) = VideoAddress::of(source)?
-        {
-            bail!(SourceError::Live(address));
-        }
+    let prepared = evaluable(&plan).map_err(usage)?.into_iter();
+    let prepared =
+        prepared.filter(|(.., parameters)| needed == Needed::All || parameters.get("source").is_some());
+    let make = |(kind, node_name, parameters): (&NodeKind, NodeName, Parameters)| {
         let step = kind.make(&parameters).with_context(|| node_name.fully_qualified())?;
         Ok((step, node_name))
     };
-    nodes.iter().map(make).collect::<anyhow::Result<_>>().map_err(usage)
+    prepared.map(make).collect::<anyhow::Result<_>>().map_err(usage)
 }
 
-/// The topics of every node that turns images into boxes.
-fn streams(made: &Made) -> Result<Vec<DetectorStream>, Failure> {
-    let mut streams = Vec::new();
-    for (node, node_name) in made {
-        let images = topic_of(&node.inputs(), MessageKind::Image, node_name)?;
-        let boxes = topic_of(&node.outputs(), MessageKind::Detections, node_name)?;
-        let annotated = topic_of(&node.outputs(), MessageKind::Image, node_name)?;
-        if let (Some(images), Some(boxes)) = (images, boxes) {
-            let recovery = recovery_of(&images, made)?;
-            streams.push(DetectorStream { recovery, ..DetectorStream::new(images, boxes, annotated) });
+/// Returns the nodes of a plan with their parameters.
+///
+/// # Errors
+/// The reason why lockstep cannot run them to an end.
+pub(super) fn evaluable(plan: &Plan) -> anyhow::Result<Vec<(&'static NodeKind, NodeName, Parameters)>> {
+    let node = |node| {
+        let (kind, node_name, parameters) = prepare(node)?;
+        if let Some(Value::String(source)) = parameters.get("source") {
+            check_source(source, &parameters).with_context(|| node_name.fully_qualified())?;
         }
-    }
-    if streams.is_empty() {
-        return Err(usage(anyhow!("no node of the launch file turns images into boxes")));
-    }
-    Ok(streams)
+        Ok((kind, node_name, parameters))
+    };
+    modulo_launch::compose(plan)?.iter().map(node).collect()
 }
 
-/// The topic on which the node that makes `images` says how it has unwrapped each of them, if one does.
-fn recovery_of(images: &str, made: &Made) -> Result<Option<String>, Failure> {
-    for (node, node_name) in made {
-        let outputs = node.outputs();
-        let Some(recovery) = outputs.iter().find(|topic| topic.name == RECOVERY_TOPIC) else { continue };
-        for output in outputs.iter().filter(|topic| topic.kind == MessageKind::Image) {
-            if node_name.resolve(&output.name)? == images {
-                return Ok(Some(node_name.resolve(&recovery.name)?));
-            }
-        }
+/// Refuses a source of a camera that lockstep cannot read, or that has no end.
+fn check_source(source: &str, parameters: &Parameters) -> anyhow::Result<()> {
+    if let Some(VideoAddress::Live(address)) = VideoAddress::of(source)? {
+        bail!(SourceError::Live(address));
     }
-    Ok(None)
-}
-
-fn topic_of(
-    topics: &[modulo_runtime::Topic],
-    kind: MessageKind,
-    node_name: &NodeName,
-) -> Result<Option<String>, Failure> {
-    let topic = topics.iter().find(|topic| topic.kind == kind);
-    Ok(topic.map(|topic| node_name.resolve(&topic.name)).transpose()?)
+    if source.starts_with("topic:") {
+        bail!(
+            "{source}: is a topic of a running stack, which only modulo launch reads; record it with modulo bag record, and give the bag"
+        );
+    }
+    let what = match parameters.get("loop") {
+        Some(Value::Bool(true)) => "loop:=true",
+        _ if is_endless(source) => source,
+        _ => return Ok(()),
+    };
+    if parameters.get("frames") == Some(&Value::Integer(0)) {
+        bail!(
+            "{what} has no end, but an evaluation needs one; give the number of frames as well, such as frames:=60"
+        );
+    }
+    Ok(())
 }

@@ -9,7 +9,7 @@ use std::time::Duration;
 use anyhow::anyhow;
 use clap::Args;
 use indicatif::ProgressBar;
-use modulo_bags::source::{FrameList, SourceError};
+use modulo_bags::source::{FrameList, SourceError, is_endless};
 use modulo_camera::CameraParameters;
 use modulo_eval::below_100;
 use modulo_eval::grid::{
@@ -234,7 +234,7 @@ fn provenance() -> Provenance {
 fn data(args: &LabelledFrames, source: &[String]) -> Result<Data, Failure> {
     let list = match args.list.as_deref() {
         Some(path) if path == Path::new("paper") => Some(FrameList::paper()),
-        Some(path) => Some(FrameList::read(path)?),
+        Some(path) => Some(FrameList::read(path).map_err(usage)?),
         None => None,
     };
     match (&args.kitti, &args.sequence[..], &args.yolo, &args.coco, source) {
@@ -244,7 +244,13 @@ fn data(args: &LabelledFrames, source: &[String]) -> Result<Data, Failure> {
         (None, [], None, Some(annotations), _) => {
             Ok(Data::Coco { annotations: annotations.clone(), images: args.coco_images.clone() })
         }
+        (None, [], None, None, [source]) if is_endless(source) => Err(usage(anyhow!(
+            "--source {source} has no end, but a grid needs one; give the number of frames, such as scene://day?frames=20"
+        ))),
         (None, [], None, None, [source]) => Ok(Data::Any(source.clone())),
+        (None, [], None, None, [_, _, ..]) => {
+            Err(usage(anyhow!("a grid has one --source; give several with a launch file only")))
+        }
         _ => Err(usage(anyhow!(
             "nothing to evaluate: give a launch file, or one of --kitti, --sequence, --yolo, --coco, --source"
         ))),

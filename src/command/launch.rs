@@ -21,6 +21,7 @@ use modulo_runtime::parameter::file::{self as parameter_file, Entry};
 use modulo_runtime::ros_args::RosArgs;
 use modulo_runtime::{Clock, NodeName, NodeReport, Parameters, Stop, SystemClock, Urgency};
 
+use super::eval::evaluable;
 use super::progress::{self, ProgressLine};
 use super::run::{NodeKind, kind_of};
 use super::{HASHES_VARIABLE, chosen_hashes, pairs, start_log, usage};
@@ -97,7 +98,7 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
     // A result without a place would be known only when the whole run is over.
     args.summary.iter().chain(&args.trace).try_for_each(|file| prepare_file(file)).map_err(usage)?;
     // Lockstep runs the nodes as one process does, so the hint at the end is given for such files only.
-    let evaluable = modulo_launch::compose(&plan).is_ok();
+    let evaluable = evaluable(&plan).is_ok();
     let LaunchResult { summary, failure, completed } =
         if args.compose { run_composed(&plan)? } else { run_processes(plan, args)? };
     // Printed first, so that a full disk does not take it. It ends with a line break of its own.
@@ -106,8 +107,6 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
         summary.write(file)?;
     }
     tell_slower_engine(&summary);
-    // The frames of a live camera cannot be had again.
-    let evaluable = evaluable && summary.live.is_empty();
     if evaluable && completed && failure.is_none() && summary.frames > 0 && !summary.detections.is_empty() {
         tell_pictures(file, &args.arguments);
     }

@@ -4,6 +4,7 @@
 mod harness;
 
 mod bits;
+mod eval;
 mod launch;
 mod live;
 mod parameters;

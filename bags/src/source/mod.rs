@@ -231,6 +231,12 @@ pub fn open(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, Sour
     Ok(Box::new(FolderSource::open(path, options)?))
 }
 
+/// Returns whether `spec` names a scene without a number of frames, which never ends.
+pub fn is_endless(spec: &str) -> bool {
+    spec.starts_with("scene://")
+        && spec.parse::<modulo_scene::SceneSpec>().is_ok_and(|scene| scene.frames == 0)
+}
+
 /// [`GroundTruth::occluded`] of a crowd: an area in which the objects of the class are not labelled individually.
 pub const CROWD: i32 = 4;
 

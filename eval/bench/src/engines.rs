@@ -133,6 +133,9 @@ pub fn engines(
     (program, processor): (&Path, &str),
     tell: &mut dyn FnMut(BenchEvent<'_>),
 ) -> Result<(Vec<EngineRow>, [PathBuf; 2]), BenchError> {
+    if request.count == 0 {
+        return Err(BenchError::Number { what: "count", value: 0, possible: "at least 1" });
+    }
     make_folder(&request.out)?;
     let mut rows: Vec<EngineRow> = Vec::new();
     for model in &request.model {
@@ -257,7 +260,7 @@ fn figures(cell: EvaluatedCell, rss_mb: f64) -> Result<EngineFigures, BenchError
         ));
     }
     let (Some(infer), Some(frame_ms)) = (latency_ms.get("infer"), frame_ms) else {
-        return Err(BenchError::Run("no frame was answered; --count must be at least 1".to_owned()));
+        return Err(BenchError::Run("no frame was answered".to_owned()));
     };
     let interval95 = ap50.keys().filter_map(|group| interval95.remove_entry(&format!("ap50.{group}")));
     let bare = |key: String| key.trim_start_matches("ap50.").to_owned();

@@ -21,7 +21,7 @@ use modulo_core::metric::ShapesDiffer;
 use modulo_core::{Frame, Samples, Sensor, SensorError, Transfer, UnwrapError};
 use modulo_draw::ChartError;
 pub use modulo_draw::below_100;
-use modulo_images::{ImageError, SaveError, White};
+use modulo_images::{EXTENSIONS, ImageError, SaveError, White, is_hidden};
 use modulo_runtime::sensor::options::{SensorCommand, SensorOptions};
 use modulo_runtime::{ParameterError, SensorModel};
 use modulo_video::VideoError;
@@ -54,6 +54,9 @@ pub enum BenchError {
     /// A folder without a readable image.
     #[error("{}: there is no readable image (.png, .jpg, .jpeg, .exr, .hdr)", .0.display())]
     NoFrames(PathBuf),
+    /// A file cannot hold the codes of the sensor as they are. The text is the reason and the remedy.
+    #[error("{path}: {1}", path = .0.display())]
+    NotCodes(PathBuf, String),
     /// A file or folder cannot be read or written.
     #[error("{path}: {1}", path = .0.display())]
     Io(PathBuf, #[source] std::io::Error),
@@ -114,6 +117,52 @@ pub struct Skipped {
     pub file: String,
     /// The reason, with the name of the file.
     pub why: String,
+}
+
+/// Returns `paths` with the image files of each folder among them in place of the folder, and tells what else is in it.
+///
+/// # Errors
+/// [`BenchError::NoFrames`] of a folder without an image, and [`BenchError::Io`] of one that cannot be read.
+fn files(paths: &[PathBuf], tell: &mut dyn FnMut(BenchEvent<'_>)) -> Result<Vec<PathBuf>, BenchError> {
+    need("the list of files", paths)?;
+    let mut files = Vec::new();
+    for path in paths {
+        if path.is_dir() {
+            files.extend(images(path, tell)?);
+        } else {
+            files.push(path.clone());
+        }
+    }
+    Ok(files)
+}
+
+/// Returns the image files of `folder`, sorted by name, and tells how many other files are in it.
+fn images(folder: &Path, tell: &mut dyn FnMut(BenchEvent<'_>)) -> Result<Vec<PathBuf>, BenchError> {
+    let io = |source| BenchError::Io(folder.to_owned(), source);
+    let (mut images, mut others) = (Vec::new(), Vec::new());
+    for entry in fs::read_dir(folder).map_err(io)? {
+        let path = entry.map_err(io)?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+        let extension = Path::new(&name).extension().map(|extension| extension.to_string_lossy());
+        // Hidden files hold what systems note about others, such as `._x.png` of macOS.
+        if path.is_dir() || is_hidden(&path) {
+            continue;
+        }
+        let is_image = extension.is_some_and(|extension| EXTENSIONS.contains(&&*extension));
+        if is_image { &mut images } else { &mut others }.push(path);
+    }
+    if images.is_empty() {
+        return Err(BenchError::NoFrames(folder.to_owned()));
+    }
+    // The order of `read_dir` depends on the file system. The results must not.
+    images.sort();
+    if let Some(first) = others.iter().min() {
+        let (folder, count, first) = (folder.display(), others.len(), first.display());
+        tell(BenchEvent::Warning(&format!(
+            "{folder}: {count} files are no images and left out, the first: {first}"
+        )));
+    }
+    Ok(images)
 }
 
 /// Refuses an empty list.

@@ -145,9 +145,12 @@ pub fn pipeline(
         let possible = "at least 4, the number of turns";
         return Err(BenchError::Number { what: "count", value: suite.count, possible });
     }
+    if *rate > 0.0 {
+        check_count(suite.count, *rate, at(&sorted((bench.bare)(Duration::ZERO)?), 0.5))?;
+    }
     make_folder(&suite.out)?;
     let settings = |mode| RunSettings { mode, suite, engine, device, rate: *rate };
-    let frames = suite.count.div_ceil(ROUNDS) + WARM_UP;
+    let frames = frames_of_run(suite.count);
     let modes = [(Mode::Lockstep, "lockstep"), (Mode::Composed, "composed"), (Mode::Live, "live")];
     let mut runs = modes.map(|_| Vec::new());
     for round in 0..ROUNDS {
@@ -155,6 +158,12 @@ pub fn pipeline(
             tell(BenchEvent::Step { done: round * modes.len() + place, total: ROUNDS * modes.len(), next });
             let folder = temporary_folder()?;
             let mut run = run(&settings(mode), frames, &bench.program, folder.path())?;
+            if run.times.frames.is_empty() {
+                return Err(BenchError::Run(format!(
+                    "the mode {next} answered no more than the first {WARM_UP} of {frames} frames, which are not counted; choose a larger \
+                     --count, or --rate 0, with which no frame is replaced"
+                )));
+            }
             run.bare_ms = (bench.bare)(settings(mode).period())?;
             runs[place].push(run);
         }
@@ -163,6 +172,27 @@ pub fn pipeline(
     let rows = rows.collect::<Result<Vec<_>, _>>()?;
     write_json(&suite.out.join(RESULTS), &rows)?;
     Ok(rows)
+}
+
+/// Returns the number of frames of a run, of which there are [`ROUNDS`] in each mode.
+fn frames_of_run(count: usize) -> usize {
+    count.div_ceil(ROUNDS) + WARM_UP
+}
+
+/// Refuses a number of frames of which a network that takes `bare_ms` would answer only those that are not counted: with `rate` frames per
+/// second, a frame that comes while it works is replaced by the next one.
+fn check_count(count: usize, rate: f64, bare_ms: f64) -> Result<(), BenchError> {
+    let frames_of_answer = (bare_ms * rate / 1e3).max(1.0);
+    let needed = (WARM_UP as f64 + 1.0) * frames_of_answer;
+    if frames_of_run(count) as f64 >= needed {
+        return Ok(());
+    }
+    // Twice as many, since the pipeline takes longer than the network.
+    let enough = (2.0 * needed).ceil() as usize * ROUNDS;
+    Err(BenchError::Option(format!(
+        "--count {count} is too small with --rate {rate}: the network takes {bare_ms:.0} ms, so that most frames are replaced by newer \
+         ones, and the first {WARM_UP} answers of a run are not counted; give --count {enough}, or --rate 0, with which no frame is replaced"
+    )))
 }
 
 /// The settings of a run.
@@ -205,11 +235,6 @@ fn row(mode: Mode, runs: Vec<ModeRun>) -> Result<PipelineRow, BenchError> {
         sorted(runs.iter().flat_map(|run| run.times.total())),
         sorted(runs.iter().flat_map(|run| run.bare_ms.iter().copied())),
     ];
-    if total.is_empty() {
-        let why =
-            format!("no frame was answered after the first {WARM_UP} of each run; choose a larger --count");
-        return Err(BenchError::Run(why));
-    }
     let mut stages = BTreeMap::<String, Vec<f64>>::new();
     for (name, durations) in runs.iter().flat_map(|run| &run.times.stages) {
         stages.entry(name.clone()).or_default().extend(durations);
@@ -457,4 +482,18 @@ fn trace(folder: &Path, node: &str) -> Result<Vec<TraceLine>, BenchError> {
         }
     }
     Ok(lines)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_count_of_which_no_answer_would_be_counted_is_refused_with_a_sufficient_one() {
+        // A run of 8 frames at 10 Hz lasts 0.8 s: time for 8 answers of 50 ms, and for 2 of 400 ms.
+        check_count(10, 10.0, 50.0).expect("enough");
+        let why = check_count(10, 10.0, 400.0).expect_err("too few").to_string();
+        assert!(why.contains("--count 10") && why.contains("400 ms") && why.contains("--count 192"), "{why}");
+        check_count(192, 10.0, 400.0).expect("the remedy holds");
+    }
 }

@@ -5,15 +5,15 @@ use std::path::{Path, PathBuf};
 use clap::Parser;
 use clap::builder::Resettable;
 use modulo_core::unwrap::{DefectMap, Options, of_gains};
-use modulo_core::{GainPattern, Mosaic, Recovered, Unwrap, UnwrapError, tone};
-use modulo_images::{read_image, save_png};
+use modulo_core::{Frame, GainPattern, Mosaic, Recovered, Unwrap, UnwrapError, tone};
+use modulo_images::{read_codes, save_png};
 use modulo_runtime::SensorModel;
 use modulo_runtime::sensor::options::{SensorCommand, SensorOptions};
 use serde::Serialize;
 
 use crate::benchmark::timed;
 use crate::simulate::{RESULTS, methods_of, names, save_counts};
-use crate::{BenchError, BenchEvent, Skipped, make_folder, need, write, write_json};
+use crate::{BenchError, BenchEvent, Skipped, files, make_folder, write, write_json};
 
 /// Name of the file with the defects that were learned: the value of the parameter `defects` of the node `unwrap`.
 pub const DEFECTS: &str = "defects.csv";
@@ -37,7 +37,7 @@ impl SensorCommand for OneSensor {
 #[derive(Clone, Debug, PartialEq, Parser)]
 #[command(mut_arg("alpha", |option| option.default_value(Resettable::Reset).required(true)))]
 pub struct UnwrapRequest {
-    /// Modulo images: PNG of 8 or 16 bits with the codes of the sensor
+    /// Modulo images, or folders of them: PNG of 8 or 16 bits with the codes of the sensor
     #[arg(required = true)]
     pub images: Vec<PathBuf>,
     /// The sensor.
@@ -103,7 +103,6 @@ pub fn unwrap_files(
     request: &UnwrapRequest,
     tell: &mut dyn FnMut(BenchEvent<'_>),
 ) -> Result<UnwrapOutcome, BenchError> {
-    need("the list of files", &request.images)?;
     let sensor = request.sensor.first();
     let range = sensor.range()?;
     if range.limit() > 65536.0 {
@@ -114,21 +113,29 @@ pub fn unwrap_files(
     if let Some(method) = of_gains(sensor.gains()?, &Options::default())? {
         methods = vec![method];
     }
+    let files = files(&request.images, tell)?;
+    // A single file that is refused leaves no folder behind.
+    if let [file] = &files[..] {
+        modulo_image(file, &sensor)?;
+    }
     make_folder(&request.out)?;
     let mut methods: Vec<_> = methods.into_iter().map(|method| (method, DefectMap::default())).collect();
     let mut outcome = UnwrapOutcome::default();
-    for (done, (file, name)) in request.images.iter().zip(names(&request.images)).enumerate() {
+    for (done, (file, name)) in files.iter().zip(names(&files)).enumerate() {
         let next = file.display().to_string();
-        tell(BenchEvent::Step { done, total: request.images.len(), next: &next });
+        tell(BenchEvent::Step { done, total: files.len(), next: &next });
         match of_file(request, (file, &name), &sensor, &mut methods) {
             Ok(rows) => outcome.rows.extend(rows),
-            Err(why @ (BenchError::Image(_) | BenchError::Unwrap(_))) if request.images.len() > 1 => {
+            Err(why @ (BenchError::Image(_) | BenchError::Unwrap(_) | BenchError::NotCodes(..)))
+                if files.len() > 1 =>
+            {
                 let why =
                     if why.to_string().contains(&next) { why.to_string() } else { format!("{next}: {why}") };
                 let skipped = Skipped { file: next, why };
                 tell(BenchEvent::Skipped(&skipped));
                 outcome.skipped.push(skipped);
             }
+            Err(BenchError::Unwrap(why)) => return Err(BenchError::NotCodes(file.clone(), why.to_string())),
             Err(why) => return Err(why),
         }
         write_json(&request.out.join(RESULTS), &outcome.rows)?;
@@ -139,6 +146,30 @@ pub fn unwrap_files(
     Ok(outcome)
 }
 
+/// Reads an image with the codes of `sensor`.
+fn modulo_image(file: &Path, sensor: &SensorModel) -> Result<Frame, BenchError> {
+    let refuse = |why: String| Err(BenchError::NotCodes(file.to_owned(), why));
+    let (y, depth) = read_codes(file)?;
+    let Some(depth) = depth else {
+        return refuse(
+            "only PNG keeps the codes of a modulo image: JPEG changes them, which destroys the wraps, and OpenEXR and Radiance HDR \
+             hold no codes; save the codes of the sensor as PNG"
+                .to_owned(),
+        );
+    };
+    if depth < 8 || depth == 8 && sensor.bits > 8 {
+        let bits = sensor.bits;
+        return refuse(format!(
+            "this PNG has {depth} bits a sample, which are not the codes of a sensor of {bits} bits; save its codes as they are, with 8 \
+             bits a sample for a sensor of up to 8 bits, else 16, and give its bits as --bits"
+        ));
+    }
+    match sensor.mosaic {
+        Some(mosaic) => Ok(y.with_mosaic(mosaic).map_err(UnwrapError::from)?),
+        None => Ok(y),
+    }
+}
+
 /// Unwraps one file by all methods.
 fn of_file(
     request: &UnwrapRequest,
@@ -147,11 +178,7 @@ fn of_file(
     methods: &mut [(Box<dyn Unwrap>, DefectMap)],
 ) -> Result<Vec<UnwrapRow>, BenchError> {
     let (range, gains, mosaic) = (sensor.range()?, sensor.gains()?, sensor.mosaic);
-    let y = read_image(file)?;
-    let y = match mosaic {
-        Some(mosaic) => y.with_mosaic(mosaic).map_err(UnwrapError::from)?,
-        None => y,
-    };
+    let y = modulo_image(file, sensor)?;
     let row = |(method, map): &mut (Box<dyn Unwrap>, DefectMap)| {
         let mut recovered = Recovered::default();
         map.fit(y.dim()).expect("a map that was not read has no size of its own");

@@ -17,7 +17,7 @@ use ndarray::Array3;
 use serde::{Deserialize, Serialize};
 
 use crate::benchmark::timed;
-use crate::{BenchError, BenchEvent, ExposureOptions, Skipped, make_folder, need, samples8, write_json};
+use crate::{BenchError, BenchEvent, ExposureOptions, Skipped, files, make_folder, samples8, write_json};
 
 /// Name of the list of results in the folder.
 pub const RESULTS: &str = "results.json";
@@ -40,7 +40,8 @@ impl SensorCommand for EveryParameter {
 /// The settings of a simulation, as options of a command line.
 #[derive(Clone, Debug, PartialEq, Parser)]
 pub struct SimulationRequest {
-    /// Images (PNG or JPEG of 8 or 16 bits, OpenEXR, Radiance HDR) and videos, of which each frame is an image NAME_NUMBER
+    /// Images (PNG or JPEG of 8 or 16 bits, OpenEXR, Radiance HDR), folders of images, and videos, of which each frame is an image
+    /// NAME_NUMBER
     #[arg(required = true)]
     pub images: Vec<PathBuf>,
     /// Unwrapping methods, for a sensor with one gain [default: auto]
@@ -111,11 +112,10 @@ pub fn simulate(
 ) -> Result<SimulationOutcome, BenchError> {
     let sensors = sensors(request)?;
     let mut methods = methods_of(&request.method, sensors[0].0.gains)?;
+    let files = files(&request.images, tell)?;
+    let inputs = files.iter().zip(names(&files)).map(|(file, name)| InputFile::open(file, name));
+    let mut inputs = inputs.collect::<Result<Vec<_>, _>>()?;
     make_folder(&request.out)?;
-    let mut inputs = Vec::new();
-    for (file, name) in request.images.iter().zip(names(&request.images)) {
-        inputs.push(InputFile::open(file, name)?);
-    }
     let total = inputs.iter().map(InputFile::len).sum::<usize>() * sensors.len();
     let (mut outcome, mut done) = (SimulationOutcome::default(), 0);
     for input in &mut inputs {
@@ -272,9 +272,8 @@ impl InputImage<'_> {
     }
 }
 
-/// Checks the files, and makes the sensor of each alpha.
+/// Makes the sensor of each alpha.
 fn sensors(request: &SimulationRequest) -> Result<Vec<(SensorModel, Sensor)>, BenchError> {
-    need("the list of files", &request.images)?;
     let sensors = request.exposure.sensors()?;
     if request.counts && sensors.iter().any(|(_, sensor)| sensor.range().limit() > 65536.0) {
         let why = "--counts writes images of 16 bits, which cannot hold alpha * 2^bits above 65536";

@@ -11,7 +11,7 @@ use modulo_bench::{BenchError, BenchEvent};
 use modulo_core::unwrap::METHODS;
 use modulo_core::{Frame, GainPattern, Mosaic};
 use modulo_draw::PageWidth;
-use modulo_images::{decode, read_image, save_png};
+use modulo_images::{FileFormat, decode, encode, read_image, save_png};
 use modulo_scene::{Preset, Scene};
 use ndarray::Array3;
 
@@ -427,4 +427,66 @@ fn what_is_no_image_of_the_sensor_is_not_unwrapped() {
     assert!(!out.exists());
     assert!(fails(&["--alpha", "2", "--bits", "4"]).contains("with 4 bits"), "codes above 15");
     assert!(fails(&["--alpha", "2", "--mosaic", "rggb"]).contains("channel"), "three channels");
+}
+
+/// What does not keep the codes of a sensor is refused by its content, whatever its name.
+#[test]
+fn only_files_that_keep_the_codes_are_unwrapped() {
+    let folder = tempfile::tempdir().unwrap();
+    let [file, simulated, out] = ["street.png", "simulated", "out"].map(|name| folder.path().join(name));
+    street(&file);
+    let with = request_with("--psf-sigma 1.4 --optical-black 8", &simulated, &[&file]);
+    simulate::simulate(&with, &mut |_| {}).unwrap();
+    let good = simulated.join("street_alpha4_modulo.png");
+    let jpeg = folder.path().join("jpeg.png");
+    std::fs::write(&jpeg, encode(&read_image(&good).unwrap(), FileFormat::Jpeg).unwrap()).unwrap();
+    let unwrap = |files: &[&Path], bits: &str| {
+        let words = ["unwrap", "--alpha", "4", "--optical-black", "8", "--bits", bits, "-o"].map(Path::new);
+        let words = words.into_iter().chain([out.as_path()]).chain(files.iter().copied());
+        recover::unwrap_files(&UnwrapRequest::parse_from(words), &mut |_| {})
+    };
+    for (file, bits, told) in
+        [(&jpeg, "8", "destroys the wraps"), (&good, "10", "not the codes of a sensor of 10 bits")]
+    {
+        let why = unwrap(&[file], bits).expect_err("no codes");
+        let name = file.display().to_string();
+        assert!(matches!(&why, BenchError::NotCodes(..)), "{why}");
+        assert!(why.to_string().contains(told) && why.to_string().contains(&name), "{why}");
+        assert!(!out.exists(), "{why}");
+    }
+    let outcome = unwrap(&[&jpeg, &good], "8").unwrap();
+    assert_eq!((outcome.rows.len(), outcome.skipped.len()), (1, 1));
+}
+
+/// A folder stands for the images in it; hidden files are none, and others are counted.
+#[test]
+fn a_folder_stands_for_its_images() {
+    let folder = tempfile::tempdir().unwrap();
+    let [pictures, simulated, out] = ["pictures", "simulated", "out"].map(|name| folder.path().join(name));
+    std::fs::create_dir(&pictures).unwrap();
+    ["b.png", "a.png"].iter().for_each(|name| street(&pictures.join(name)));
+    for other in ["notes.txt", "labels.json", "._a.png"] {
+        std::fs::write(pictures.join(other), "no picture").unwrap();
+    }
+    let mut told = Vec::new();
+    let rows = simulate::simulate(&request(&simulated, &[&pictures]), &mut |event| {
+        if let BenchEvent::Warning(warning) = event {
+            told.push(warning.to_owned());
+        }
+    });
+    let files: Vec<_> = rows.unwrap().rows.into_iter().map(|row| row.file).collect();
+    assert_eq!(files, ["a.png", "b.png"].map(|name| pictures.join(name).display().to_string()));
+    assert!(
+        told.len() == 1 && told[0].contains("2 files are no images") && told[0].contains("labels.json"),
+        "{told:?}"
+    );
+    let codes = folder.path().join("codes");
+    std::fs::create_dir(&codes).unwrap();
+    std::fs::copy(simulated.join("a_alpha4_modulo.png"), codes.join("a.png")).unwrap();
+    let words = ["unwrap", "--alpha", "4", "-o"].map(Path::new).into_iter().chain([out.as_path(), &codes]);
+    let rows = recover::unwrap_files(&UnwrapRequest::parse_from(words), &mut |_| {}).unwrap().rows;
+    assert_eq!(rows.len(), 1);
+    std::fs::remove_file(codes.join("a.png")).unwrap();
+    let none = simulate::simulate(&request(&out, &[&codes]), &mut |_| ()).unwrap_err();
+    assert!(matches!(none, BenchError::NoFrames(_)), "{none}");
 }

@@ -1,54 +1,31 @@
 //! [`Evaluation`]: the boxes and scores of the detectors of a launch file.
 
+mod plan;
+mod recordings;
+mod timeline;
+
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::ops::ControlFlow;
+use std::path::Path;
 
 use modulo_ap::Difficulty;
 use modulo_ap::average::{ScoredFrame, by_class, mean_over_classes};
 use modulo_bags::FileError;
-use modulo_bags::bag::{BagError, BagTopic, BagWriter};
+use modulo_bags::bag::BagError;
 use modulo_bags::source::{GroundTruth, from_detections};
-use modulo_core::{Detection, Frame};
-use modulo_draw::{Picture, RgbImage, distinct, sheet};
-use modulo_images::{SaveError, save_png};
+use modulo_core::Detection;
+use modulo_images::SaveError;
 use modulo_msgs::cdr::CdrError;
-use modulo_msgs::std_msgs::Time;
 use modulo_msgs::vision_msgs::Detection2DArray;
+use modulo_runtime::Message;
 use modulo_runtime::clock::nanos;
 use modulo_runtime::lockstep::{Lockstep, LockstepError, OnTopic};
-use modulo_runtime::{Message, Qos, sensor_info};
 use modulo_video::VideoError;
-use ndarray::Array3;
 use serde_json::{Value, json};
 
-use crate::video::AnnotatedVideo;
-
-/// Time between two frames of a source that has neither time stamps nor a rate.
-const NOMINAL_INTERVAL: Duration = Duration::from_millis(100);
-
-/// A detector and the image stream that it reads.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct DetectorStream {
-    /// Name of its files: the image topic without the leading slash and with `.` for `/`.
-    pub name: String,
-    /// Topic of the images.
-    pub images: String,
-    /// Topic of the boxes.
-    pub detections: String,
-    /// Topic of the images with the boxes drawn, if the detector publishes them.
-    pub annotated: Option<String>,
-    /// Topic of what the unwrapper says about each image, if one makes the images.
-    pub recovery: Option<String>,
-}
-
-impl DetectorStream {
-    /// The stream with images on topic `images` and boxes on topic `detections`.
-    pub fn new(images: String, detections: String, annotated: Option<String>) -> Self {
-        let name = images.trim_start_matches('/').replace('/', ".");
-        Self { name, images, detections, annotated, recovery: None }
-    }
-}
+pub use plan::{CameraPlan, DetectorStream, EvaluationPlan, NamedNodes, PlanError};
+pub use recordings::Recordings;
+use timeline::Timeline;
 
 /// Error of an evaluation.
 #[derive(Debug, thiserror::Error)]
@@ -73,54 +50,70 @@ pub enum EvalError {
     Video(#[from] VideoError),
 }
 
-/// The streams of an evaluation and the place of its files.
-#[derive(Clone, Debug)]
-pub struct EvaluationPlan {
-    /// Time between two frames of a source without time stamps. Zero means 100 ms.
-    pub interval: Duration,
-    /// The detectors.
-    pub streams: Vec<DetectorStream>,
-    /// Topic of the ground truth.
-    pub truth: Option<String>,
-    /// Whether images are saved: `FOLDER/STREAM/NUMBER.png`, and `FOLDER/grid.png` with the last frame of every stream
-    /// and its boxes, in two columns and in the order of the detectors, with a legend of the classes.
-    pub save_images: bool,
-    /// Folder for images and results.
-    pub folder: PathBuf,
-    /// Topics that are written into the bag, if there is one.
-    pub bagged: Vec<String>,
-}
-
-/// The recordings of an evaluation.
-#[derive(Default)]
-pub struct Recordings {
-    /// The messages on the topics of the plan.
-    pub bag: Option<BagWriter>,
-    /// The annotated images of all streams.
-    pub video: Option<AnnotatedVideo>,
-}
-
-/// Boxes and ground truth of all frames so far. A frame without an answer has no boxes.
+/// Boxes and ground truth of all frames so far.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Evaluation {
-    /// For each stream a list of boxes for each frame.
-    pub boxes: BTreeMap<String, Vec<Vec<Detection>>>,
-    /// Objects of each frame. `None` for a frame without labels.
-    pub truth: Vec<Option<Vec<GroundTruth>>>,
-    /// The objects that [`Evaluation::scores`] counts.
+    /// The frames of each stream.
+    pub streams: BTreeMap<String, Vec<EvaluatedFrame>>,
+    /// The objects that [`Evaluation::results`] counts.
     pub difficulty: Difficulty,
+    /// The place of each camera among its frames, by its name.
+    progress: BTreeMap<String, Progress>,
+}
+
+/// A frame of a stream.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct EvaluatedFrame {
+    /// The boxes; `None` where the detector gave no answer.
+    pub found: Option<Vec<Detection>>,
+    /// The objects; `None` for a frame without labels.
+    pub truth: Option<Vec<GroundTruth>>,
+}
+
+/// The frames that a camera has sent, over all its sources.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Progress {
+    frames: u64,
     timeline: Timeline,
 }
 
-/// AP50 of one stream.
+/// The result of a stream.
 #[derive(Clone, Debug, PartialEq)]
+pub enum StreamResult {
+    /// Its boxes were compared with labels.
+    Scored(StreamScore),
+    /// The detector gave no answer, since no image arrived.
+    NoImage,
+    /// None of its frames has labels.
+    NoLabels,
+    /// The labels have no object that counts.
+    NoObject,
+}
+
+/// AP50 of one stream.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct StreamScore {
     /// Mean over the classes.
     pub ap50: f64,
-    /// The objects that are counted.
-    pub difficulty: Difficulty,
     /// AP50 and number of objects of each class.
     pub classes: BTreeMap<String, (f64, usize)>,
+    /// Number of frames with labels. Those without an answer of the detector count as frames without a box.
+    pub frames: usize,
+    /// Number of those without an answer of the detector.
+    pub unanswered: usize,
+    /// Number of other frames, without labels or unreadable, which are not scored.
+    pub unlabelled: usize,
+}
+
+impl StreamResult {
+    /// Whether something of the stream should have been scored and was not.
+    pub fn lost(&self) -> bool {
+        match self {
+            Self::Scored(score) => score.unanswered > 0 || score.unlabelled > 0,
+            Self::NoImage | Self::NoObject => true,
+            Self::NoLabels => false,
+        }
+    }
 }
 
 impl Evaluation {
@@ -129,118 +122,133 @@ impl Evaluation {
         Self { difficulty, ..Self::default() }
     }
 
-    /// Runs source `source` of `chain` to its end, adds its frames, and writes `recordings`. After each frame it calls `tell`.
+    /// Runs the cameras of `chain` to their ends, adds their frames, and writes `recordings`. After each frame it calls `tell`, which may
+    /// stop the run.
     ///
     /// # Errors
-    /// [`EvalError`] if a node fails or a file cannot be written.
+    /// [`EvalError::Run`] if a node fails; the frames before stay.
     pub fn add(
         &mut self,
         chain: &mut Lockstep<'_>,
-        source: usize,
         plan: &EvaluationPlan,
         recordings: &mut Recordings,
-        tell: &dyn Fn(&Lockstep<'_>),
+        tell: &dyn Fn(&Lockstep<'_>) -> ControlFlow<()>,
     ) -> Result<(), EvalError> {
-        let images = plan.streams.iter().filter(|_| plan.save_images);
-        for folder in images.map(|s| plan.folder.join(&s.name)).chain([plan.folder.clone()]) {
-            std::fs::create_dir_all(&folder).map_err(|why| FileError::new(&folder, why))?;
+        // A stream without any frame has a result, too: that no image arrived.
+        for stream in plan.streams() {
+            self.streams.entry(stream.name.clone()).or_default();
         }
-        let interval = if plan.interval.is_zero() { NOMINAL_INTERVAL } else { plan.interval };
-        loop {
-            // The time of the chain goes on over all sources, as in one long run.
-            let now = (self.truth.len() as u64).saturating_mul(nanos(interval));
-            let Some(mut out) = chain.tick(source, now)? else { break };
-            self.timeline.place(&mut out, interval);
-            if let Some(recorder) = &mut recordings.bag {
-                record(recorder, &out, &plan.bagged)?;
-            }
-            self.add_frame(&out, plan)?;
-            if let (Some(video), Some(sheet)) = (&mut recordings.video, self.sheet(&out, plan)) {
-                video.add(sheet, out.first().map_or(now, |(_, message)| message.stamp().as_ns()))?;
-            }
-            tell(chain);
-        }
-        Ok(())
-    }
-
-    fn add_frame(&mut self, out: &[OnTopic], plan: &EvaluationPlan) -> Result<(), EvalError> {
-        let number = self.truth.len();
-        for stream in &plan.streams {
-            // A frame without an answer gets an empty list: the lists of all streams must have one entry for each frame.
-            let arrays = arrays(out, &stream.detections);
-            let found = arrays.flat_map(|a| a.detections.iter().filter_map(|d| d.to_detection())).collect();
-            self.boxes.entry(stream.name.clone()).or_default().push(found);
-            if plan.save_images {
-                save(out, stream, &plan.folder, number)?;
-            }
-        }
-        if plan.save_images {
-            self.save_sheet(out, plan)?;
-        }
-        let truth = plan.truth.as_deref().and_then(|topic| arrays(out, topic).next());
-        self.truth.push(truth.map(from_detections));
-        Ok(())
-    }
-
-    /// Returns the annotated images of the last frame as one, each below the name of its stream and what the unwrapper says about it; `None` for
-    /// a frame without them.
-    fn sheet(&self, out: &[OnTopic], plan: &EvaluationPlan) -> Option<RgbImage> {
-        let mut pictures = Vec::new();
-        for stream in &plan.streams {
-            let annotated = stream.annotated.as_deref().and_then(|topic| image(out, topic));
-            let said = stream.recovery.as_deref().and_then(|topic| recovery(out, topic));
-            let title = said.map_or_else(|| stream.name.clone(), |said| format!("{}: {said}", stream.name));
-            pictures.extend(annotated.and_then(picture).map(|picture| (title, picture)));
-        }
-        let found = self.boxes.values().filter_map(|frames| frames.last()).flatten();
-        sheet(&pictures, &distinct(found.map(|d| d.class.as_str())))
-    }
-
-    /// Writes the annotated images of the last frame as one.
-    fn save_sheet(&self, out: &[OnTopic], plan: &EvaluationPlan) -> Result<(), EvalError> {
-        let Some(sheet) = self.sheet(out, plan) else { return Ok(()) };
-        let size = (sheet.height() as usize, sheet.width() as usize, 3);
-        let pixels = Array3::from_shape_vec(size, sheet.into_raw()).expect("three samples a pixel");
-        let frame = Frame::from_u8(pixels).expect("a sheet has three channels");
-        Ok(save_png(&plan.folder.join("grid.png"), &frame)?)
-    }
-
-    /// AP50 of each stream over the labelled frames.
-    pub fn scores(&self) -> BTreeMap<String, StreamScore> {
-        let score = |(stream, frames): (&String, &Vec<Vec<Detection>>)| {
-            // In a frame without labels, every box would count as wrong.
-            let labelled = frames.iter().zip(&self.truth);
-            let scored: Vec<ScoredFrame> =
-                labelled.filter_map(|(found, truth)| Some((found.clone(), truth.clone()?))).collect();
-            let classes = by_class(&scored, self.difficulty);
-            Some((
-                stream.clone(),
-                StreamScore { ap50: mean_over_classes(&classes)?, difficulty: self.difficulty, classes },
-            ))
+        let mut running: Vec<&CameraPlan> = plan.cameras.iter().collect();
+        // The time of the chain goes on over all sources, as in one long run. The camera whose frame is due first comes first.
+        let due = |evaluation: &Self, camera: &CameraPlan| {
+            let frames = evaluation.progress.get(&camera.name).map_or(0, |progress| progress.frames);
+            frames.saturating_mul(nanos(camera.interval))
         };
-        self.boxes.iter().filter_map(score).collect()
+        while let Some(next) = (0..running.len()).min_by_key(|&index| due(self, running[index])) {
+            let camera = running[next];
+            let Some(mut out) = chain.tick(camera.member, due(self, camera))? else {
+                recordings.end(running.remove(next));
+                continue;
+            };
+            let progress = self.progress.entry(camera.name.clone()).or_default();
+            progress.timeline.place(&mut out, camera.interval);
+            let number = progress.frames;
+            progress.frames += 1;
+            self.add_frame(&out, camera);
+            recordings.add(plan, (camera, number), &out, next + 1 == running.len());
+            if tell(chain).is_break() {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    fn add_frame(&mut self, out: &[OnTopic], camera: &CameraPlan) {
+        let labels = camera.truth.as_deref().and_then(|topic| arrays(out, topic).next());
+        let truth = labels.map(from_detections);
+        for stream in &camera.streams {
+            let frame = EvaluatedFrame { found: found(out, &stream.detections), truth: truth.clone() };
+            self.streams.entry(stream.name.clone()).or_default().push(frame);
+        }
+    }
+
+    /// Returns the number of frames of all cameras.
+    pub fn frames(&self) -> u64 {
+        self.progress.values().map(|progress| progress.frames).sum()
+    }
+
+    /// AP50 of each stream over its labelled frames, or why there is none.
+    pub fn results(&self) -> BTreeMap<&str, StreamResult> {
+        self.streams.iter().map(|(stream, frames)| (stream.as_str(), self.result(frames))).collect()
+    }
+
+    fn result(&self, frames: &[EvaluatedFrame]) -> StreamResult {
+        if frames.iter().all(|frame| frame.found.is_none()) {
+            return StreamResult::NoImage;
+        }
+        // In a frame without labels, every box would count as wrong.
+        let labelled = || frames.iter().filter_map(|frame| Some((&frame.found, frame.truth.as_ref()?)));
+        let scored = labelled().map(|(found, truth)| (found.clone().unwrap_or_default(), truth.clone()));
+        let scored: Vec<ScoredFrame> = scored.collect();
+        if scored.is_empty() {
+            return StreamResult::NoLabels;
+        }
+        let classes = by_class(&scored, self.difficulty);
+        let Some(ap50) = mean_over_classes(&classes) else { return StreamResult::NoObject };
+        StreamResult::Scored(StreamScore {
+            ap50,
+            classes,
+            frames: scored.len(),
+            unanswered: labelled().filter(|(found, _)| found.is_none()).count(),
+            unlabelled: frames.len() - scored.len(),
+        })
     }
 
     /// Writes `STREAM.json` for each stream with one line for each frame:
-    /// `{"000000.png": [[x1, y1, x2, y2, score, "class"], ...], ...}`. Writes `scores.json` if there is a ground truth.
+    /// `{"000000.png": [[x1, y1, x2, y2, score, "class"], ...], ...}`. Writes `scores.json` if there are scores; those of an earlier run do
+    /// not stay. `stopped` marks them as those of a part of the frames.
     ///
     /// # Errors
-    /// [`EvalError::File`] if a file cannot be written.
-    pub fn write(&self, folder: &Path) -> Result<(), EvalError> {
-        let file = |name: String, text: String| {
-            let path = folder.join(name);
-            std::fs::write(&path, text).map_err(|why| FileError::new(&path, why))
-        };
-        for (name, frames) in &self.boxes {
-            file(format!("{name}.json"), boxes(frames))?;
-        }
-        let scores = self.scores();
+    /// [`EvalError::File`] of the first file that cannot be written; the others are written.
+    pub fn write(&self, folder: &Path, stopped: bool) -> Result<(), EvalError> {
+        let mut files: Vec<_> =
+            self.streams.iter().map(|(name, frames)| (format!("{name}.json"), boxes(frames))).collect();
+        let scores: BTreeMap<&str, Value> = self
+            .results()
+            .into_iter()
+            .filter_map(|(stream, result)| match result {
+                StreamResult::Scored(score) => Some((stream, self.score_json(&score, stopped))),
+                _ => None,
+            })
+            .collect();
         if scores.is_empty() {
-            return Ok(());
+            // It fails where there is none.
+            let _ = std::fs::remove_file(folder.join(SCORES));
+        } else {
+            files.push((SCORES.to_owned(), format!("{:#}\n", json!(scores))));
         }
-        Ok(file("scores.json".to_owned(), scores_json(&scores))?)
+        let write = |(name, text): (String, String)| {
+            let path = folder.join(name);
+            std::fs::write(&path, text).map_err(|why| FileError::new(&path, why).into())
+        };
+        files.into_iter().map(write).fold(Ok(()), Result::and)
+    }
+
+    /// `{"ap50": f, "difficulty": "moderate", "frames": n, "classes": {"CLASS": {"ap50": f, "objects": n}}}`, with `"stopped": true` where the
+    /// run was stopped.
+    fn score_json(&self, score: &StreamScore, stopped: bool) -> Value {
+        let class = |(ap50, objects): &(f64, usize)| json!({ "ap50": ap50, "objects": objects });
+        let classes: BTreeMap<&String, Value> = score.classes.iter().map(|(k, v)| (k, class(v))).collect();
+        let mut value = json!({ "ap50": score.ap50, "difficulty": self.difficulty, "frames": score.frames, "classes": classes });
+        if stopped {
+            value["stopped"] = true.into();
+        }
+        value
     }
 }
+
+/// Name of the file of the scores.
+pub const SCORES: &str = "scores.json";
 
 fn arrays<'a>(out: &'a [OnTopic], topic: &'a str) -> impl Iterator<Item = &'a Detection2DArray> {
     out.iter().filter(move |(name, _)| name == topic).filter_map(|(_, message)| match message {
@@ -249,111 +257,27 @@ fn arrays<'a>(out: &'a [OnTopic], topic: &'a str) -> impl Iterator<Item = &'a De
     })
 }
 
-fn save(out: &[OnTopic], stream: &DetectorStream, folder: &Path, number: usize) -> Result<(), EvalError> {
-    if let Some(frame) = image(out, &stream.images) {
-        save_png(&folder.join(&stream.name).join(file_name(number)), frame)?;
-    }
-    Ok(())
-}
-
-fn image<'a>(out: &'a [OnTopic], topic: &str) -> Option<&'a Frame> {
-    out.iter().filter(|(name, _)| name == topic).find_map(|(_, message)| match message {
-        Message::Image(image) => Some(&image.frame),
-        _ => None,
-    })
-}
-
-/// Returns the method that has unwrapped the image of this frame, and whether it trusts its result.
-fn recovery(out: &[OnTopic], topic: &str) -> Option<String> {
-    let said = out.iter().filter(|(name, _)| name == topic).find_map(|(_, message)| match message {
-        Message::Diagnostics(said) => said.status.first(),
-        _ => None,
-    })?;
-    let value = |key: &str| said.values.iter().find(|pair| pair.key == key).map(|pair| pair.value.as_str());
-    let trust = match value("trusted") {
-        Some("true") => ", trusted",
-        Some(_) => ", not trusted",
-        None => "",
-    };
-    Some(format!("{}{trust}", value("method_used")?))
-}
-
-/// An annotated frame. `None` unless it is 8-bit RGB.
-fn picture(frame: &Frame) -> Option<Picture> {
-    let pixels = frame.as_u8()?;
-    let (height, width, _) = pixels.dim();
-    let [width, height] = [width, height].map(|side| u32::try_from(side).ok());
-    Picture::new(width?, height?, pixels.iter().copied().collect(), Vec::new()).ok()
+/// Returns the boxes on `topic`; `None` without an answer.
+fn found(out: &[OnTopic], topic: &str) -> Option<Vec<Detection>> {
+    arrays(out, topic)
+        .map(|array| array.detections.iter().filter_map(|box_| box_.to_detection()).collect::<Vec<_>>())
+        .reduce(|first, second| [first, second].concat())
 }
 
 /// File name of the image of a frame.
-fn file_name(number: usize) -> String {
+fn file_name(number: u64) -> String {
     format!("{number:06}.png")
 }
 
 /// Boxes with one line for each frame, so that two runs can be compared with `diff`.
-fn boxes(frames: &[Vec<Detection>]) -> String {
+fn boxes(frames: &[EvaluatedFrame]) -> String {
     let row =
         |d: &Detection| -> Value { json!([d.bbox.x1, d.bbox.y1, d.bbox.x2, d.bbox.y2, d.score, d.class]) };
-    let line = |(number, frame): (usize, &Vec<Detection>)| {
-        let rows: Vec<Value> = frame.iter().map(row).collect();
+    let line = |(number, frame): (u64, &EvaluatedFrame)| {
+        // The list of a frame without an answer is empty.
+        let rows: Vec<Value> = frame.found.iter().flatten().map(row).collect();
         format!("  \"{}\": {}", file_name(number), Value::Array(rows))
     };
-    let lines: Vec<String> = frames.iter().enumerate().map(line).collect();
+    let lines: Vec<String> = (0..).zip(frames).map(line).collect();
     format!("{{\n{}\n}}\n", lines.join(",\n"))
-}
-
-/// Scores as `{"STREAM": {"ap50": f, "difficulty": "moderate", "classes": {"CLASS": {"ap50": f, "objects": n}}}}`.
-fn scores_json(scores: &BTreeMap<String, StreamScore>) -> String {
-    let class = |(ap50, objects): &(f64, usize)| json!({ "ap50": ap50, "objects": objects });
-    let score = |score: &StreamScore| {
-        let classes: BTreeMap<&String, Value> = score.classes.iter().map(|(k, v)| (k, class(v))).collect();
-        json!({ "ap50": score.ap50, "difficulty": score.difficulty, "classes": classes })
-    };
-    let all: BTreeMap<&String, Value> = scores.iter().map(|(stream, s)| (stream, score(s))).collect();
-    format!("{:#}\n", json!(all))
-}
-
-/// Writes the messages on `topics`. Log time and publish time are the stamp of the message.
-fn record(recorder: &mut BagWriter, out: &[OnTopic], topics: &[String]) -> Result<(), EvalError> {
-    for (topic, message) in out.iter().filter(|(topic, _)| topics.contains(topic)) {
-        let bytes = message.encode()?;
-        // The stamp, and not the wall clock: the same run must give the same bytes.
-        let stamp = message.stamp().as_ns();
-        let kind = message.kind();
-        let qos = if sensor_info::is_topic(topic) { Qos::Latched } else { Qos::usual(kind) };
-        let bag_topic = BagTopic::new(topic, kind.type_name(), qos);
-        recorder.record(&bag_topic, stamp, stamp, &bytes)?;
-    }
-    Ok(())
-}
-
-/// Moves the time stamps of several sources so that each frame is later than the one before it.
-#[derive(Clone, Debug, Default, PartialEq)]
-struct Timeline {
-    /// Time stamp of the last frame, ns.
-    last: Option<u64>,
-    /// Time that is added to the stamps of the current source, ns.
-    shift: u64,
-}
-
-impl Timeline {
-    /// Moves the stamps of the messages of a frame to `interval` after the frame before, if they are not later than that
-    /// frame. Sources were recorded independently, and a repeated source starts again at its first stamp, but labels and
-    /// images are matched by their stamps: no two frames may share a stamp. All later frames of the source are moved by
-    /// the same time, so that the intervals within a source do not change.
-    fn place(&mut self, out: &mut [OnTopic], interval: Duration) {
-        let Some((_, first)) = out.first() else { return };
-        // All messages of a frame carry the stamp of its image.
-        let stamp = first.stamp().as_ns();
-        if let Some(last) = self.last.filter(|last| stamp.saturating_add(self.shift) <= *last) {
-            self.shift = last.saturating_add(nanos(interval)) - stamp;
-        }
-        self.last = Some(stamp.saturating_add(self.shift));
-        if self.shift > 0 {
-            for (_, message) in out {
-                message.set_stamp(Time::from_ns(message.stamp().as_ns().saturating_add(self.shift)));
-            }
-        }
-    }
 }

@@ -2,12 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use modulo_bags::FileError;
 use modulo_draw::RgbImage;
 use modulo_video::{Encoder, VideoError};
 
 /// Rate of a video of one frame, Hz.
 const NOMINAL_RATE: f64 = 10.0;
+/// Width and height of a picture that shows whether a video can be written, px.
+const PROBE: (u32, u32) = (64, 64);
 /// The possible rates, Hz.
 const RATES: (f64, f64) = (0.1, 240.0);
 
@@ -23,10 +24,12 @@ impl AnnotatedVideo {
     /// Prepares a video at `path`, whose extension names the container. A file that is there is replaced.
     ///
     /// # Errors
-    /// [`FileError`] when nothing can be written there.
-    pub fn create(path: &Path) -> Result<Self, FileError> {
-        // Made here, so that a path that cannot be written is known before the first frame.
-        std::fs::File::create(path).map_err(|why| FileError::new(path, why))?;
+    /// [`VideoError`] when ffmpeg is not there, or writes no such video.
+    pub fn create(path: &Path) -> Result<Self, VideoError> {
+        // A video of one black picture, which the first frame replaces: a path or a container that is not possible is known now.
+        let mut probe = Encoder::create(path, PROBE, NOMINAL_RATE)?;
+        probe.add(&[0; 3 * (PROBE.0 * PROBE.1) as usize])?;
+        probe.finish()?;
         Ok(Self { path: path.to_owned(), first: None, encoder: None })
     }
 

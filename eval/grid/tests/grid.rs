@@ -1,6 +1,7 @@
 //! Runs of a grid on rendered scenes. Two runs are equal, unless a node depends on the wall clock; three merged captures have
 //! ghosts where one capture has none; each frame of several sources in one bag has its own time stamp and labels.
 
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
@@ -16,7 +17,7 @@ use modulo_detector::{DetectorParameters, EngineChoice};
 use modulo_eval::grid::{
     Axes, Data, GridError, GridEvent, GridOptions, Nodes, Request, Suite, draw_pictures, run,
 };
-use modulo_eval::launch_file::{Evaluation, EvaluationPlan, Recordings};
+use modulo_eval::launch_file::{CameraPlan, Evaluation, EvaluationPlan, Recordings};
 use modulo_eval::report;
 use modulo_eval::results::{Cell, Provenance, Results, Stream};
 use modulo_images::save_png;
@@ -215,18 +216,19 @@ fn write_kitti(folder: &Path, frames: u8, seed: u8) {
 
 /// Evaluates a camera at rate 0 over each of `sources`, and records into `bag`.
 fn record(sources: &[&Path], more: &[(&str, &str)], bag: &Path) {
-    let recorder = BagWriter::create(bag, Compression::None).expect("a new bag");
-    let mut recordings = Recordings { bag: Some(recorder), video: None };
     let mut evaluation = Evaluation::new(Difficulty::Moderate);
     let topics = ["/ideal", "/ground_truth"].map(str::to_owned).to_vec();
-    let plan = EvaluationPlan {
-        interval: Duration::ZERO,
-        streams: Vec::new(),
+    let camera = CameraPlan {
+        name: "/camera".to_owned(),
+        member: 0,
+        interval: Duration::from_millis(100),
         truth: Some(topics[1].clone()),
-        save_images: false,
-        folder: bag.with_extension("out"),
-        bagged: topics.clone(),
+        streams: Vec::new(),
     };
+    let plan =
+        EvaluationPlan { cameras: vec![camera], folder: bag.with_extension("out"), bagged: topics.clone() };
+    let recorder = BagWriter::create(bag, Compression::None).expect("a new bag");
+    let mut recordings = Recordings::new(&plan, Some(recorder), None, false).expect("no folder is needed");
     for source in sources {
         let source = source.to_str().expect("UTF-8");
         let pairs = [&[("source", source), ("rate", "0")], more].concat();
@@ -235,9 +237,11 @@ fn record(sources: &[&Path], more: &[(&str, &str)], bag: &Path) {
         let mut chain = Lockstep::new(&timer, topics.clone());
         let camera = ModuloCamera::new(&parameters).expect("a camera");
         chain.add(Box::new(camera), &NodeName::new("camera", "/", &[]).expect("a name")).expect("a node");
-        evaluation.add(&mut chain, 0, &plan, &mut recordings, &|_| {}).expect("evaluated");
+        evaluation
+            .add(&mut chain, &plan, &mut recordings, &|_| ControlFlow::Continue(()))
+            .expect("evaluated");
     }
-    recordings.bag.expect("it was opened").finish().expect("finished");
+    recordings.finish().expect("finished");
 }
 
 /// Checks that the images of `bag` are those of `expected`, in this order, at strictly increasing times, each with its

@@ -2,12 +2,15 @@
 
 use std::io;
 use std::os::unix::process::parent_id;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::thread;
 use std::time::Duration;
 
 use modulo_runtime::stop::is_hangup_ignored;
 use modulo_runtime::{Stop, Urgency, launcher};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::flag;
 use signal_hook::iterator::Signals;
 
 const GLANCE: Duration = Duration::from_millis(100);
@@ -33,6 +36,20 @@ pub fn end_on_signals(stop: &Stop) -> io::Result<()> {
         }
     })?;
     Ok(())
+}
+
+/// Returns a flag that the first SIGINT or SIGTERM sets. The second one ends the process at once, as if there were no handler.
+///
+/// # Errors
+/// The error of the operating system when it refuses the handlers.
+pub fn first_signal() -> io::Result<Arc<AtomicBool>> {
+    let asked = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        // Actions run in this order, so that the first signal finds the flag unset.
+        flag::register_conditional_default(signal, asked.clone())?;
+        flag::register(signal, asked.clone())?;
+    }
+    Ok(asked)
 }
 
 /// Asks `stop` for an end as soon as the launcher is gone, since a launcher that was killed cannot end its nodes. Does

@@ -1,15 +1,14 @@
 //! The frames of a benchmark: a folder of images, or the procedural scenes.
 
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use modulo_core::{Exposure, Frame, Range, Sensor, Transfer};
-use modulo_images::{EXTENSIONS, White, is_hidden, read_image};
+use modulo_images::{White, read_image};
 use modulo_scene::{Preset, Scene};
 use ndarray::Array3;
 
 use super::BenchmarkRequest;
-use crate::{BenchError, BenchEvent, Skipped, samples8};
+use crate::{BenchError, BenchEvent, Skipped, images, samples8};
 
 /// Size of the procedural scenes, px: that of most frames of KITTI.
 const WIDTH: usize = 1242;
@@ -49,7 +48,7 @@ pub fn usable(
         None => procedural(),
         Some(folder) => {
             let (white, transfer) = (request.exposure.white, request.exposure.sensor.first().transfer);
-            list(folder)?.into_iter().map(|file| FrameSource::File(file, white, transfer)).collect()
+            images(folder, tell)?.into_iter().map(|file| FrameSource::File(file, white, transfer)).collect()
         }
     };
     let (mut found, mut skipped) = (Vec::new(), Vec::new());
@@ -113,21 +112,4 @@ impl std::fmt::Display for FrameSource {
 fn procedural() -> Vec<FrameSource> {
     let moments = |preset| MOMENTS.map(|frame| FrameSource::Scene(Scene::new(preset, 0), frame));
     Preset::ALL.into_iter().flat_map(moments).collect()
-}
-
-/// The image files of `folder`, sorted by name.
-fn list(folder: &Path) -> Result<Vec<PathBuf>, BenchError> {
-    let io = |source| BenchError::Io(folder.to_owned(), source);
-    let mut files = Vec::new();
-    for entry in fs::read_dir(folder).map_err(io)? {
-        let path = entry.map_err(io)?.path();
-        let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
-        if path.is_file() && !is_hidden(&path) && extension.is_some_and(|e| EXTENSIONS.contains(&e.as_str()))
-        {
-            files.push(path);
-        }
-    }
-    // The order of `read_dir` depends on the file system. The results must not.
-    files.sort();
-    Ok(files)
 }

@@ -1,0 +1,220 @@
+//! [`Recordings`]: what an evaluation writes while it runs: a bag, images, and a video of the boxes.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use modulo_bags::FileError;
+use modulo_bags::bag::{BagTopic, BagWriter};
+use modulo_core::{Detection, Frame};
+use modulo_draw::{Picture, RgbImage, distinct, sheet};
+use modulo_images::save_png;
+use modulo_runtime::lockstep::OnTopic;
+use modulo_runtime::{Message, Qos, sensor_info};
+use ndarray::Array3;
+
+use super::plan::{CameraPlan, DetectorStream, EvaluationPlan};
+use super::{EvalError, file_name, found};
+use crate::video::AnnotatedVideo;
+
+/// The recordings of an evaluation.
+#[derive(Default)]
+pub struct Recordings {
+    /// The messages on the topics of the plan.
+    bag: Option<BagWriter>,
+    /// The annotated images of all streams.
+    video: Option<AnnotatedVideo>,
+    /// Whether images are saved: `FOLDER/STREAM/NUMBER.png`, and `FOLDER/grid.png` with the last frame of every stream and its boxes,
+    /// in two columns and in the order of the detectors, with a legend of the classes.
+    images: bool,
+    /// What each stream shows, by its name.
+    shown: BTreeMap<String, Shown>,
+    /// The error of the first file that could not be written. Nothing is recorded after it.
+    fault: Option<EvalError>,
+}
+
+/// The last annotated image of a stream.
+struct Shown {
+    title: String,
+    /// `None` where the frame has none.
+    picture: Option<Picture>,
+    /// The classes of its boxes.
+    classes: Vec<String>,
+}
+
+impl Recordings {
+    /// Creates the recordings of an evaluation, and the folders of its images.
+    ///
+    /// # Errors
+    /// [`FileError`] if a folder cannot be made.
+    pub fn new(
+        plan: &EvaluationPlan,
+        bag: Option<BagWriter>,
+        video: Option<AnnotatedVideo>,
+        images: bool,
+    ) -> Result<Self, FileError> {
+        for folder in plan.streams().filter(|_| images).map(|stream| plan.folder.join(&stream.name)) {
+            std::fs::create_dir_all(&folder).map_err(|why| FileError::new(&folder, why))?;
+        }
+        Ok(Self { bag, video, images, ..Self::default() })
+    }
+
+    /// Returns the topics whose messages are needed for `plan`.
+    pub fn topics(&self, plan: &EvaluationPlan) -> Vec<String> {
+        let mut topics = plan.bagged.clone();
+        for camera in &plan.cameras {
+            topics.extend(camera.truth.clone());
+            for stream in &camera.streams {
+                topics.push(stream.detections.clone());
+                topics.extend(self.images.then(|| stream.images.clone()));
+                topics.extend(stream.annotated.clone().filter(|_| self.shows()));
+                topics.extend(stream.recovery.clone().filter(|_| self.video.is_some()));
+            }
+        }
+        topics
+    }
+
+    /// Whether annotated images are needed.
+    fn shows(&self) -> bool {
+        self.images || self.video.is_some()
+    }
+
+    /// Adds frame `number` of `camera`. With the last camera of a round, in which each one has sent a frame, the annotated images
+    /// of all are drawn. An error is kept for [`Recordings::finish`]: the scores do not depend on recordings.
+    pub(super) fn add(
+        &mut self,
+        plan: &EvaluationPlan,
+        (camera, number): (&CameraPlan, u64),
+        out: &[OnTopic],
+        ends_round: bool,
+    ) {
+        if self.fault.is_none() {
+            self.fault = self.write(plan, (camera, number), out, ends_round).err();
+        }
+    }
+
+    fn write(
+        &mut self,
+        plan: &EvaluationPlan,
+        (camera, number): (&CameraPlan, u64),
+        out: &[OnTopic],
+        ends_round: bool,
+    ) -> Result<(), EvalError> {
+        if let Some(bag) = &mut self.bag {
+            record(bag, out, &plan.bagged)?;
+        }
+        for stream in camera.streams.iter().filter(|_| self.images) {
+            if let Some(frame) = image(out, &stream.images) {
+                save_png(&plan.folder.join(&stream.name).join(file_name(number)), frame)?;
+            }
+        }
+        if !self.shows() {
+            return Ok(());
+        }
+        let shown = camera.streams.iter().map(|stream| (stream.name.clone(), Shown::of(stream, out)));
+        self.shown.extend(shown);
+        let (true, Some(sheet)) = (ends_round, self.sheet(plan)) else { return Ok(()) };
+        if self.images {
+            save_sheet(&plan.folder, &sheet)?;
+        }
+        match (&mut self.video, out.first()) {
+            (Some(video), Some((_, message))) => Ok(video.add(sheet, message.stamp().as_ns())?),
+            _ => Ok(()),
+        }
+    }
+
+    /// Notes that `camera` has sent its last frame.
+    pub(super) fn end(&mut self, camera: &CameraPlan) {
+        for stream in &camera.streams {
+            if let Some(shown) = self.shown.get_mut(&stream.name) {
+                shown.title = format!("{}: ended", stream.name);
+            }
+        }
+    }
+
+    /// Returns the last annotated images of all streams as one, each below its title; `None` where no stream has one. A stream without an image
+    /// has an empty place, so that all sheets have one size.
+    fn sheet(&self, plan: &EvaluationPlan) -> Option<RgbImage> {
+        let picture = |DetectorStream { name, .. }: &DetectorStream| match self.shown.get(name) {
+            Some(Shown { title, picture: Some(picture), .. }) => (title.clone(), Some(picture.clone())),
+            _ => (format!("{name}: no image"), None),
+        };
+        let pictures: Vec<_> = plan.streams().map(picture).collect();
+        let classes = self.shown.values().flat_map(|shown| &shown.classes);
+        sheet(&pictures, &distinct(classes.map(String::as_str)))
+    }
+
+    /// Completes the bag and the video.
+    ///
+    /// # Errors
+    /// The error of the first file that could not be written.
+    pub fn finish(self) -> Result<(), EvalError> {
+        let bag = self.bag.map(BagWriter::finish).transpose().map(drop).map_err(EvalError::from);
+        let video = self.video.map(AnnotatedVideo::finish).transpose().map(drop).map_err(EvalError::from);
+        self.fault.map_or(Ok(()), Err).and(bag).and(video)
+    }
+}
+
+impl Shown {
+    /// What the messages of a frame show of `stream`, with the method that has unwrapped its image and its trust in the title.
+    fn of(stream: &DetectorStream, out: &[OnTopic]) -> Self {
+        let said = stream.recovery.as_deref().and_then(|topic| recovery(out, topic));
+        let boxes: Vec<Detection> = found(out, &stream.detections).unwrap_or_default();
+        Self {
+            title: said.map_or_else(|| stream.name.clone(), |said| format!("{}: {said}", stream.name)),
+            picture: stream.annotated.as_deref().and_then(|topic| picture(image(out, topic)?)),
+            classes: boxes.into_iter().map(|found| found.class).collect(),
+        }
+    }
+}
+
+/// Writes the annotated images of the last frames into `folder`.
+fn save_sheet(folder: &Path, sheet: &RgbImage) -> Result<(), EvalError> {
+    let size = (sheet.height() as usize, sheet.width() as usize, 3);
+    let pixels = Array3::from_shape_vec(size, sheet.as_raw().clone()).expect("three samples a pixel");
+    let frame = Frame::from_u8(pixels).expect("a sheet has three channels");
+    Ok(save_png(&folder.join("grid.png"), &frame)?)
+}
+
+fn image<'a>(out: &'a [OnTopic], topic: &str) -> Option<&'a Frame> {
+    out.iter().filter(|(name, _)| name == topic).find_map(|(_, message)| match message {
+        Message::Image(image) => Some(&image.frame),
+        _ => None,
+    })
+}
+
+/// Returns the method that has unwrapped the image of this frame, and whether it trusts its result.
+fn recovery(out: &[OnTopic], topic: &str) -> Option<String> {
+    let said = out.iter().filter(|(name, _)| name == topic).find_map(|(_, message)| match message {
+        Message::Diagnostics(said) => said.status.first(),
+        _ => None,
+    })?;
+    let value = |key: &str| said.values.iter().find(|pair| pair.key == key).map(|pair| pair.value.as_str());
+    let trust = match value("trusted") {
+        Some("true") => ", trusted",
+        Some(_) => ", not trusted",
+        None => "",
+    };
+    Some(format!("{}{trust}", value("method_used")?))
+}
+
+/// An annotated frame. `None` unless it is 8-bit RGB.
+fn picture(frame: &Frame) -> Option<Picture> {
+    let pixels = frame.as_u8()?;
+    let (height, width, _) = pixels.dim();
+    let [width, height] = [width, height].map(|side| u32::try_from(side).ok());
+    Picture::new(width?, height?, pixels.iter().copied().collect(), Vec::new()).ok()
+}
+
+/// Writes the messages on `topics`. Log time and publish time are the stamp of the message.
+fn record(recorder: &mut BagWriter, out: &[OnTopic], topics: &[String]) -> Result<(), EvalError> {
+    for (topic, message) in out.iter().filter(|(topic, _)| topics.contains(topic)) {
+        let bytes = message.encode()?;
+        // The stamp, and not the wall clock: the same run must give the same bytes.
+        let stamp = message.stamp().as_ns();
+        let kind = message.kind();
+        let qos = if sensor_info::is_topic(topic) { Qos::Latched } else { Qos::usual(kind) };
+        let bag_topic = BagTopic::new(topic, kind.type_name(), qos);
+        recorder.record(&bag_topic, stamp, stamp, &bytes)?;
+    }
+    Ok(())
+}
