@@ -14,7 +14,7 @@ use modulo_eval::video::AnnotatedVideo;
 use modulo_launch::{Plan, Summary};
 use modulo_middleware::process::signals::first_signal;
 use modulo_runtime::lockstep::Lockstep;
-use modulo_runtime::output::prepare_file;
+use modulo_runtime::output::{OutputError, prepare_file};
 use modulo_runtime::{NodeName, NodeReport, Parameters, SystemClock, Value};
 use modulo_video::VideoAddress;
 
@@ -140,7 +140,7 @@ fn launch_file(args: &Eval, file: &Path, out: &Path) -> Result<Ended, Failure> {
             break;
         }
     }
-    if let (Err(_), 0) = (&ended, evaluation.frames()) {
+    if ended.is_err() && evaluation.is_empty() {
         // The corrected command finds no bag in its way.
         args.bag.iter().for_each(|bag| drop(std::fs::remove_dir_all(bag)));
         return ended.map(|()| Ended::Done);
@@ -216,17 +216,16 @@ fn outputs(args: &Eval, plan: &EvaluationPlan) -> Result<Recordings, Failure> {
         let files = plan.streams().map(|stream| format!("{}.json", stream.name));
         let files = files.chain([SUMMARY, SCORES].map(str::to_owned)).map(|name| out.join(name));
         files.filter(|file| file.exists()).try_for_each(|file| prepare_file(&file))?;
-        let video_is_new = args.video.as_ref().filter(|video| !video.exists());
+        for folder in plan.streams().filter(|_| args.images).map(|stream| out.join(&stream.name)) {
+            std::fs::create_dir_all(&folder).map_err(|why| OutputError::new(&folder, why))?;
+        }
         let video = args.video.as_deref().map(AnnotatedVideo::create).transpose()?;
-        let bag = args.bag.as_ref().map(|folder| BagWriter::create(folder, Compression::Zstd)).transpose();
-        let bag =
-            bag.inspect_err(|_| video_is_new.iter().for_each(|video| drop(std::fs::remove_file(video))))?;
-        Ok(Recordings::new(plan, bag, video, args.images)?)
+        let bag = args.bag.as_ref().map(|folder| BagWriter::create(folder, Compression::Zstd)).transpose()?;
+        Ok(Recordings::new(bag, video, args.images))
     };
     opened().map_err(|why| {
         if is_new {
-            // Only an empty folder is removed.
-            let _ = std::fs::remove_dir(out);
+            let _ = std::fs::remove_dir_all(out);
         }
         usage(why)
     })
@@ -291,7 +290,10 @@ pub(super) fn evaluable(plan: &Plan) -> anyhow::Result<Vec<(&'static NodeKind, N
         }
         Ok((kind, node_name, parameters))
     };
-    modulo_launch::compose(plan)?.iter().map(node).collect()
+    let nodes = modulo_launch::compose(plan).map_err(|why| {
+        anyhow!("{why}; an evaluation runs nodes of the suite only, and takes the frames of a bag as the source of a camera")
+    })?;
+    nodes.iter().map(node).collect()
 }
 
 /// Refuses a source of a camera that lockstep cannot read, or that has no end.

@@ -126,16 +126,11 @@ pub fn unwrap_files(
         tell(BenchEvent::Step { done, total: files.len(), next: &next });
         match of_file(request, (file, &name), &sensor, &mut methods) {
             Ok(rows) => outcome.rows.extend(rows),
-            Err(why @ (BenchError::Image(_) | BenchError::Unwrap(_) | BenchError::NotCodes(..)))
-                if files.len() > 1 =>
-            {
-                let why =
-                    if why.to_string().contains(&next) { why.to_string() } else { format!("{next}: {why}") };
-                let skipped = Skipped { file: next, why };
+            Err(why @ (BenchError::Image(_) | BenchError::NotCodes(..))) if files.len() > 1 => {
+                let skipped = Skipped { file: next, why: why.to_string() };
                 tell(BenchEvent::Skipped(&skipped));
                 outcome.skipped.push(skipped);
             }
-            Err(BenchError::Unwrap(why)) => return Err(BenchError::NotCodes(file.clone(), why.to_string())),
             Err(why) => return Err(why),
         }
         write_json(&request.out.join(RESULTS), &outcome.rows)?;
@@ -165,7 +160,7 @@ fn modulo_image(file: &Path, sensor: &SensorModel) -> Result<Frame, BenchError> 
         ));
     }
     match sensor.mosaic {
-        Some(mosaic) => Ok(y.with_mosaic(mosaic).map_err(UnwrapError::from)?),
+        Some(mosaic) => y.with_mosaic(mosaic).or_else(|why| refuse(why.to_string())),
         None => Ok(y),
     }
 }
@@ -183,7 +178,7 @@ fn of_file(
         let mut recovered = Recovered::default();
         map.fit(y.dim()).expect("a map that was not read has no size of its own");
         let (unwrapped, ms) = timed(|| map.unwrap(method.as_mut(), &y, range, gains, &mut recovered));
-        unwrapped?;
+        unwrapped.map_err(|why| BenchError::NotCodes(file.to_owned(), why.to_string()))?;
         let path = |what: &str| request.out.join(format!("{name}_{}{what}.png", method.name()));
         let colours = mosaic.map(|mosaic| mosaic.demosaic(recovered.x.view()));
         let x = colours.as_ref().unwrap_or(&recovered.x);

@@ -177,6 +177,11 @@ impl Evaluation {
         self.progress.values().map(|progress| progress.frames).sum()
     }
 
+    /// Whether no detector has given an answer.
+    pub fn is_empty(&self) -> bool {
+        self.streams.values().flatten().all(|frame| frame.found.is_none())
+    }
+
     /// AP50 of each stream over its labelled frames, or why there is none.
     pub fn results(&self) -> BTreeMap<&str, StreamResult> {
         self.streams.iter().map(|(stream, frames)| (stream.as_str(), self.result(frames))).collect()

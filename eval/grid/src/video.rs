@@ -26,10 +26,14 @@ impl AnnotatedVideo {
     /// # Errors
     /// [`VideoError`] when ffmpeg is not there, or writes no such video.
     pub fn create(path: &Path) -> Result<Self, VideoError> {
-        // A video of one black picture, which the first frame replaces: a path or a container that is not possible is known now.
+        // A video of one black picture, which does not stay: a path or a container that is not possible is known now.
         let mut probe = Encoder::create(path, PROBE, NOMINAL_RATE)?;
         probe.add(&[0; 3 * (PROBE.0 * PROBE.1) as usize])?;
         probe.finish()?;
+        if path.is_file() {
+            // What is left where this fails is replaced by the video.
+            let _ = std::fs::remove_file(path);
+        }
         Ok(Self { path: path.to_owned(), first: None, encoder: None })
     }
 

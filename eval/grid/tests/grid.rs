@@ -228,7 +228,7 @@ fn record(sources: &[&Path], more: &[(&str, &str)], bag: &Path) {
     let plan =
         EvaluationPlan { cameras: vec![camera], folder: bag.with_extension("out"), bagged: topics.clone() };
     let recorder = BagWriter::create(bag, Compression::None).expect("a new bag");
-    let mut recordings = Recordings::new(&plan, Some(recorder), None, false).expect("no folder is needed");
+    let mut recordings = Recordings::new(Some(recorder), None, false);
     for source in sources {
         let source = source.to_str().expect("UTF-8");
         let pairs = [&[("source", source), ("rate", "0")], more].concat();

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use modulo_bags::FileError;
 use modulo_bags::bag::{BagTopic, BagWriter};
 use modulo_core::{Detection, Frame};
 use modulo_draw::{Picture, RgbImage, distinct, sheet};
@@ -42,20 +41,9 @@ struct Shown {
 }
 
 impl Recordings {
-    /// Creates the recordings of an evaluation, and the folders of its images.
-    ///
-    /// # Errors
-    /// [`FileError`] if a folder cannot be made.
-    pub fn new(
-        plan: &EvaluationPlan,
-        bag: Option<BagWriter>,
-        video: Option<AnnotatedVideo>,
-        images: bool,
-    ) -> Result<Self, FileError> {
-        for folder in plan.streams().filter(|_| images).map(|stream| plan.folder.join(&stream.name)) {
-            std::fs::create_dir_all(&folder).map_err(|why| FileError::new(&folder, why))?;
-        }
-        Ok(Self { bag, video, images, ..Self::default() })
+    /// Creates the recordings of an evaluation. The folders of the images, with the names of the streams, must be there.
+    pub fn new(bag: Option<BagWriter>, video: Option<AnnotatedVideo>, images: bool) -> Self {
+        Self { bag, video, images, ..Self::default() }
     }
 
     /// Returns the topics whose messages are needed for `plan`.
