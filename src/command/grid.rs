@@ -264,6 +264,7 @@ pub fn failure(why: GridError) -> Failure {
         | GridError::Value { .. }
         | GridError::Table(..)
         | GridError::Parameter(_)
+        | GridError::Detector(_)
         | GridError::NoCell(_)
         | GridError::Output(..)
         | GridError::OtherSetup(..) => true,

@@ -159,7 +159,7 @@ fn images(folder: &Path, tell: &mut dyn FnMut(BenchEvent<'_>)) -> Result<Vec<Pat
     if let Some(first) = others.iter().min() {
         let (folder, count, first) = (folder.display(), others.len(), first.display());
         tell(BenchEvent::Warning(&format!(
-            "{folder}: {count} files are no images and left out, the first: {first}"
+            "{folder}: left out what is no image, {count} in number, the first: {first}"
         )));
     }
     Ok(images)

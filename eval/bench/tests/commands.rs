@@ -477,7 +477,7 @@ fn a_folder_stands_for_its_images() {
     let files: Vec<_> = rows.unwrap().rows.into_iter().map(|row| row.file).collect();
     assert_eq!(files, ["a.png", "b.png"].map(|name| pictures.join(name).display().to_string()));
     assert!(
-        told.len() == 1 && told[0].contains("2 files are no images") && told[0].contains("labels.json"),
+        told.len() == 1 && told[0].contains("2 in number") && told[0].contains("labels.json"),
         "{told:?}"
     );
     let codes = folder.path().join("codes");

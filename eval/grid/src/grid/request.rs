@@ -312,8 +312,11 @@ impl Data {
 }
 
 fn sha256(model: &Path) -> Result<String, GridError> {
-    let parts = modulo_detector::model_parts(model);
-    let parts = parts.map_err(|why| GridError::io(model, std::io::Error::other(why)))?;
+    let parts = modulo_detector::model_parts(model).map_err(|why| GridError::Value {
+        what: "--model",
+        value: model.display().to_string(),
+        possible: format!("demo or a file that can be read ({why})"),
+    })?;
     // As `cat model.onnx model.onnx.data | sha256sum` gives it.
     let hash = parts.iter().fold(Sha256::new(), |hash, (_, bytes)| hash.chain_update(bytes));
     Ok(modulo_models::hex(&hash.finalize()))
