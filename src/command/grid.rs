@@ -234,7 +234,7 @@ fn provenance() -> Provenance {
 fn data(args: &LabelledFrames, source: &[String]) -> Result<Data, Failure> {
     let list = match args.list.as_deref() {
         Some(path) if path == Path::new("paper") => Some(FrameList::paper()),
-        Some(path) => Some(FrameList::read(path).map_err(usage)?),
+        Some(path) => Some(FrameList::read(path)?),
         None => None,
     };
     match (&args.kitti, &args.sequence[..], &args.yolo, &args.coco, source) {
