@@ -319,7 +319,7 @@ impl BagWarning {
             | Self::Part(_)
             | Self::Contradiction(..) => true,
             Self::NoMetadata(_) | Self::BadMetadata(..) | Self::NoIndex(_) | Self::Metadata(..) => false,
-            Self::NoDefinition { .. } => false,
+            Self::NoDefinition { .. } | Self::OtherHash { .. } => false,
         }
     }
 
