@@ -236,9 +236,11 @@ fn a_bad_source_keeps_the_results_of_those_before_it() {
     let bench = Bench::new();
     let bad = bench.path("bad");
     std::fs::create_dir_all(&bad).expect("writable");
+    // A loop without a good frame cannot go on.
     std::fs::write(bad.join("000000.png"), "no image").expect("writable");
     let (bad, out) = (bad.display().to_string(), bench.path("out"));
-    let output = eval(&bench, &out, &[RECOVERED, "--source", FRONT, "--source", &bad]);
+    let output =
+        eval(&bench, &out, &[RECOVERED, "loop:=true", "frames:=3", "--source", FRONT, "--source", &bad]);
     assert_eq!(output.status.code(), Some(1), "{}", text(&output));
     assert!(
         text(&output).contains("AP50 on recovered") && text(&output).contains("000000.png"),
@@ -247,7 +249,17 @@ fn a_bad_source_keeps_the_results_of_those_before_it() {
     );
     assert_eq!(json(&out.join("scores.json"))["recovered"]["frames"], 3);
     let bag = bench.path("bag");
-    let words = [RECOVERED, "--source", &bad, "--topics", "/modulo", "--bag", &bag.display().to_string()];
+    let words = [
+        RECOVERED,
+        "loop:=true",
+        "frames:=3",
+        "--source",
+        &bad,
+        "--topics",
+        "/modulo",
+        "--bag",
+        &bag.display().to_string(),
+    ];
     assert_eq!(eval(&bench, &bench.path("none"), &words).status.code(), Some(1));
     assert!(!bag.exists(), "no frame came before the fault");
 }
