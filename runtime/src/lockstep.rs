@@ -96,6 +96,11 @@ impl<'a> Lockstep<'a> {
         Ok((flow == Flow::Continue || !out.is_empty()).then_some(out))
     }
 
+    /// Returns the number of frames that source `member` has taken; `None` for a node without a position.
+    pub fn position(&self, member: usize) -> Option<u64> {
+        self.members[member].node.position()
+    }
+
     /// Carries one message from outside through the chain; returns everything that came out on recorded topics, in
     /// order.
     ///

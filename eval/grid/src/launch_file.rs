@@ -146,10 +146,15 @@ impl Evaluation {
         };
         while let Some(next) = (0..running.len()).min_by_key(|&index| due(self, running[index])) {
             let camera = running[next];
+            let before = chain.position(camera.member);
             let Some(mut out) = chain.tick(camera.member, due(self, camera))? else {
                 recordings.end(running.remove(next));
                 continue;
             };
+            // A loss that the source tells, such as the cut end of a bag, is no frame and has no number.
+            if out.is_empty() && before.is_some() && chain.position(camera.member) == before {
+                continue;
+            }
             let progress = self.progress.entry(camera.name.clone()).or_default();
             progress.timeline.place(&mut out, camera.interval);
             let number = progress.frames;
