@@ -18,6 +18,8 @@ const NO_CODE: &str = "its compressed data hold a code that does not exist";
 const RESTART: &str = "a restart marker is missing";
 const NO_SCAN: &str = "a scan is missing";
 
+/// The most bits of a difference of DC; the other coefficients have fewer.
+const MOST_BITS: u32 = 11;
 /// A picture has fewer scans; the decoder refuses more.
 const MOST_SCANS: u32 = 100;
 /// The decoder refuses larger pictures.
@@ -148,7 +150,7 @@ impl Picture {
             let count = counts.iter().map(|&count| usize::from(count)).sum();
             let values = rest.get(16..)?.get(..count)?;
             let place = usize::from(head >> 4) * 4 + usize::from(head & 15);
-            *self.tables.get_mut(place)? = Some(Huffman::new(counts, values));
+            *self.tables.get_mut(place)? = Some(Huffman::new(counts, values)?);
             segment = &rest[16 + count..];
         }
         Some(())
@@ -261,17 +263,24 @@ struct Huffman {
 }
 
 impl Huffman {
-    fn new(counts: &[u8; 16], values: &[u8]) -> Self {
+    /// Makes a table of the number of codes of each length; `None` if a value has two codes, or there are more codes than bits for them.
+    fn new(counts: &[u8; 16], values: &[u8]) -> Option<Self> {
+        if (1..values.len()).any(|place| values[place..].contains(&values[place - 1])) {
+            return None;
+        }
         let mut table = Self { ends: [0; 16], shifts: [0; 16], values: values.to_owned() };
         let (mut code, mut place) = (0_u32, 0);
         for (length, &count) in counts.iter().enumerate() {
             table.shifts[length] = place - code as i32;
             place += i32::from(count);
             code += u32::from(count);
+            if code > 2 << length {
+                return None;
+            }
             table.ends[length] = code << (15 - length);
             code *= 2;
         }
-        table
+        Some(table)
     }
 }
 
@@ -335,12 +344,15 @@ impl<'a> Bits<'a> {
             self.take(1)?;
         } else if band.first == 0 {
             let bits = self.symbol(dc)?;
-            self.take(Some(bits).filter(|bits| *bits < 16).ok_or(NO_CODE)?)?;
+            self.take(Some(bits).filter(|bits| *bits <= MOST_BITS).ok_or(NO_CODE)?)?;
         }
         let mut place = band.first.max(1);
         while self.run == 0 && place <= band.last {
             let symbol = self.symbol(ac)?;
             let (zeros, bits) = (symbol >> 4, symbol & 15);
+            if bits >= MOST_BITS {
+                return Err(NO_CODE);
+            }
             if bits == 0 && zeros < 15 {
                 // Only progressive pictures have runs of blocks.
                 if zeros > 0 && band.first == 0 {

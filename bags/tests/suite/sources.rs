@@ -223,7 +223,7 @@ fn a_compressed_mosaic_is_the_mosaic() {
     let raw = cdr::to_vec(&Image::from_frame(Header::default(), &mosaic)).expect("short");
     let raw = read("raw", "sensor_msgs/msg/Image", raw).expect("readable");
     assert_eq!(raw.dim(), (8, 8, 3));
-    let mut compressed = |name: &str, format: &str| {
+    let compressed = |name: &str, format: &str| {
         let message = CompressedImage { header: Header::default(), format: format.into(), data: png.clone() };
         read(name, "sensor_msgs/msg/CompressedImage", cdr::to_vec(&message).expect("short"))
     };
