@@ -47,8 +47,6 @@ pub(crate) fn read(file: &[u8]) -> Result<DynamicImage, image::ImageError> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-
     /// A picture of 2 x 1 px, of 0.25 and 0.5, in a file with this signature, these lines in its header and this size.
     fn file(signature: &str, lines: &str, size: &str) -> Vec<u8> {
         let head = format!("{signature}\nFORMAT=32-bit_rle_rgbe\n{lines}\n{size}\n");

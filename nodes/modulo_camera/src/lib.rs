@@ -419,16 +419,17 @@ impl FrameReader {
     /// Returns the next frame; `None` at the end.
     ///
     /// # Errors
-    /// [`StepError::Skip`] for a frame that cannot be read, [`StepError::Fatal`] when the source is to start again, but cannot, or no frame
-    /// of it was good.
+    /// [`StepError::Skip`] for a frame that cannot be read, [`StepError::Fatal`] when the source is over and its only frame was not
+    /// good, and when it is to start again, but cannot, or no frame of it was good.
     fn next_frame(&mut self) -> Result<Option<SourceFrame>, StepError> {
         let mut next = self.source.next();
         if next.is_none() {
+            // A source without a single good frame would repeat its errors without end.
+            let is_vain = !self.given && (self.repeat || self.source.len() == Some(1));
+            if let Some(why) = self.bad.take().filter(|_| is_vain) {
+                return Err(StepError::Fatal(format!("no frame of the source is good: {why}")));
+            }
             if self.repeat {
-                // A source without a single good frame would repeat its errors without end.
-                if let (false, Some(why)) = (self.given, self.bad.take()) {
-                    return Err(StepError::Fatal(format!("no frame of the source is good: {why}")));
-                }
                 self.source.rewind().map_err(|why| StepError::Fatal(why.to_string()))?;
                 self.given = false;
                 next = self.source.next();
