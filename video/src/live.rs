@@ -5,9 +5,10 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use modulo_core::Frame;
 use modulo_runtime::Clock;
 
-use crate::program::{Decoding, kill, needed_version};
+use crate::program::{Decoding, FrameInfo, kill, needed_version};
 use crate::{LiveAddress, Pixels, VideoError};
 
 /// The pause before the second connection, which doubles up to the longest one with each that brings no frame.
@@ -199,13 +200,7 @@ impl Shared {
             } else if ticks.saturating_sub(whole) > SILENCE_NS {
                 return (frames, "all frames are damaged".to_owned());
             }
-            let stamped =
-                LiveFrame { pixels: Pixels { frame, bits: info.bits }, stamp_ns: self.clock.now_ns() };
-            let damaged = || {
-                VideoError::failed(&self.address, "a frame is damaged, or is predicted from a damaged one")
-            };
-            let frame = if info.is_damaged { Err(damaged()) } else { Ok(stamped) };
-            self.put(frame, ticks, frames == 1);
+            self.put(self.stamped(frame, info), ticks, frames == 1);
         }
         let (told, signal) = decoding.end();
         let why = match (told.first, signal) {
@@ -214,6 +209,15 @@ impl Shared {
             (None, None) => "the stream has ended".to_owned(),
         };
         (frames, why)
+    }
+
+    /// Returns a frame with its stamp; the error is a damaged one.
+    fn stamped(&self, frame: Frame, info: FrameInfo) -> Result<LiveFrame, VideoError> {
+        if info.is_damaged {
+            let why = "a frame is damaged, or is predicted from a damaged one";
+            return Err(VideoError::failed(&self.address, why));
+        }
+        Ok(LiveFrame { pixels: Pixels { frame, bits: info.bits }, stamp_ns: self.clock.now_ns() })
     }
 
     fn put(&self, frame: Result<LiveFrame, VideoError>, ticks: u64, is_first: bool) {

@@ -125,6 +125,17 @@ fn label_files(image: &Path) -> Vec<PathBuf> {
     swapped.into_iter().chain([image.to_owned()]).map(|path| path.with_extension("txt")).collect()
 }
 
+/// Returns the box around corners, each of which is two numbers.
+fn around(corners: &[f32]) -> BBox {
+    let start = BBox { x1: corners[0], y1: corners[1], x2: corners[0], y2: corners[1] };
+    corners.chunks_exact(2).fold(start, |b, point| BBox {
+        x1: b.x1.min(point[0]),
+        y1: b.y1.min(point[1]),
+        x2: b.x2.max(point[0]),
+        y2: b.y2.max(point[1]),
+    })
+}
+
 /// Returns the number of the class and the box in px of a line. `key_points` are the numbers that follow a box.
 fn parse(
     line: &str,
@@ -155,15 +166,7 @@ fn parse(
     let bbox = match *shape {
         [cx, cy, w, h] if w >= 0.0 && h >= 0.0 => BBox::from_centre((cx, cy), (w, h)),
         [_, _, w, h] => return Err(format!("box of {w} x {h} found, 0 or more needed")),
-        _ => {
-            let start = BBox { x1: shape[0], y1: shape[1], x2: shape[0], y2: shape[1] };
-            shape.chunks_exact(2).fold(start, |b, point| BBox {
-                x1: b.x1.min(point[0]),
-                y1: b.y1.min(point[1]),
-                x2: b.x2.max(point[0]),
-                y2: b.y2.max(point[1]),
-            })
-        }
+        _ => around(shape),
     };
     Ok((class, BBox { x1: bbox.x1 * width, y1: bbox.y1 * height, x2: bbox.x2 * width, y2: bbox.y2 * height }))
 }
