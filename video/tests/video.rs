@@ -238,6 +238,39 @@ fn a_damaged_frame_within_a_file_is_counted_and_the_others_keep_their_times() {
     assert_eq!(bad.len(), 1, "{bad:?}");
 }
 
+/// What a decoder hides is damage all the same, and so is what is predicted from it.
+#[test]
+fn frames_are_named_from_hidden_damage_to_the_next_key_frame() {
+    let Some(bench) = bench() else { return };
+    let path = bench.path().join("a.mp4");
+    ffmpeg(
+        "-f lavfi -i testsrc=s=160x120:r=10 -frames:v 20 -c:v libx264 -pix_fmt yuv420p -g 10 -bf 2 -crf 8",
+        &path,
+    );
+    let whole = all(&mut open(&path));
+    let bytes = std::fs::read(&path).expect("readable");
+    let mut seen = 0;
+    // Behind the first key frame, and before the index at the end.
+    for tenth in 3..7 {
+        let mut damaged = bytes.clone();
+        let place = bytes.len() * tenth / 10;
+        damaged[place..place + 120].iter_mut().for_each(|byte| *byte ^= 0x5a);
+        std::fs::write(&path, damaged).expect("writable");
+        let mut video = open(&path);
+        let read: Vec<_> = std::iter::from_fn(|| video.next_frame()).collect();
+        assert_eq!(read.len(), 20);
+        let named = |frame: &Result<VideoFrame, _>| {
+            frame.as_ref().is_err_and(|why: &modulo_video::VideoError| why.to_string().contains("is damaged"))
+        };
+        let Some(first) = read.iter().position(named) else { continue };
+        seen += 1;
+        for (frame, whole) in read.iter().zip(&whole) {
+            assert!(named(frame) || frame.as_ref() == Ok(whole), "from {first} on: {:?}", whole.number);
+        }
+    }
+    assert!(seen > 0, "ffmpeg reports some of them");
+}
+
 #[test]
 fn a_killed_ffmpeg_is_started_again_behind_the_last_frame() {
     let Some(bench) = bench() else { return };

@@ -239,6 +239,28 @@ fn a_compressed_mosaic_is_the_mosaic() {
     }
 }
 
+/// The first image ends early, although with an end marker, as from a camera that was unplugged.
+#[test]
+fn a_damaged_compressed_image_is_named_and_the_next_one_still_comes() {
+    let (_guard, path) = temporary("bag");
+    let pixels = Array3::from_shape_fn((48, 64, 3), |(y, x, c)| (3 * y + 2 * x + 40 * c) as u8);
+    let whole = Frame::from_u8(pixels).expect("48 x 64");
+    let whole = modulo_images::encode(&whole, modulo_images::FileFormat::Jpeg).expect("encoded");
+    let cut = [&whole[..whole.len() - whole.len() / 4], &[0xff, 0xd9]].concat();
+    let mut bag = BagWriter::create(&path, Compression::None).expect("a new bag");
+    let topic = bag.topic(&BagTopic::new("/image", "sensor_msgs/msg/CompressedImage", Qos::Images));
+    let topic = topic.expect("a topic");
+    for (data, at) in [(cut, 1), (whole, 2)] {
+        let message = CompressedImage { header: Header::default(), format: "jpeg".into(), data };
+        bag.write(topic, at, at, &cdr::to_vec(&message).expect("short")).expect("written");
+    }
+    bag.finish().expect("finished");
+    let mut source = open(&path.display().to_string(), &SourceOptions::default()).expect("a source");
+    let why = source.next().expect("two").expect_err("the first one is cut").to_string();
+    assert!(why.contains("/image at 1") && why.contains("end early"), "{why}");
+    assert_eq!(source.next().expect("two").expect("a whole one").radiance.dim(), (48, 64, 3));
+}
+
 #[test]
 fn linear_values_are_scaled_by_white_and_alpha_is_dropped() {
     let (_folder, path) = temporary("sky.exr");
