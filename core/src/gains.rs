@@ -20,7 +20,7 @@ use crate::green_rows::radiance_of_low;
 use crate::mosaic::{GREEN, Mosaic, PLACES};
 use crate::range::Range;
 use crate::simd::widest;
-use crate::unwrap::{Integers, Recovered, Trust, Unwrap, UnwrapError};
+use crate::unwrap::{Integers, Recovered, Trust, Unwrap, UnwrapError, edges};
 
 /// The gains of the pixels of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
@@ -293,6 +293,7 @@ impl Unwrap for TwoGains {
             Integers::U8(codes) => self.recover_any(codes, y.mosaic(), range, out),
             Integers::U16(codes) => self.recover_any(codes, y.mosaic(), range, out),
         }
+        edges::withhold_trust(out, true, range);
         Ok(())
     }
 }

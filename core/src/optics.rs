@@ -53,6 +53,14 @@ impl Psf {
             Self::Gaussian { sigma } => gaussian(sigma),
         }
     }
+
+    /// Returns the largest second difference, along a row or a column, of an edge of height 1 behind the lens: 1 for a perfect one.
+    pub fn bend(self) -> f64 {
+        let taps = self.taps();
+        // The differences of the edge are the taps themselves.
+        let before = std::iter::once(&0.0).chain(&taps);
+        taps.iter().zip(before).map(|(tap, before)| f64::from((tap - before).abs())).fold(0.0, f64::max)
+    }
 }
 
 fn gaussian(sigma: f64) -> Vec<f32> {

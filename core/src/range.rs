@@ -14,6 +14,8 @@ pub struct Range {
     outliers: f64,
     /// The columns at the left border at which the radiance is 0.
     black: usize,
+    /// The largest second difference of an edge behind the lens, in peaks; `None` for an unknown lens.
+    edge: Option<f64>,
 }
 
 /// The share of the pixels of an image that may be out of range at a greater base level: hot pixels and small wrong regions must
@@ -62,7 +64,7 @@ impl Range {
         if !(alpha > 0.0 && alpha <= 256.0) {
             return Err(RangeError::Alpha { alpha });
         }
-        Ok(Self { bits, alpha, headroom: 1.0, outliers: OUTLIERS, black: 0 })
+        Ok(Self { bits, alpha, headroom: 1.0, outliers: OUTLIERS, black: 0, edge: None })
     }
 
     /// Returns this range for pictures whose full scale is `headroom` in (0, 1] of its end.
@@ -86,6 +88,17 @@ impl Range {
     /// Returns the number of columns at the left border at which the radiance is 0.
     pub fn black(self) -> usize {
         self.black
+    }
+
+    /// Returns this range for a known lens, behind which the second differences of an edge from black to the end of the range are at
+    /// most `edge` peaks, see [`Psf::bend`](crate::Psf::bend). Infinity stands for a sensor whose counts nobody can vouch for.
+    pub fn with_edge(self, edge: f64) -> Self {
+        Self { edge: Some(edge), ..self }
+    }
+
+    /// Returns the largest second difference of an edge behind the lens, in peaks; `None` for an unknown lens.
+    pub fn edge(self) -> Option<f64> {
+        self.edge
     }
 
     /// Returns b, the bits of the converter.

@@ -1,16 +1,22 @@
 //! [`Workers`]: the threads that a caller allows; by default only its own.
 //!
-//! Results never depend on the number of threads: they share the work by parts of the image.
+//! Results never depend on the number of threads: they share the work by parts of the image. All methods of a process that allow the
+//! same number share one pool.
+
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefMutIterator, ParallelIterator};
 use rayon::slice::ParallelSliceMut;
 
 /// The largest number of threads.
-pub const MAX_THREADS: usize = 256;
+pub const MAX_THREADS: usize = 64;
+
+/// The pool that was made last, as long as a method uses it.
+static POOL: Mutex<Weak<rayon::ThreadPool>> = Mutex::new(Weak::new());
 
 /// The caller's own thread, or a pool.
 pub(crate) struct Workers {
-    pool: Option<rayon::ThreadPool>,
+    pool: Option<Arc<rayon::ThreadPool>>,
 }
 
 /// Error: the threads are not available.
@@ -33,7 +39,7 @@ pub enum WorkersError {
 }
 
 impl Workers {
-    /// Starts `threads` threads, 1 to [`MAX_THREADS`]; for 1 none is started.
+    /// Takes the pool of `threads` threads, 1 to [`MAX_THREADS`], or starts it; for 1 none is started.
     pub fn new(threads: usize) -> Result<Self, WorkersError> {
         if !(1..=MAX_THREADS).contains(&threads) {
             return Err(WorkersError::Threads { threads });
@@ -44,7 +50,14 @@ impl Workers {
         }
         let refused =
             |why: rayon::ThreadPoolBuildError| WorkersError::Refused { threads, why: why.to_string() };
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(refused)?;
+        let mut last = POOL.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(pool) = last.upgrade().filter(|pool| pool.current_num_threads() == threads) {
+            return Ok(Self { pool: Some(pool) });
+        }
+        let builder =
+            rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|at| format!("worker-{at}"));
+        let pool = Arc::new(builder.build().map_err(refused)?);
+        *last = Arc::downgrade(&pool);
         Ok(Self { pool: Some(pool) })
     }
 
@@ -106,6 +119,23 @@ mod tests {
             });
             assert_eq!((a, b), ([0, 0, 0, 0, 1, 1, 1, 1, 2, 2], [4, 4, 4, 4, 5, 5, 5, 5, 4, 4]));
         }
+    }
+
+    #[test]
+    fn all_methods_of_a_process_share_one_pool() {
+        let threads = || {
+            let tasks = std::fs::read_dir("/proc/self/task").expect("Linux").flatten();
+            let name = |task: std::fs::DirEntry| std::fs::read_to_string(task.path().join("comm"));
+            tasks.filter_map(|task| name(task).ok()).filter(|name| name.starts_with("worker-")).count()
+        };
+        let options = crate::unwrap::Options { threads: 23, ..Default::default() };
+        let before = threads();
+        let methods: Vec<_> =
+            crate::unwrap::METHODS.iter().map(|name| crate::unwrap::by_name(name, &options)).collect();
+        assert!(methods.iter().all(Result::is_ok));
+        // Other tests of this process start and end pools of few threads.
+        let started = threads() - before.min(threads());
+        assert!((10..40).contains(&started), "{started} threads for {} methods", methods.len());
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! The unwrapping of modulo images.
 
+use modulo_core::Psf;
 use modulo_core::unwrap::{QualityMetrics, Recovered, of_gains};
 use modulo_runtime::SensorModel;
 use modulo_unwrap::UnwrapParameters;
@@ -26,8 +27,10 @@ pub fn unwrap<'py>(
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Report<'py>)> {
     let parameters = parse(parameters)?;
     let sensor = SensorModel::from(&parameters);
+    // A sigma of 0 stands for a lens that is not given.
+    let range = if sensor.psf() == Psf::None { sensor.range() } else { sensor.range_behind_lens() };
     let (mosaic, range, gains) =
-        (sensor.mosaic, sensor.range().map_err(value_error)?, sensor.gains().map_err(value_error)?);
+        (sensor.mosaic, range.map_err(value_error)?, sensor.gains().map_err(value_error)?);
     let options = UnwrapParameters::from(&parameters);
     let mut method = match of_gains(gains, &options.options()).map_err(value_error)? {
         Some(method) => method,

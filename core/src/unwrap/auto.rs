@@ -17,8 +17,8 @@
 //! In every case trust also needs evidence for the absolute offset, see [`offset`]; without it, the result is
 //! [`Trust::Relative`].
 //!
-//! One error leaves no trace in y and in the result and cannot be detected here: a region whose sharp contour is exactly a
-//! multiple of the peak.
+//! Trust is withheld at last where an edge may hide a multiple of the peak, see [`edges`](super::edges), and where the result leaves the
+//! range. Without a known lens, some errors of a sharp one leave no trace in y and cannot be detected: [`edges`](super::edges) lists them.
 
 use super::defects::Defects;
 use super::smoothed_tree::SmoothedTree;
@@ -71,7 +71,7 @@ const DROWNED_RESIDUES: f32 = 0.12;
 /// The largest share of clamped counts with which `lines` is used.
 const FEW_CLAMPED: f32 = 3e-4;
 
-/// The most second differences above one peak at a single sample whose count was clamped.
+/// The most second differences above one peak at a spike: a single sample whose count was clamped.
 const JUMPS_OF_SPIKE: f32 = 4.0;
 
 /// The method with the buffers of the methods that it selects.
@@ -124,7 +124,7 @@ impl Auto {
         Ok(Self { needs_offset: false, ..Self::new(options)? })
     }
 
-    fn judge(&self, quality: QualityMetrics, lines: &Recovered) -> MethodChoice {
+    fn judge(&self, quality: QualityMetrics, lines: &Recovered, range: Range) -> MethodChoice {
         let QualityMetrics { steep, consensus, clamped, jumps, .. } = quality;
         if steep > DROWNED_STEEP {
             return MethodChoice::Spud;
@@ -133,10 +133,12 @@ impl Auto {
         let (steep, consensus) = (f64::from(steep), f64::from(consensus));
         // A clamped count contradicts the range, however smooth y looks. Only single samples may do so: a defect in a dark part may be
         // seen as a little below 0, and is then a spike by itself.
+        let excused =
+            || if clamped > 0.0 { JUMPS_OF_SPIKE * jumps::spikes(&lines.x, range).min(clamped) } else { 0.0 };
         if steep <= self.limits.lines
             && consensus >= self.limits.consensus
             && clamped <= FEW_CLAMPED
-            && f64::from(jumps - JUMPS_OF_SPIKE * clamped) <= self.limits.jumps
+            && (f64::from(jumps) <= self.limits.jumps || f64::from(jumps - excused()) <= self.limits.jumps)
         {
             let wrapped = lines.k.iter().any(|&k| k > 0);
             return if wrapped { MethodChoice::Lines } else { MethodChoice::PassThrough };
@@ -261,7 +263,7 @@ impl Auto {
         // A second method overwrites the report, but the metrics of y remain those of `lines`.
         let quality = out.report.quality.expect("lines always gives its quality");
         let mut quality = QualityMetrics { defects, ..quality };
-        let trust = match self.judge(quality, out) {
+        let trust = match self.judge(quality, out, range) {
             MethodChoice::PassThrough => {
                 out.report.method = PASS_THROUGH;
                 self.trust_in_offset(out, range)

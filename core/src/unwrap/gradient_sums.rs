@@ -101,13 +101,13 @@ pub(super) struct GradientSums {
 }
 
 impl GradientSums {
-    /// Runs on `threads` threads, at most two.
+    /// Runs on `threads` threads, of which it needs two.
     ///
     /// # Errors
     /// [`WorkersError`] when the threads are not available.
     pub fn new(threads: usize) -> Result<Self, WorkersError> {
         let directions = [0, 1].map(|direction| DirectionalSums { direction, ..DirectionalSums::default() });
-        Ok(Self { workers: Workers::new(threads.min(2))?, directions })
+        Ok(Self { workers: Workers::new(threads)?, directions })
     }
 
     /// Finds the steps between the counts of neighbours.

@@ -8,6 +8,7 @@ mod colour_gains;
 mod congruence;
 mod defect_map;
 mod defects;
+pub(crate) mod edges;
 mod gradient_sums;
 mod gradient_tree;
 mod green_sums;

@@ -20,7 +20,7 @@ use super::offset::OffsetFinder;
 use super::other_colour::{OtherColour, OtherDoubts};
 use super::{
     GRADIENT_SUMS, GradientTree, Integers, Options, QualityMetrics, Range, Recovered, Trust, TrustLimits,
-    Unwrap, UnwrapError, jumps, offset,
+    Unwrap, UnwrapError, edges, jumps, offset,
 };
 use crate::frame::Frame;
 use crate::mosaic::{GREEN, Mosaic, mirrored};
@@ -72,12 +72,11 @@ impl MosaicUnwrap {
     /// # Errors
     /// [`UnwrapError::Workers`] when the threads are not available.
     pub fn new(method: Box<dyn Unwrap>, judges: bool, options: &Options) -> Result<Self, UnwrapError> {
-        // The two colours share the threads.
-        let other = || OtherColour::new(&Options { threads: options.threads.div_ceil(2), ..*options });
+        let other = || OtherColour::new(options);
         Ok(Self {
             method,
             judges,
-            workers: Workers::new(options.threads.min(2))?,
+            workers: Workers::new(options.threads)?,
             sums: GreenSums::new(options.threads)?,
             others: [other()?, other()?],
             limits: options.trust,
@@ -187,6 +186,7 @@ impl Unwrap for MosaicUnwrap {
             Some(mosaic) => self.unwrap_mosaic(y, mosaic, range, out)?,
             None => self.method.unwrap(y, range, out)?,
         }
+        edges::withhold_trust(out, y.mosaic().is_some(), range);
         self.offset.settle(out, y.mosaic().is_some(), range);
         Ok(())
     }

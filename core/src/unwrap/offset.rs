@@ -93,6 +93,14 @@ pub(super) fn trust(out: &Recovered, range: Range) -> Trust {
     if is_evident { Trust::Trusted } else { Trust::Relative }
 }
 
+/// Returns whether more than [`BRIGHT`] of the samples are at the end of the range or beyond.
+fn leaves_range(out: &Recovered, range: Range) -> bool {
+    let x = out.x.as_slice().expect("prepare has made the layout standard");
+    let limit = range.limit() as f32;
+    let beyond: u64 = x.chunks(PART).map(|part| u64::from(widest!(count_from(part, 1, limit))[0])).sum();
+    beyond as f64 > BRIGHT * x.len() as f64
+}
+
 /// Returns the trust in the mosaic `out`, whose counts agree with each other, by the range of each of its colours alone, as [`trust`] does.
 pub(super) fn trust_of_mosaic(out: &Recovered, range: Range) -> Trust {
     let (height, width, _) = out.x.dim();
@@ -137,6 +145,11 @@ impl OffsetFinder {
     /// is a colour mosaic.
     pub fn settle(&mut self, out: &mut Recovered, is_mosaic: bool, range: Range) {
         let groups = groups(out.x.dim().2, is_mosaic);
+        // What leaves the range contradicts it: alpha or the counts are wrong, and no evidence helps.
+        if [Trust::Trusted, Trust::Relative].contains(&out.report.trust) && leaves_range(out, range) {
+            out.report.trust = Trust::Relative;
+            return;
+        }
         let trust = out.report.trust;
         out.report.offset = if trust == Trust::Trusted {
             Some(OffsetEvidence::Range)

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Parser;
 use clap::builder::Resettable;
 use modulo_core::unwrap::{DefectMap, Options, of_gains};
-use modulo_core::{Frame, GainPattern, Mosaic, Recovered, Unwrap, UnwrapError, tone};
+use modulo_core::{Frame, GainPattern, Mosaic, Psf, Recovered, Unwrap, UnwrapError, tone};
 use modulo_images::{read_codes, save_png};
 use modulo_runtime::SensorModel;
 use modulo_runtime::sensor::options::{SensorCommand, SensorOptions};
@@ -24,8 +24,9 @@ pub struct OneSensor;
 
 impl SensorCommand for OneSensor {
     fn has(parameter: &str) -> bool {
-        ["bits", "alpha", "headroom", "transfer", "optical_black", "gains", "gain_ratio", "mosaic"]
-            .contains(&parameter)
+        // Its noise is the only thing that unwrapping need not know.
+        let noise = ["read_noise", "shot_noise", "full_well_electrons", "prnu", "hot_pixels"];
+        !noise.contains(&parameter)
     }
 
     fn varies(_: &str) -> bool {
@@ -172,7 +173,9 @@ fn of_file(
     sensor: &SensorModel,
     methods: &mut [(Box<dyn Unwrap>, DefectMap)],
 ) -> Result<Vec<UnwrapRow>, BenchError> {
-    let (range, gains, mosaic) = (sensor.range()?, sensor.gains()?, sensor.mosaic);
+    // A sigma of 0 stands for a lens that is not given.
+    let range = if sensor.psf() == Psf::None { sensor.range()? } else { sensor.range_behind_lens()? };
+    let (gains, mosaic) = (sensor.gains()?, sensor.mosaic);
     let y = modulo_image(file, sensor)?;
     let row = |(method, map): &mut (Box<dyn Unwrap>, DefectMap)| {
         let mut recovered = Recovered::default();

@@ -14,8 +14,9 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use modulo_core::unwrap::{Options, Range, Trust, by_name, of_gains};
-use modulo_core::{GainPattern, Gains, Mosaic, Psf, Recovered, Sensor, SensorConfig, Transfer};
+use modulo_core::{Frame, GainPattern, Gains, Mosaic, Psf, Recovered, Sensor, SensorConfig, Transfer};
 use modulo_images::{EXTENSIONS, White, read_image};
+use modulo_runtime::SensorModel;
 use modulo_scene::{Preset, Scene};
 use ndarray::Array3;
 
@@ -231,4 +232,123 @@ fn never_trusted_and_wrong() {
     println!("with a gain per colour: {} trusted", tally.trusted_colours);
     assert!(tally.wrong.is_empty(), "{:#?}", tally.wrong);
     assert!(trusted as f64 >= 0.95 * (trusted + untrusted) as f64, "exact results are trusted");
+}
+/// Numbers between 0 and 1, by splitmix64.
+struct Draws(u64);
+
+impl Draws {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mixed = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((mixed ^ (mixed >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    fn of(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.next()
+    }
+
+    fn pick<T: Copy>(&mut self, values: &[T]) -> T {
+        values[(self.next() * values.len() as f64) as usize]
+    }
+
+    /// A shape with sharp edges: how bright each pixel is, 0 to 1.
+    fn shape(&mut self, (height, width): (usize, usize)) -> Array3<f32> {
+        let (h, w, kind) = (height as f64, width as f64, (self.next() * 6.0) as usize);
+        let [a, b, c, d] = [(); 4].map(|()| self.next());
+        let (turn, period) =
+            (self.pick(&[0.0, std::f64::consts::FRAC_PI_2, 0.3]), self.of(2.0, 40.0).round());
+        let glyphs: Vec<bool> = (0..997).map(|_| self.next() < 0.5).collect();
+        let (size, steps) = (1 + (4.0 * c) as usize, 2.0 + (7.0 * d).floor());
+        Array3::from_shape_fn((height, width, 1), |(i, j, _)| {
+            let (u, v) = (i as f64 / h, j as f64 / w);
+            let is_inside = match kind {
+                0 => u > 0.8 * a && u < a + 0.2 * c && v > 0.8 * b && v < b + 0.5 * d,
+                1 => (u - a).hypot((v - b) * w / h) < 0.05 + 0.4 * c,
+                2 => {
+                    ((i as f64 * f64::sin(turn) + j as f64 * f64::cos(turn)) / period).rem_euclid(1.0)
+                        < 0.2 + 0.6 * a
+                }
+                3 => return ((if a < 0.5 { u } else { v } * steps).floor() / (steps - 1.0)) as f32,
+                // Five by seven dots a letter.
+                4 => {
+                    let (i, j) = (i / size, j / size);
+                    i % 9 < 7 && j % 7 < 5 && glyphs[(i * 131 + j) % glyphs.len()]
+                }
+                // A triangle.
+                _ => u > 0.6 * a && v - b < c * (u - 0.6 * a) && v - b > -d * (u - 0.6 * a),
+            };
+            f32::from(u8::from(is_inside))
+        })
+    }
+}
+
+/// Exposes a sharp shape of any step by any sensor with one gain and a known lens; returns what was drawn, if it is trusted and wrong, and whether it is trusted.
+fn drawn(seed: u64) -> (Option<String>, bool) {
+    let mut draws = Draws(seed);
+    let dim = (draws.of(40.0, 130.0) as usize, draws.of(60.0, 180.0) as usize);
+    let alpha =
+        if draws.next() < 0.3 { draws.of(1.5, 8.0) } else { draws.pick(&[1.5, 2.0, 3.0, 4.0, 6.0, 8.0]) };
+    let psf_sigma = draws.pick(&[0.0, 0.3, 0.5, 0.8, 1.0, 1.2, 1.4, 2.0]);
+    let bits = draws.pick(&[8, 8, 8, 4, 6, 10, 12]);
+    let read_noise = draws.pick(&[0.0, 0.0, 0.0, 1.0, 3.0, 10.0, 30.0]) * f64::from(1u16 << bits) / 256.0;
+    let channels = draws.pick(&[1, 1, 3]);
+    let mosaic = (channels == 3 && draws.next() < 0.2).then_some(Mosaic::Rggb);
+    let optical_black = draws.pick(&[0, 32, 32]);
+    let step = match (4.0 * draws.next()) as usize {
+        0 => (draws.of(0.0, 2.0 * alpha)).floor() / 2.0,
+        1 => draws.of(0.9, 1.1) * draws.of(1.0, alpha).floor(),
+        2 => alpha,
+        _ => draws.of(0.1, alpha),
+    };
+    let (step, dark) = ((step / alpha).min(1.0) as f32, draws.pick(&[0.0, 0.1, 1.0]) * draws.next() as f32);
+    let (slope, inside) = (draws.pick(&[0.0, 0.0, 0.3, 1.0]) / alpha as f32, draws.next() < 0.5);
+    let tint = [(); 3].map(|()| if draws.next() < 0.3 { draws.of(0.5, 1.0) as f32 } else { 1.0 });
+    let shape = draws.shape(dim);
+    let light = Array3::from_shape_fn((dim.0, dim.1, channels), |(i, j, c)| {
+        let cover = shape[(i, j, 0)];
+        let ramp = if inside && cover == 0.0 { 0.0 } else { slope * (i + j) as f32 / (dim.0 + dim.1) as f32 };
+        (tint[c] * (dark * (1.0 - step) + ramp + step * cover)).min(1.0)
+    });
+    let sensor =
+        SensorModel { bits, alpha, psf_sigma, read_noise, mosaic, optical_black, ..SensorModel::default() };
+    let exposure = sensor.simulated().unwrap().expose(light.view(), seed).unwrap();
+    let mut method = by_name("auto", &Options::default()).unwrap();
+    let mut out = Recovered::default();
+    method.unwrap(&exposure.modulo(), sensor.range_behind_lens().unwrap(), &mut out).unwrap();
+    let (exact, is_trusted) = (exposure.exact_share(&out.k).unwrap(), out.report.trust == Trust::Trusted);
+    let what = || {
+        format!(
+            "{exact:.5} seed {seed} {dim:?}, step {step}, dark {dark}, slope {slope}: {sensor:?} {:?}",
+            out.report
+        )
+    };
+    ((is_trusted && exact < 0.999).then(what), is_trusted)
+}
+
+/// `MODULO_DRAWS=10000` tests so many of them.
+#[test]
+fn sharp_shapes_behind_a_known_lens_are_never_trusted_and_wrong() {
+    let count: u64 =
+        std::env::var("MODULO_DRAWS").map_or(600, |count| count.parse().expect("a number of draws"));
+    let first: u64 = std::env::var("MODULO_FIRST_DRAW").map_or(0, |first| first.parse().expect("a number"));
+    let results: Vec<_> = (first..first + count).map(drawn).collect();
+    let trusted = results.iter().filter(|(_, trusted)| *trusted).count();
+    let wrong: Vec<_> = results.into_iter().filter_map(|(wrong, _)| wrong).collect();
+    println!("{count} shapes, {trusted} trusted, {} of them wrong", wrong.len());
+    assert!(wrong.is_empty(), "{wrong:#?}");
+    assert!(trusted * 10 > count as usize, "{trusted} of {count} are trusted");
+}
+
+/// Stairs whose steps are half a peak look like stairs that fall, which leave the range.
+#[test]
+fn steps_of_half_a_peak_are_not_trusted() {
+    for optical_black in [0, 1, 32] {
+        let x = Array3::from_shape_fn((64, 128, 1), |(_, j, _)| (j / 16 * 128 % 256) as u8);
+        let range = Range::new(8, 4.0).unwrap().with_optical_black(optical_black);
+        let mut out = Recovered::default();
+        let mut auto = by_name("auto", &Options::default()).unwrap();
+        auto.unwrap(&Frame::from_u8(x).unwrap(), range, &mut out).unwrap();
+        assert_ne!(out.report.trust, Trust::Trusted, "{:?}", out.report);
+    }
 }

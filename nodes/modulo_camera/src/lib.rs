@@ -58,8 +58,6 @@ pub struct ModuloCamera {
     taken: u64,
     /// Frames sensed in this life of the node.
     sensed: u64,
-    /// Whether the log says what to expect of this sensor.
-    is_judged: bool,
 }
 
 impl ModuloCamera {
@@ -91,7 +89,6 @@ impl ModuloCamera {
             limit: parameters.limit(),
             taken: 0,
             sensed: 0,
-            is_judged: false,
         })
     }
 
@@ -110,7 +107,6 @@ impl ModuloCamera {
         self.seed = parameters.seed.unsigned_abs();
         self.period = parameters.period();
         self.limit = parameters.limit();
-        self.is_judged &= parameters.sensor == self.parameters.sensor;
         self.parameters = parameters;
         Ok(())
     }
@@ -142,11 +138,6 @@ impl ModuloCamera {
         // All seeds are allowed, so their sum with the number may pass the end of the range.
         let seed = self.seed.wrapping_add(number);
         self.sensed += 1;
-        if !std::mem::replace(&mut self.is_judged, true)
-            && let Some(why) = self.parameters.sensor.unfit()
-        {
-            tracing::warn!("{why}");
-        }
         // Before the frame that it describes, and for late readers also when there is no reader now.
         let info = sensor_info::message(header, &self.parameters.sensor, cx.node());
         cx.emit(SENSOR_INFO, info);

@@ -185,7 +185,13 @@ impl UnwrapNode {
         // The taps of the filter take time to compute, and the methods keep buffers, so both are made anew only for another sensor.
         if self.sensor.as_ref().is_none_or(|prepared| prepared.model != model) {
             let blur = Some(model.psf()).filter(|psf| self.parameters.deblur && *psf != Psf::None);
-            let (range, deblur) = (model.range()?, blur.map(Deblur::new));
+            let deblur = blur.map(Deblur::new);
+            let range = if camera.is_some() || self.parameters.sensor.has_lens() {
+                model.warn_if_unfit();
+                model.range_behind_lens()?
+            } else {
+                model.range()?
+            };
             let gains = model.gains()?;
             let of_gains = of_gains(gains, &self.parameters.options());
             let of_gains = of_gains.map_err(|why| self.parameters.refused_threads(&why))?;
@@ -354,6 +360,8 @@ impl Node for UnwrapNode {
         // A method has threads, and buffers of the size of an image: it stays where nothing of it has changed.
         if (parameters.method, parameters.options()) != (last.method, last.options()) {
             self.method = parameters.method()?;
+            // The method of two gains has these options, too.
+            self.sensor = None;
         }
         // A change of the sensor is seen at the next frame.
         if (parameters.deblur, parameters.denoise) != (last.deblur, last.denoise) {
@@ -447,7 +455,8 @@ fn describe(node: &str, header: &Header, method: &str, report: &Report) -> Diagn
     let (level, message) = match report.trust {
         Trust::Trusted => (DiagnosticStatus::OK, "trusted"),
         Trust::Untrusted => {
-            (DiagnosticStatus::WARN, "not trusted: the image violates the assumptions of the method")
+            let why = "not trusted: the image violates the assumptions of the method, or its edges may hide whole peaks";
+            (DiagnosticStatus::WARN, why)
         }
         Trust::Relative => (
             DiagnosticStatus::WARN,

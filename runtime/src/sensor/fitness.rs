@@ -1,8 +1,11 @@
 //! Up to which alpha a sensor is fit for its task: nearly all counts of real pictures can be found.
 
-use modulo_core::{GainPattern, Psf};
+use std::sync::{Mutex, PoisonError};
+
+use modulo_core::{GainPattern, Psf, Range};
 
 use super::parameters::SensorModel;
+use crate::parameter::ParameterError;
 
 /// The widths of the lenses of [`MEASURED`], in px.
 const LENSES: [f64; 6] = [0.0, 0.5, 0.8, 1.0, 1.4, 2.0];
@@ -23,6 +26,10 @@ const MEASURED: [(bool, Option<GainPattern>, [f64; LENSES.len()]); 8] = [
     (true, Some(GainPattern::Colours), [1.0, 2.0, 4.0, 4.0, 6.0, 8.0]),
 ];
 
+/// The sensors that were reported, by their alpha and the largest one that is fit; more of them are not reported.
+static REPORTED: Mutex<Vec<(f64, f64)>> = Mutex::new(Vec::new());
+const MOST_REPORTED: usize = 16;
+
 impl SensorModel {
     /// Returns the largest alpha up to which such a sensor is fit: at least 99.5 % of the counts of the samples that can wrap were found on
     /// real pictures without noise. A lens between two measured ones counts as the sharper one.
@@ -39,6 +46,22 @@ impl SensorModel {
         fit[softer.saturating_sub(1)]
     }
 
+    /// Returns the range of a sensor whose lens is known, as [`SensorModel::range`] does, with what the lens and the fitness mean for trust.
+    ///
+    /// # Errors
+    /// [`ParameterError`] of the first value that is out of its range.
+    pub fn range_behind_lens(&self) -> Result<Range, ParameterError> {
+        let edge =
+            if self.alpha > self.fit_up_to() { f64::INFINITY } else { self.alpha * self.edge_of_lens() };
+        Ok(self.range()?.with_edge(edge))
+    }
+
+    /// Returns the largest second difference of an edge of height 1; 0 where the neighbours along rows and columns do not decide, since
+    /// they have other gains or colours.
+    fn edge_of_lens(&self) -> f64 {
+        if self.gains.is_some() || self.mosaic.is_some() { 0.0 } else { self.psf().bend() }
+    }
+
     /// Returns what is to be expected of this sensor, if its alpha is too large for it.
     pub fn unfit(&self) -> Option<String> {
         let most = self.fit_up_to();
@@ -49,6 +72,17 @@ impl SensorModel {
                 self.alpha
             )
         })
+    }
+
+    /// Warns of an alpha that is too large for this sensor, once in a process. For those that unwrap its images.
+    pub fn warn_if_unfit(&self) {
+        let Some(why) = self.unfit() else { return };
+        let mut reported = REPORTED.lock().unwrap_or_else(PoisonError::into_inner);
+        let this = (self.alpha, self.fit_up_to());
+        if reported.len() < MOST_REPORTED && !reported.contains(&this) {
+            reported.push(this);
+            tracing::warn!("{why}");
+        }
     }
 }
 

@@ -223,9 +223,8 @@ impl SensorOverride {
         let bits = Some(self.bits).filter(|&bits| bits > 0).or_else(|| Some(camera?.bits));
         let alpha = Some(self.alpha).filter(|&alpha| alpha > 0.0).or_else(|| Some(camera?.alpha));
         // A perfect lens cannot be told from one that is not set, so a sigma of 0 takes the camera's.
-        let own_lens = self.psf == BlurShape::Paper7 || self.psf_sigma > 0.0;
         let (psf, psf_sigma) = match camera {
-            Some(camera) if !own_lens => (camera.psf, camera.psf_sigma),
+            Some(camera) if !self.has_lens() => (camera.psf, camera.psf_sigma),
             _ => (self.psf, self.psf_sigma),
         };
         let (gains, gain_ratio) = match (self.gains, camera) {
@@ -252,6 +251,11 @@ impl SensorOverride {
         };
         model.check()?;
         Ok(model)
+    }
+
+    /// Returns whether the lens is known without the camera.
+    pub fn has_lens(&self) -> bool {
+        self.psf == BlurShape::Paper7 || self.psf_sigma > 0.0
     }
 
     /// Returns whether bits and saturation factor are known without the camera.

@@ -6,8 +6,9 @@ use modulo_bags::source::{Source, SourceError, SourceFrame};
 use modulo_camera::CameraParameters;
 use modulo_core::unwrap::Method;
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
+use modulo_msgs::std_msgs::Header;
 use modulo_runtime::lockstep::{Lockstep, OnTopic};
-use modulo_runtime::{Message, StampedFrame};
+use modulo_runtime::{Message, StampedFrame, sensor_info};
 use modulo_unwrap::UnwrapParameters;
 use ndarray::Array3;
 
@@ -32,11 +33,13 @@ impl<'a> SuitePipeline<'a> {
         let unwrap = recovers.map(|method| {
             // Gains have a method of their own, which the node takes whatever the parameter.
             let method = if sensor.gains.is_some() { Method::Auto } else { method.parse()? };
-            let sensor = sensor.clone().into();
-            let with = UnwrapParameters { method, deblur: point.deblur, sensor, ..Default::default() };
+            let (own, deblur) = (sensor.clone().into(), point.deblur);
+            let with = UnwrapParameters { method, deblur, sensor: own, ..Default::default() };
             let topics = ["/recovered", "/hdr", "/diagnostics"].map(str::to_owned).to_vec();
             let mut chain = Lockstep::new(config.timer, topics);
             chain.add(config.nodes.unwrap(&with)?, &node_name("unwrap"))?;
+            // By its parameters alone, the node knows no perfect lens.
+            chain.feed("/sensor_info", sensor_info::message(&Header::default(), sensor), 0)?;
             Ok::<_, GridError>(chain)
         });
         let truth = Truth::of(sensor.config()?)?;
