@@ -120,7 +120,8 @@ impl Summary {
         let broken = |(topic, n): (&String, &TopicCounts)| {
             n.bad > 0 || (n.lost > 0 && !self.best_effort.contains(topic)) || (strict && n.dropped > 0)
         };
-        let named = !self.lost_in_crashes.is_empty() || !self.with_loss.is_empty() || !self.foreign.is_empty();
+        let named =
+            !self.lost_in_crashes.is_empty() || !self.with_loss.is_empty() || !self.foreign.is_empty();
         named || self.topics.iter().any(broken)
     }
 

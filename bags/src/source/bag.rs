@@ -243,7 +243,8 @@ fn first(bag: &BagReader, topic: String, wanted: MessageKind) -> Result<Option<R
         return Ok(None);
     }
     // One that is left out is followed by another.
-    let mut messages = bag.messages(&Selection::of([topic])).filter(|m| !matches!(m, Err(BagError::LeftOut(_))));
+    let mut messages =
+        bag.messages(&Selection::of([topic])).filter(|m| !matches!(m, Err(BagError::LeftOut(_))));
     Ok(messages.next().transpose()?)
 }
 

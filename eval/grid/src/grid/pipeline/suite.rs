@@ -39,7 +39,11 @@ impl<'a> SuitePipeline<'a> {
             let mut chain = Lockstep::new(config.timer, topics);
             chain.add(config.nodes.unwrap(&with)?, &node_name("unwrap"))?;
             // By its parameters alone, the node knows no perfect lens.
-            chain.feed("/sensor_info", sensor_info::message(&Header::default(), sensor), 0)?;
+            chain.feed(
+                "/sensor_info",
+                sensor_info::message(&Header::default(), sensor, "/modulo_camera"),
+                0,
+            )?;
             Ok::<_, GridError>(chain)
         });
         let truth = Truth::of(sensor.config()?)?;
