@@ -7,6 +7,7 @@ use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use modulo_images::{EXTENSIONS, White, check_regular, is_hidden, open_regular, read_image, sample_depth};
+use modulo_runtime::input;
 
 use super::{FRAME_ID, GroundTruth, Source, SourceError, SourceFrame, SourceOptions};
 use crate::FileError;
@@ -224,10 +225,12 @@ fn has_extension(path: &Path, extensions: &[&str]) -> bool {
     extension.is_some_and(|e| extensions.contains(&e.as_str()))
 }
 
+/// Size of the largest file of labels, bytes.
+const LARGEST_LABELS: u64 = 256 << 20;
+
 /// Reads a text of labels, or of names. A byte order mark is no part of it.
 pub(super) fn read_text(path: &Path) -> Result<String, FileError> {
-    let text = check_regular(path).and_then(|()| std::fs::read_to_string(path));
-    let text = text.map_err(|why| FileError::new(path, why))?;
+    let text = input::read_text(path, LARGEST_LABELS).map_err(|why| FileError::new(path, why))?;
     Ok(text.strip_prefix('\u{feff}').map_or_else(|| text.clone(), str::to_owned))
 }
 
