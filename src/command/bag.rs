@@ -267,14 +267,17 @@ fn play(args: &BagPlay) -> Result<Ended, Failure> {
     for (topic, count) in sent {
         say!("{topic}: {count} messages");
     }
-    Ok(told(&player, if unheard.is_empty() { ended } else { Ended::WithLoss }))
+    Ok(told(&player, &unheard, ended))
 }
 
 /// Tells what a replay has left out. What the bag lacks is told again, because a launcher gives the last line as the reason.
-fn told(player: &Player, ended: Ended) -> Ended {
+fn told(player: &Player, unheard: &[String], ended: Ended) -> Ended {
     player.bag().warnings().iter().filter(|w| w.is_loss()).for_each(|why| eprintln!("modulo: {why}"));
+    if !unheard.is_empty() {
+        eprintln!("modulo: no reader gets {}", unheard.join(", "));
+    }
     if player.left_out() == 0 {
-        return ended;
+        return if unheard.is_empty() { ended } else { Ended::WithLoss };
     }
     eprintln!("modulo: {} messages that cannot be read were left out", player.left_out());
     Ended::WithLoss

@@ -176,6 +176,11 @@ impl Player {
         self.left_out
     }
 
+    /// Returns the bag.
+    pub fn bag(&self) -> &BagReader {
+        &self.bag
+    }
+
     /// Returns the topics that are played, with their counts in the whole bag.
     pub fn topics(&self) -> Vec<TopicCount> {
         let mut topics = self.bag.topics();
