@@ -11,8 +11,8 @@ use rayon::slice::ParallelSliceMut;
 /// The largest number of threads.
 pub const MAX_THREADS: usize = 64;
 
-/// The pool that was made last, as long as a method uses it.
-static POOL: Mutex<Weak<rayon::ThreadPool>> = Mutex::new(Weak::new());
+/// The pools that methods use, one for each number of threads.
+static POOLS: Mutex<Vec<Weak<rayon::ThreadPool>>> = Mutex::new(Vec::new());
 
 /// The caller's own thread, or a pool.
 pub(crate) struct Workers {
@@ -50,14 +50,16 @@ impl Workers {
         }
         let refused =
             |why: rayon::ThreadPoolBuildError| WorkersError::Refused { threads, why: why.to_string() };
-        let mut last = POOL.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(pool) = last.upgrade().filter(|pool| pool.current_num_threads() == threads) {
+        let mut pools = POOLS.lock().unwrap_or_else(PoisonError::into_inner);
+        pools.retain(|pool| pool.strong_count() > 0);
+        let mut alive = pools.iter().filter_map(Weak::upgrade);
+        if let Some(pool) = alive.find(|pool| pool.current_num_threads() == threads) {
             return Ok(Self { pool: Some(pool) });
         }
         let builder =
             rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|at| format!("worker-{at}"));
         let pool = Arc::new(builder.build().map_err(refused)?);
-        *last = Arc::downgrade(&pool);
+        pools.push(Arc::downgrade(&pool));
         Ok(Self { pool: Some(pool) })
     }
 
