@@ -56,10 +56,9 @@ impl SensorModel {
         Ok(self.range()?.with_edge(edge))
     }
 
-    /// Returns the largest second difference of an edge of height 1; 0 where the neighbours along rows and columns do not decide, since
-    /// they have other gains or colours.
+    /// Returns the largest second difference of an edge of height 1; 0 where samples of another gain tell how high an edge is.
     fn edge_of_lens(&self) -> f64 {
-        if self.gains.is_some() || self.mosaic.is_some() { 0.0 } else { self.psf().bend() }
+        if self.gains.is_some() { 0.0 } else { self.psf().bend() }
     }
 
     /// Returns what is to be expected of this sensor, if its alpha is too large for it.
