@@ -445,7 +445,7 @@ fn what_cannot_be_scored_is_said() {
         (output.status.code(), text(&output))
     };
     let (code, said) = eval(&[]);
-    assert!(code == Some(1) && said.contains("no labels") && said.contains("3 frames"), "{said}");
+    assert!(code == Some(3) && said.contains("no labels") && said.contains("3 frames"), "{said}");
 
     let labels = Path::new(&kitti).join("label_2");
     std::fs::create_dir(&labels).expect("made");

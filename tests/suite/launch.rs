@@ -425,7 +425,7 @@ const REFUSED: [(&[&str], &[&str]); 54] = [
         &["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--repeats", "0"],
         &["repeats is 0", "1 or more"],
     ),
-    (&["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--threads", "0"], &["threads is 0", "256"]),
+    (&["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--threads", "0"], &["threads is 0", "64"]),
     (&["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--bits", "0"], &["'bits' = 0", "16"]),
     (&["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--white", "inf"], &["white = inf"]),
     (&["eval", "--source", "FOLDER", "-o", "OUT", "--alpha", "-4"], &["'alpha' = -4", "256"]),

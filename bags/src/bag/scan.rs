@@ -45,7 +45,7 @@ pub(super) struct Scan {
 /// Walks over `file`, which is `size` bytes long; `path` is for the warnings.
 pub(super) fn scan(path: &Path, file: &File, size: u64, index: Option<&Summary>) -> Result<Scan, BagError> {
     let mut walk = Walk::new(path, file, size, index);
-    let end = walk.to_the_end().map_err(|e| FileError::new(path, e))?;
+    let end = walk.walk().map_err(|e| FileError::new(path, e))?;
     let mut scan = walk.finish(&end);
     // The CRC of the data needs the whole file. Chunks have CRCs of their own, and where damage is known it says nothing new.
     let is_read = index.is_none() || !scan.loose.is_empty() || end.passed_unknown;
@@ -136,7 +136,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    fn to_the_end(&mut self) -> io::Result<WalkEnd> {
+    fn walk(&mut self) -> io::Result<WalkEnd> {
         let mut chunks = self.index.map_or(&[][..], |index| &index.chunk_indexes).iter().peekable();
         loop {
             if let Some(chunk) = chunks.next_if(|chunk| chunk.chunk_start_offset == self.offset) {

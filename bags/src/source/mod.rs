@@ -91,6 +91,14 @@ pub enum SourceError {
         /// The text found and the text needed.
         why: String,
     },
+    /// A topic is asked for of a source that has none.
+    #[error("source_topic '{topic}': {spec} is no bag and has no topics; leave source_topic empty", spec = without_secrets(spec))]
+    NoTopics {
+        /// The source.
+        spec: String,
+        /// The requested topic.
+        topic: String,
+    },
     /// The bag has not exactly one image topic, or not the one asked for.
     #[error("{}: {found}; image topics here: {topics}", path.display())]
     Topic {
@@ -208,6 +216,10 @@ pub const FRAME_ID: &str = "camera_optical";
 /// # Ok::<(), modulo_bags::source::SourceError>(())
 /// ```
 pub fn open(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, SourceError> {
+    let is_bag = || !spec.contains("://") && crate::bag::is_bag(Path::new(spec));
+    if let Some(topic) = options.topic.clone().filter(|_| !is_bag()) {
+        return Err(SourceError::NoTopics { spec: spec.to_owned(), topic });
+    }
     if spec.starts_with("scene://") {
         return Ok(Box::new(SceneSource::open(spec)?));
     }
