@@ -456,7 +456,7 @@ const REFUSED: [(&[&str], &[&str]); 54] = [
     (&["launch", "launch/recovered.launch.yaml", "optical_black:=-1"], &["'optical_black' = -1", "0 to 64"]),
     (&["run", "unwrap", "--ros-args", "-p", "headroom:=1.5"], &["'headroom' = 1.5", "0 to 1"]),
     (&["launch", "launch/recovered.launch.yaml", "rate:=-1"], &["'rate' = -1", "10000"]),
-    (&["launch", "launch/recovered.launch.yaml", "threads:=0"], &["'threads' = 0", "256"]),
+    (&["launch", "launch/recovered.launch.yaml", "threads:=0"], &["'threads' = 0", "64"]),
     (&["launch", "launch/recovered.launch.yaml", "score_threshold:=2"], &["'score_threshold' = 2"]),
     (&["launch", "launch/recovered.launch.yaml", "image_bits:=17"], &["'bits' = 17", "16"]),
     (&["launch", "--compose", "launch/recovered.launch.yaml", "psf_sigma:=-1"], &["'psf_sigma' = -1", "100"]),

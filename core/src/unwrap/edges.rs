@@ -73,7 +73,7 @@ fn may_hide(x: &Array3<f32>, is_apart: bool, range: Range) -> bool {
 fn has_lone_steps(x: &Array3<f32>, range: Range) -> bool {
     let (height, width, channels) = x.dim();
     let (samples, stride) = (in_order(x.view()), width * channels);
-    let rows: Vec<&[f32]> = samples.chunks_exact(stride).collect();
+    let row = |at: usize| &samples[at * stride..][..stride];
     let mut counts = [[0u64; 2]; STEPS.len()];
     let mut add = |lines: [&[f32]; 4]| {
         for (counts, step) in counts.iter_mut().zip(STEPS) {
@@ -84,9 +84,9 @@ fn has_lone_steps(x: &Array3<f32>, range: Range) -> bool {
     };
     if width > 3 {
         let inner = stride - 3 * channels;
-        rows.iter().for_each(|row| add([0, 1, 2, 3].map(|at| &row[at * channels..][..inner])));
+        (0..height).for_each(|at| add([0, 1, 2, 3].map(|column| &row(at)[column * channels..][..inner])));
     }
-    rows.windows(4).for_each(|rows| add([rows[0], rows[1], rows[2], rows[3]]));
+    (3..height).for_each(|at| add([3, 2, 1, 0].map(|before| row(at - before))));
     let least = FEWEST_STEPS * (height * stride) as f64;
     counts.iter().any(|&[lone, bent]| lone as f64 > least && lone as f64 > SHARP * bent as f64)
 }

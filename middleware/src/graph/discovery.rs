@@ -52,7 +52,8 @@ impl Graph {
     /// services in it, and those that publish a stream which it publishes or reads.
     pub fn twins_of(&self, own: &str) -> Vec<Twins> {
         // Each name and each stream, with its nodes and whether it is one of `own`.
-        let mut shared: BTreeMap<(Option<&str>, String), (BTreeSet<TokenNode<'_>>, bool)> = BTreeMap::new();
+        type Shared<'a> = BTreeMap<(Option<&'a str>, String), (BTreeSet<TokenNode<'a>>, bool)>;
+        let mut shared = Shared::new();
         for token in self.tokens() {
             let stream = token.endpoint.as_ref().filter(|endpoint| is_stream(endpoint));
             let of_stream = stream.map(|endpoint| (Some(&*endpoint.topic), String::new()));

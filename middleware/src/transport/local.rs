@@ -53,8 +53,8 @@ impl LocalTransport {
 }
 
 /// Returns the node of this name: one process is one session.
-fn local(name: &String) -> NodeId {
-    NodeId { name: name.clone(), session: String::new() }
+fn local(name: &str) -> NodeId {
+    NodeId { name: name.to_owned(), session: String::new() }
 }
 
 impl Publisher for LocalPublisher {
@@ -121,7 +121,7 @@ impl Transport for LocalTransport {
     }
 
     fn nodes(&self) -> Vec<NodeId> {
-        self.graph().nodes.iter().map(local).collect()
+        self.graph().nodes.iter().map(|name| local(name)).collect()
     }
 
     fn id_of(&self, node: &NodeName) -> NodeId {
