@@ -1,6 +1,5 @@
-//! The launch files, run by the shipped binary: three processes, one process, lockstep; and command lines that every command
-//! refuses with exit code 2 before anything is done. Recorded frames: the sample bag that comes with the project, and real frames
-//! where the shared test data is at hand.
+//! The launch files, run by the shipped binary: three processes, one process, lockstep. Recorded frames: the sample bag that comes with
+//! the project, and real frames where the shared test data is at hand.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -387,115 +386,6 @@ fn completions_and_manual_pages_name_the_commands() {
     assert!(page.contains("compression"), "{page}");
 }
 
-/// Its node answers the other arguments, so that clap does not answer these.
-#[test]
-fn run_has_a_help_as_every_command() {
-    for word in ["-h", "--help"] {
-        let help = Bench::new().run(&["run", word]);
-        assert!(
-            help.status.success() && text(&help).contains("Usage: modulo run [OPTIONS] <NODE>"),
-            "{}",
-            text(&help)
-        );
-    }
-}
-
-/// Commands with a value that is out of range, and words that the refusal must contain. FILE, FOLDER and OUT stand for an
-/// image, its folder and a folder for results.
-const REFUSED: [(&[&str], &[&str]); 54] = [
-    (&["simulate", "FILE", "-o", "OUT", "--alpha", "0"], &["'alpha' = 0", "256"]),
-    (&["simulate", "FILE", "-o", "OUT", "--alpha", "2,-4"], &["'alpha' = -4", "256"]),
-    (&["simulate", "FILE", "-o", "OUT", "--alpha", "NaN"], &["'alpha' = NaN", "256"]),
-    (&["simulate", "FILE", "-o", "OUT", "--psf-sigma", "-1"], &["'psf_sigma' = -1", "100"]),
-    (&["simulate", "FILE", "-o", "OUT", "--bits", "17"], &["'bits' = 17", "16"]),
-    (&["simulate", "FILE", "-o", "OUT", "--headroom", "0"], &["'headroom' = 0", "0.001 to 1"]),
-    (&["simulate", "FILE", "-o", "OUT", "--optical-black", "65"], &["'optical_black' = 65", "0 to 64"]),
-    (&["simulate", "FILE", "-o", "OUT", "--bits", "300"], &["300"]),
-    (&["simulate", "FILE", "-o", "OUT", "--read-noise", "-1"], &["'read_noise' = -1", "65536"]),
-    (&["simulate", "FILE", "-o", "OUT", "--seed", "-1"], &["-1", "--seed"]),
-    (&["simulate", "FILE", "-o", "OUT", "--white", "-1"], &["white = -1", "0"]),
-    (&["simulate", "FILE", "-o", "OUT", "--method", "magic"], &["magic", "spud"]),
-    (&["simulate", "FILE", "-o", "OUT", "--sensor", "sensors/arguments.yaml"], &["/modulo_camera"]),
-    (
-        &["simulate", "FILE", "-o", "OUT", "--sensor", "sensors/mosaic.yaml", "--bits", "8"],
-        &["--sensor", "--bits", "cannot be used"],
-    ),
-    (&["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--alpha", "-1"], &["'alpha' = -1", "256"]),
-    (
-        &["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--repeats", "0"],
-        &["repeats is 0", "1 or more"],
-    ),
-    (&["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--threads", "0"], &["threads is 0", "64"]),
-    (&["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--bits", "0"], &["'bits' = 0", "16"]),
-    (&["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--white", "inf"], &["white = inf"]),
-    (&["eval", "--source", "FOLDER", "-o", "OUT", "--alpha", "-4"], &["'alpha' = -4", "256"]),
-    (&["eval", "--source", "FOLDER", "-o", "OUT", "--alpha", "2,300"], &["'alpha' = 300", "256"]),
-    (&["eval", "--source", "FOLDER", "-o", "OUT", "--psf-sigma", "-1"], &["'psf_sigma' = -1", "100"]),
-    (&["eval", "--source", "FOLDER", "-o", "OUT", "--read-noise", "-1"], &["'read_noise' = -1", "65536"]),
-    (&["eval", "--source", "FOLDER", "-o", "OUT", "--shot-noise", "-1"], &["'shot_noise' = -1", "65536"]),
-    (&["eval", "--source", "FOLDER", "-o", "OUT", "--sensor", "no.yaml"], &["no.yaml"]),
-    (&["eval", "--source", "FOLDER", "-o", "OUT", "--threads", "65"], &["65", "64"]),
-    (&["eval", "--source", "FOLDER", "-o", "OUT", "--jobs", "1025"], &["1025", "1024"]),
-    (&["eval", "--source", "FOLDER", "-o", "OUT", "--white", "-1"], &["white = -1", "0"]),
-    (&["eval", "--source", "FOLDER", "-o", "OUT", "--seed", "-1"], &["-1", "--seed"]),
-    (&["eval", "--source", "FOLDER", "-o", "OUT", "--shard", "3/2"], &["3/2", "1 <= i <= n"]),
-    (&["eval", "--source", "scene://day?frames=-1", "-o", "OUT"], &["frames", "-1"]),
-    (
-        &["eval", "--source", "FOLDER", "-o", "OUT", "--protocol", "paper", "--read-noise", "1"],
-        &["read noise 1"],
-    ),
-    (&["eval", "budget", "OUT", "--ms", "0"], &["--ms is 0", "more than 0"]),
-    (
-        &["eval", "--source", "FOLDER", "-o", "OUT", "--protocol", "paper", "--headroom", "0.9"],
-        &["headroom 0.9", "headroom 1"],
-    ),
-    (&["eval", "launch/recovered.launch.yaml", "-o", "OUT", "alpha:=-1"], &["'alpha' = -1", "256"]),
-    (&["launch", "launch/recovered.launch.yaml", "alpha:=-1"], &["'alpha' = -1", "256"]),
-    (&["launch", "launch/recovered.launch.yaml", "bits:=17"], &["'bits' = 17", "16"]),
-    (&["launch", "launch/recovered.launch.yaml", "headroom:=1.1"], &["'headroom' = 1.1", "0.001 to 1"]),
-    (&["launch", "launch/recovered.launch.yaml", "optical_black:=-1"], &["'optical_black' = -1", "0 to 64"]),
-    (&["run", "unwrap", "--ros-args", "-p", "headroom:=1.5"], &["'headroom' = 1.5", "0 to 1"]),
-    (&["launch", "launch/recovered.launch.yaml", "rate:=-1"], &["'rate' = -1", "10000"]),
-    (&["launch", "launch/recovered.launch.yaml", "threads:=0"], &["'threads' = 0", "64"]),
-    (&["launch", "launch/recovered.launch.yaml", "score_threshold:=2"], &["'score_threshold' = 2"]),
-    (&["launch", "launch/recovered.launch.yaml", "image_bits:=17"], &["'bits' = 17", "16"]),
-    (&["launch", "--compose", "launch/recovered.launch.yaml", "psf_sigma:=-1"], &["'psf_sigma' = -1", "100"]),
-    (&["run", "modulo_camera", "--ros-args", "-p", "alpha:=0.0"], &["'alpha' = 0", "256"]),
-    (&["run", "modulo_camera", "--ros-args", "-p", "white:=-1.0"], &["'white' = -1"]),
-    (&["run", "unwrap", "--ros-args", "-p", "tau:=-0.5"], &["'tau' = -0.5"]),
-    (&["run", "detector", "--ros-args", "-p", "max_det:=0"], &["'max_det' = 0", "1000"]),
-    (&["bag", "play", "bags/samples/tunnel", "--rate", "-1"], &["rate = -1"]),
-    (&["bag", "play", "bags/samples/tunnel", "--clock", "-1"], &["--clock -1", "above 0"]),
-    (&["bag", "play", "bags/samples/tunnel", "--start-offset", "-1"], &["--start-offset -1"]),
-    (&["bag", "record", "-o", "OUT", "--max-bag-size", "-1"], &["-1", "--max-bag-size"]),
-    (&["topic", "hz", "/modulo", "--window", "1"], &["1", "--window"]),
-];
-
-#[test]
-fn a_value_out_of_range_ends_with_exit_code_2() {
-    let bench = Bench::new();
-    let folder = bench.images(1).display().to_string();
-    let [file, out] = [format!("{folder}/000000.png"), bench.path("out").display().to_string()];
-    for (words, told) in REFUSED {
-        let place = |word: &&str| match *word {
-            "FILE" => file.clone(),
-            "FOLDER" => folder.clone(),
-            "OUT" => out.clone(),
-            word => word.to_owned(),
-        };
-        let mut words: Vec<String> = words.iter().map(place).collect();
-        if words.iter().any(|word| word.ends_with(".launch.yaml")) {
-            // Were the value accepted, the run would be short.
-            words.extend([arg("source", &folder), arg("model", model())]);
-        }
-        let output = bench.run(&words.iter().map(String::as_str).collect::<Vec<_>>());
-        let said = text(&output);
-        assert_eq!(output.status.code(), Some(2), "{words:?}: {said}");
-        assert!(told.iter().all(|told| said.contains(told)), "{words:?} must name {told:?}: {said}");
-        assert!(!bench.path("out").exists(), "{words:?} has written something");
-    }
-}
-
 #[test]
 fn the_pipeline_is_measured_in_every_mode() {
     let bench = Bench::new();
@@ -729,62 +619,6 @@ fn a_damaged_bag_ends_each_command_with_3() {
             assert_eq!(output.status.code(), Some(3), "{command:?}: {told}");
             assert!(told.contains(why), "{command:?}: {told}");
         }
-    }
-}
-
-/// Damaged and odd bags of others: the command, its exit code, and what it has to say.
-#[test]
-fn odd_bags_of_others_are_read_or_named() {
-    let cases: [(&str, &[&str], i32, &str); 14] = [
-        (
-            "mcap_chunk_crc/crc.mcap",
-            &["bag", "convert", "BAG", "OUT"],
-            3,
-            "2 messages of the chunk at byte 9831",
-        ),
-        ("mcap_chunk_crc/crc.mcap", &["bag", "play", "BAG"], 3, "/image_raw: 6 messages"),
-        (
-            "mcap_chunk_crc/crc.mcap",
-            &["eval", "launch/raw.launch.yaml", "source:=BAG", "-o", "OUT"],
-            3,
-            "CRC failed",
-        ),
-        ("recover_loses_more_than_convert/length.mcap", &["bag", "recover", "BAG", "OUT"], 0, "12 messages"),
-        ("split_bag_part_missing/bag", &["bag", "recover", "BAG", "OUT"], 3, "b_1.mcap: No such file"),
-        ("split_bag_part_missing/bag", &["bag", "info", "BAG"], 3, "Messages:          6"),
-        (
-            "truncated_bag_as_source/cut.mcap",
-            &["launch", "launch/recovered.launch.yaml", "source:=BAG"],
-            3,
-            "cut at byte",
-        ),
-        (
-            "truncated_bag_as_source/cut.mcap",
-            &["eval", "launch/raw.launch.yaml", "source:=BAG", "-o", "OUT"],
-            3,
-            "cut at byte",
-        ),
-        (
-            "replay_truncated_bag/cut.mcap",
-            &["launch", "launch/replay.launch.yaml", "bag:=BAG", "bits:=8", "alpha:=2.0"],
-            3,
-            "player ended with a loss",
-        ),
-        ("message_compressed_db3/msg.db3", &["bag", "convert", "BAG", "OUT"], 0, "3 messages"),
-        ("file_zstd/x.mcap.zstd", &["bag", "info", "BAG"], 1, "compressed as a whole"),
-        ("file_zstd", &["bag", "info", "BAG"], 1, "x.mcap.zstd`"),
-        ("file_zstd/unpacked", &["bag", "info", "BAG"], 0, "not compressed"),
-        ("reindexed_bag_empty_storage/bag", &["bag", "recover", "BAG", "OUT"], 0, "3 messages"),
-    ];
-    let bench = Bench::new();
-    for (number, (bag, command, code, said)) in cases.into_iter().enumerate() {
-        let Some(bag) = data::shared(&format!("cases/{bag}")) else { return };
-        let out = bench.path(&format!("out{number}")).display().to_string();
-        let word = |word: &&str| word.replace("BAG", &bag.display().to_string()).replace("OUT", &out);
-        let words: Vec<String> = command.iter().map(word).collect();
-        let output = bench.run(&words.iter().map(String::as_str).collect::<Vec<_>>());
-        assert_eq!(output.status.code(), Some(code), "{words:?}: {}", text(&output));
-        assert!(text(&output).contains(said), "{words:?}: {}", text(&output));
     }
 }
 

@@ -9,6 +9,7 @@ mod eval;
 mod launch;
 mod live;
 mod parameters;
+mod refused;
 mod repository;
 mod ros;
 mod screen;
