@@ -370,7 +370,7 @@ def unwrap(
         Unwrapping method. auto starts with lines and takes gradient_tree where the image is too steep for lines; where noise
         makes it steep, it takes a tree on smoothed codes, or spud. Images of a sensor
         with two gains (see gains) have a method of their own.
-    threads : int, in 1 to 256
+    threads : int, in 1 to 64
         Number of threads that unwrapping may use. The result does not depend on it.
     mosaic : str, one of none, rggb, bggr, grbg, gbrg
         Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the source.
