@@ -28,7 +28,7 @@ const MOST_PIXELS: usize = (1 << 29) / 3;
 /// Checks a JPEG from its start marker to its end marker. What the decoder refuses is not checked.
 ///
 /// # Errors
-/// What is missing, broken or left over, and the remedy.
+/// A text that says which compressed data are missing, broken or left over, with the remedy.
 pub(crate) fn check(bytes: &[u8]) -> Result<(), String> {
     follow(bytes).map_err(|why| format!("this JPEG is damaged: {why}; copy or record the file again"))
 }
@@ -93,7 +93,7 @@ fn next_marker(bytes: &[u8], place: usize) -> Option<(u8, usize)> {
     Some((bytes[at + 1], at + 2))
 }
 
-/// What the segments of the picture have told.
+/// The tables and the layout of the picture, as its segments describe them.
 #[derive(Default)]
 struct Picture {
     /// Tables of DC (the first four) and of AC.

@@ -67,7 +67,7 @@ pub fn read_image(path: &Path) -> Result<Frame, ImageError> {
 /// the codes of a sensor as they are, which is any but PNG.
 ///
 /// # Errors
-/// As [`read_image`].
+/// The errors of [`read_image`].
 pub fn read_codes(path: &Path) -> Result<(Frame, Option<u8>), ImageError> {
     let bytes = content(path)?;
     let frame = decode(&bytes, &path.display().to_string())?;
@@ -137,7 +137,7 @@ pub fn sample_depth(mut image: impl BufRead + Seek) -> Option<SampleDepth> {
 /// Decodes one image; `origin` is its name in errors.
 ///
 /// # Errors
-/// As [`read_image`].
+/// The errors of [`read_image`].
 pub fn decode(bytes: &[u8], origin: &str) -> Result<Frame, ImageError> {
     let bad = |why: String| ImageError::Undecodable(origin.to_owned(), why);
     let frame = match picture(bytes).map_err(bad)? {

@@ -1,4 +1,4 @@
-//! What ROS 2 allows in a launch file and is refused here, each with the reason and the way out. Names that are not listed
+//! The parts of launch files that ROS 2 allows and this launcher refuses, each with the reason and the remedy. Names that are not listed
 //! are taken for mistakes.
 
 use std::path::Path;

@@ -125,8 +125,12 @@ fn unpacked(payload: Vec<u8>) -> Result<Vec<u8>, String> {
     let mut message = Vec::new();
     // A broken length must not decide how much memory is allocated.
     let most = chunk::MAX_CHUNK as u64;
-    let read = zstd::Decoder::new(&payload[..]).and_then(|zstd| zstd.take(most).read_to_end(&mut message));
+    let read =
+        zstd::Decoder::new(&payload[..]).and_then(|zstd| zstd.take(most + 1).read_to_end(&mut message));
     read.map_err(|why| format!("its zstd compression is broken: {why}"))?;
+    if message.len() as u64 > most {
+        return Err(format!("it has more than {most} bytes when it is unpacked"));
+    }
     Ok(message)
 }
 

@@ -29,7 +29,7 @@ pub struct CocoLabels {
     without_image: Vec<String>,
 }
 
-/// What the annotation file tells of an image.
+/// The entry of an image in the annotation file.
 #[derive(Debug, Default)]
 struct Labelled {
     /// Width and height, of each entry that has them.

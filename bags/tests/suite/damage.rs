@@ -256,7 +256,7 @@ fn an_empty_file_says_that_it_is_empty() {
     assert!(bag.warnings()[0].is_loss() && told.contains("empty") && told.contains("recorder"), "{told}");
 }
 
-/// What a reader makes of a file: the messages, and all that it says is missing.
+/// The result of reading a file: the messages, and all losses that the reader names.
 struct Outcome {
     messages: Vec<RawMessage>,
     told: Vec<String>,
@@ -280,7 +280,7 @@ fn outcome(path: &Path) -> Outcome {
     Outcome { messages, told }
 }
 
-/// What a thousand damages did.
+/// The outcomes of a thousand damages.
 struct Survey {
     whole: Vec<RawMessage>,
     /// The damage and the messages, where these differ from the whole ones without a word.

@@ -3,7 +3,7 @@
 
 /// A damaged copy of a file.
 pub struct Wounded {
-    /// What was done, for the message of a test that fails.
+    /// The description of the damage, for the message of a test that fails.
     pub how: String,
     /// The bytes after it; they always differ from those before.
     pub bytes: Vec<u8>,

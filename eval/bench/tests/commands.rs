@@ -429,7 +429,7 @@ fn what_is_no_image_of_the_sensor_is_not_unwrapped() {
     assert!(fails(&["--alpha", "2", "--mosaic", "rggb"]).contains("channel"), "three channels");
 }
 
-/// What does not keep the codes of a sensor is refused by its content, whatever its name.
+/// A file that does not keep the codes of a sensor is refused by its content, whatever its name.
 #[test]
 fn only_files_that_keep_the_codes_are_unwrapped() {
     let folder = tempfile::tempdir().unwrap();

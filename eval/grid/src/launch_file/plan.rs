@@ -72,7 +72,7 @@ pub enum PlanError {
     /// Two nodes have one full name.
     #[error("two nodes are called {0}; give each node a name or a namespace of its own")]
     SameName(String),
-    /// Nothing publishes the images that a node reads.
+    /// No node publishes the images that a node reads.
     #[error(
         "{node} would get no image: no camera of the launch file leads to the topic {topic}, which it reads"
     )]

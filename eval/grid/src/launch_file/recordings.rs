@@ -25,7 +25,7 @@ pub struct Recordings {
     /// Whether images are saved: `FOLDER/STREAM/NUMBER.png`, and `FOLDER/grid.png` with the last frame of every stream and its boxes,
     /// in two columns and in the order of the detectors, with a legend of the classes.
     images: bool,
-    /// What each stream shows, by its name.
+    /// The last picture of each stream, by the name of the stream.
     shown: BTreeMap<String, Shown>,
     /// The error of the first file that could not be written. Nothing is recorded after it.
     fault: Option<EvalError>,
