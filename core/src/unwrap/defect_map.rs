@@ -10,7 +10,7 @@ use std::str::FromStr;
 
 use super::{Integers, Range, Recovered, Unwrap, UnwrapError};
 use crate::frame::{Frame, Samples};
-use crate::gains::{GainPattern, Gains};
+use crate::gains::Gains;
 
 /// The number of frames after which the samples that were found as defects in them are counted.
 const WINDOW: u8 = 30;
@@ -295,7 +295,7 @@ impl DefectMap {
         let (x, k) = out.buffers();
         for &at in &self.samples {
             let (row, column) = (at / channels / width, at / channels % width);
-            let gain = gains.behind(y.mosaic(), (row, column, at % channels)) as f32;
+            let gain = gains.behind(y.mosaic(), row, column) as f32;
             let code = f32::from(codes.at(at));
             (x[at], k[at]) = if gain < 1.0 {
                 (((code + 0.5) / gain - 0.5).min((range.limit() as f32).next_down()), 0)
@@ -343,8 +343,8 @@ impl DefectMap {
 fn period(y: &Frame, gains: Gains) -> usize {
     let colours = if y.mosaic().is_some() { 2 } else { 1 };
     match gains {
-        Gains::One | Gains::Two { pattern: GainPattern::Colours, .. } => colours,
-        Gains::Two { .. } => 2 * colours,
+        Gains::One => colours,
+        Gains::Checkerboard { .. } => 2 * colours,
     }
 }
 
@@ -411,7 +411,7 @@ mod tests {
         let truth = exposure.wraps();
         let exact = out.k.indexed_iter().all(|(at, k)| is_defect(at) || *k == truth[at]);
         for (at, code) in codes.indexed_iter().filter(|(at, _)| is_defect(*at)) {
-            let expected = if gains.at(at.0, at.1, at.2) < 1.0 {
+            let expected = if gains.at(at.0, at.1) < 1.0 {
                 2.0 * f32::from(*code) + 0.5
             } else {
                 f32::from(*code) + 256.0 * f32::from(out.k[at])
@@ -454,12 +454,12 @@ mod tests {
 
     #[test]
     fn known_defects_of_two_gains_change_no_count_beside_them() {
-        for pattern in [GainPattern::Checkerboard, GainPattern::Rows, GainPattern::Colours] {
-            let gains = Gains::Two { pattern, ratio: 0.5 };
+        {
+            let gains = Gains::checkerboard(2.0);
             let exposure = exposure(SensorConfig { gains, ..SensorConfig::default() });
-            let mut method = of_gains(gains, &Options::default()).unwrap().unwrap();
+            let mut method = of_gains(gains).unwrap();
             let (out, exact) = recover(&exposure, method.as_mut(), gains, &places(), 255);
-            assert!(exact && out.report.trust == Trust::Trusted, "{pattern:?}: {:?}", out.report);
+            assert!(exact && out.report.trust == Trust::Trusted, "{:?}", out.report);
         }
     }
 

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use clap::Parser;
 use clap::builder::Resettable;
-use modulo_core::unwrap::{DefectMap, Options, of_gains};
-use modulo_core::{Frame, GainPattern, Mosaic, Psf, Recovered, Unwrap, UnwrapError, tone};
+use modulo_core::unwrap::{DefectMap, of_gains};
+use modulo_core::{Frame, Gains, Mosaic, Psf, Recovered, Unwrap, UnwrapError, tone};
 use modulo_images::{read_codes, save_png};
 use modulo_runtime::SensorModel;
 use modulo_runtime::sensor::options::{SensorCommand, SensorOptions};
@@ -67,7 +67,7 @@ pub struct UnwrapRow {
     pub transfer: &'static str,
     /// Columns at the left border that a field stop shades.
     pub optical_black: usize,
-    /// Pixels or colours with a lower gain, see [`GainPattern::WORDS`].
+    /// Pixels with a lower gain, see [`Gains::WORDS`].
     pub gains: &'static str,
     /// Colour filters: `none`, `rggb`, `bggr`, `grbg` or `gbrg`.
     pub mosaic: &'static str,
@@ -111,7 +111,7 @@ pub fn unwrap_files(
         return Err(BenchError::Option(why.to_owned()));
     }
     let mut methods = methods_of(&request.method, sensor.gains)?;
-    if let Some(method) = of_gains(sensor.gains()?, &Options::default())? {
+    if let Some(method) = of_gains(sensor.gains()?) {
         methods = vec![method];
     }
     let files = files(&request.images, tell)?;
@@ -194,7 +194,7 @@ fn of_file(
             headroom: sensor.headroom,
             transfer: sensor.transfer.word(),
             optical_black: sensor.optical_black,
-            gains: sensor.gains.map_or("none", GainPattern::word),
+            gains: Gains::word(sensor.gains),
             mosaic: mosaic.map_or("none", Mosaic::word),
             method: method.name().to_owned(),
             method_used: recovered.report.method.to_owned(),

@@ -193,8 +193,7 @@ impl UnwrapNode {
                 model.range()?
             };
             let gains = model.gains()?;
-            let of_gains = of_gains(gains, &self.parameters.options());
-            let of_gains = of_gains.map_err(|why| self.parameters.refused_threads(&why))?;
+            let of_gains = of_gains(gains);
             let denoise = if self.parameters.denoise { Denoise::new(model.config()?) } else { None };
             self.sensor = Some(Prepared { model, range, deblur, denoise, of_gains, gains });
         }
