@@ -4,7 +4,6 @@
 
 mod auto;
 mod congruence;
-mod defect_map;
 mod defects;
 pub(crate) mod edges;
 mod gradient_sums;
@@ -31,7 +30,6 @@ use ndarray::Array3;
 
 pub use crate::range::{Range, RangeError};
 pub use auto::{Auto, TrustLimits};
-pub use defect_map::{DefectMap, DefectMapError};
 pub use gradient_tree::GradientTree;
 pub use itoh::Itoh;
 pub use lines::Lines;
