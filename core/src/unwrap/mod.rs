@@ -17,7 +17,6 @@ mod mosaic;
 mod offset;
 mod other_colour;
 mod poisson;
-mod quality_guided;
 mod smoothed_tree;
 mod smoothing;
 mod spud;
@@ -35,7 +34,6 @@ pub use itoh::Itoh;
 pub use lines::Lines;
 pub use offset::OffsetEvidence;
 pub use poisson::ThresholdOn;
-pub use quality_guided::QualityGuided;
 pub use spud::{LeastSquares, Spud};
 pub use tree::Tree;
 
@@ -84,7 +82,6 @@ methods! {
     Lines "lines" |_| Ok(Box::new(Lines::default())),
     Tree "tree" |_| Ok(Box::new(Tree::default())),
     GradientTree "gradient_tree" |options| Ok(Box::new(GradientTree::new(options.threads)?)),
-    QualityGuided "quality_guided" |_| Ok(Box::new(QualityGuided::default())),
 }
 
 impl FromStr for Method {

@@ -365,7 +365,7 @@ def unwrap(
         Bits of the sensor's converter. The peak is 2^bits code units.
     alpha : float, a finite number in 0.001 to 256
         Saturation factor: the brightest radiance of the scene divided by the sensor's peak.
-    method : str, one of auto, spud, least_squares, itoh, lines, tree, gradient_tree, quality_guided
+    method : str, one of auto, spud, least_squares, itoh, lines, tree, gradient_tree
         Unwrapping method. auto starts with lines and takes gradient_tree where the image is too steep for lines; where noise
         makes it steep, it takes a tree on smoothed codes, or spud. Images of a sensor
         with two gains (see gains) have a method of their own.
@@ -418,7 +418,7 @@ def unwrap(
     ('lines', True)
     >>> modulo.unwrap(y, method="magic")
     Traceback (most recent call last):
-    ValueError: parameter 'method' = 'magic': must be one of auto, spud, least_squares, itoh, lines, tree, gradient_tree, quality_guided
+    ValueError: parameter 'method' = 'magic': must be one of auto, spud, least_squares, itoh, lines, tree, gradient_tree
     """
     parameters: dict[str, int | float | str] = {
         "bits": bits,
