@@ -306,10 +306,14 @@ fn a_grid_without_a_cell_is_refused_and_empty_combinations_are_named() {
         assert!(said.contains(named) && said.lines().count() == 1, "{said}");
     }
     assert!(!out.exists(), "nothing was run");
-    let (code, said) = eval(&["--gains", "none,rows", "--stream", "ideal,saturated", "--psf-sigma", "0"]);
+    let (code, said) =
+        eval(&["--gains", "none,checkerboard", "--stream", "ideal,saturated", "--psf-sigma", "0"]);
     assert_eq!(code, Some(0), "{said}");
     let line = said.lines().find(|line| line.contains("no cell")).expect("a line");
-    assert!(line.contains("--stream ideal --gains rows (") && !line.contains("saturated --gains"), "{line}");
+    assert!(
+        line.contains("--stream ideal --gains checkerboard (") && !line.contains("saturated --gains"),
+        "{line}"
+    );
 }
 
 /// Hours of work ended with an error about the folder of the results.

@@ -44,17 +44,16 @@ impl Denoise {
     /// Returns `x` (H x W x C, code units of full gain) without most of its noise. A colour mosaic (H x W x 1) stays one.
     pub fn apply(&self, x: &Array3<f32>) -> Array3<f32> {
         match self.sensor.mosaic {
-            None => self.smooth(x, |channel| channel),
+            None => self.smooth(x),
             // Neighbours of the same colour are two pixels away.
-            Some(mosaic) => by_colour(x, |(row, column), x| self.smooth(x, |_| mosaic.channel(row, column))),
+            Some(_) => by_colour(x, |x| self.smooth(x)),
         }
     }
 
-    /// `colour_of` returns the colour of a channel of `x`.
-    fn smooth(&self, x: &ArrayRef3<f32>, colour_of: impl Fn(usize) -> usize) -> Array3<f32> {
+    fn smooth(&self, x: &ArrayRef3<f32>) -> Array3<f32> {
         let in_standard = x.as_standard_layout();
         let samples = in_order(in_standard.view());
-        let sigma = |(row, column, channel), x| self.sigma((row, column, colour_of(channel)), x);
+        let sigma = |(row, column), x| self.sigma((row, column), x);
         let out = match x.dim().2 {
             3 => Problem::<3>::new(samples, x.dim(), sigma).minimise(),
             _ => Problem::<1>::new(samples, x.dim(), sigma).minimise(),
@@ -62,13 +61,13 @@ impl Denoise {
         Array3::from_shape_vec(x.dim(), out).expect("one sample for each of x")
     }
 
-    /// Returns the standard deviation of the noise of a sample at (row, column, colour), in code units of full gain.
-    fn sigma(&self, (row, column, colour): (usize, usize, usize), x: f32) -> f32 {
+    /// Returns the standard deviation of the noise of a sample at (row, column), in code units of full gain.
+    fn sigma(&self, (row, column): (usize, usize), x: f32) -> f32 {
         let SensorConfig { read_noise, shot_noise, prnu, gains, .. } = self.sensor;
-        let (x, gain) = (f64::from(x.max(0.0)), gains.at(row, column, colour));
+        let (x, gain) = (f64::from(x.max(0.0)), gains.at(row, column));
         // Read noise and rounding come after the gain.
         let converter = read_noise * read_noise + OF_ROUNDING;
-        (gains.variance_of_noise(x, gain, converter, shot_noise) + (prnu * x).powi(2)).sqrt() as f32
+        (converter / (gain * gain) + shot_noise * x + (prnu * x).powi(2)).sqrt() as f32
     }
 }
 
@@ -90,14 +89,14 @@ impl<const C: usize> Problem<C> {
     fn new(
         samples: &[f32],
         (height, width, _): (usize, usize, usize),
-        sigma_of: impl Fn((usize, usize, usize), f32) -> f32,
+        sigma_of: impl Fn((usize, usize), f32) -> f32,
     ) -> Self {
         let (mut x, mut sigma) = (vec![0.0; samples.len()], vec![0.0; samples.len()]);
         for (index, pixel) in samples.as_chunks::<C>().0.iter().enumerate() {
             let (row, column) = (index / width, index % width);
             for (channel, &sample) in pixel.iter().enumerate() {
                 let at = (row * C + channel) * width + column;
-                (x[at], sigma[at]) = (sample, sigma_of((row, column, channel), sample));
+                (x[at], sigma[at]) = (sample, sigma_of((row, column), sample));
             }
         }
         let step = steps::<C>(&sigma, (height, width));

@@ -7,17 +7,14 @@
 //!
 //! On a colour mosaic, pixels of one colour are farther apart, and all colours predict together: `gains_mosaic.rs`.
 //!
-//! With a gain per colour, red and blue have the lower one; see [`ColourGains`](crate::unwrap::ColourGains).
-//!
 //! The layout is that of spatially varying exposure (Nayar and Mitsunaga 2000, *CVPR*), whose pixels of full gain saturate; see
 //! [`Exposure::saturated`](crate::Exposure::saturated).
 
 use ndarray::Array3;
 
 use crate::frame::Frame;
-use crate::gains_mosaic::{MosaicGains, MosaicRadiance};
-use crate::green_rows::radiance_of_low;
-use crate::mosaic::{GREEN, Mosaic, PLACES};
+use crate::gains_mosaic::{MosaicGains, MosaicRadiance, radiance_of_low};
+use crate::mosaic::{Mosaic, PLACES};
 use crate::range::Range;
 use crate::simd::widest;
 use crate::unwrap::{Integers, Recovered, Trust, Unwrap, UnwrapError, edges};
@@ -28,31 +25,18 @@ pub enum Gains {
     /// All pixels have the full gain.
     #[default]
     One,
-    /// Some pixels have a lower gain.
-    Two {
-        /// The pixels with the lower gain.
-        pattern: GainPattern,
+    /// The pixels whose row and column (from 0) add up to an odd number have a lower gain.
+    Checkerboard {
         /// The lower gain over the full one, more than 0 and at most `1 / alpha`, so that these pixels never wrap.
         ratio: f64,
     },
 }
 
-/// The arrangement of the pixels with the lower gain.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum GainPattern {
-    /// Pixels whose row and column (from 0) add up to an odd number.
-    Checkerboard,
-    /// Pixels in odd rows.
-    Rows,
-    /// The samples of red and blue, at every pixel. They get less light, by grey filters or a shorter exposure.
-    Colours,
-}
+/// The pairs of neighbours of low gain on opposite sides of a pixel of full gain, by one of the two: rows down, columns to the right.
+const PAIRS: [(isize, isize); 2] = [(0, -1), (-1, 0)];
 
-/// The part of its range that a sample of low gain uses with [`GainPattern::Colours`], so that noise does not make it wrap.
-const HEADROOM: f64 = 0.95;
-
-/// The largest number of pairs of neighbours of a pixel.
-const MAX_PAIRS: usize = 3;
+/// The nearest pixels of full gain around one of them.
+const FULL_AROUND: [(isize, isize); 4] = [(-1, -1), (-1, 1), (1, -1), (1, 1)];
 
 /// This share of the peak is added to each difference, so that differences far below it hardly change the weights.
 const SOFT: f32 = 3.0 / 16.0;
@@ -63,95 +47,44 @@ const SOFT: f32 = 3.0 / 16.0;
 const MOST_DOUBTFUL: f64 = 2e-4;
 
 impl Gains {
-    /// Returns the gain of a sample over the full one; channel 1 of 3 is green.
-    pub fn at(self, row: usize, column: usize, channel: usize) -> f64 {
+    /// The words of the sensors with one gain and with two, and whether the sensor has two.
+    pub const WORDS: [(&'static str, bool); 2] = [("none", false), ("checkerboard", true)];
+
+    /// Returns the word of a sensor with two gains or with one, as in [`Gains::WORDS`].
+    pub fn word(has_two: bool) -> &'static str {
+        Self::WORDS[usize::from(has_two)].0
+    }
+
+    /// Returns the checkerboard whose lower gain is the largest possible one: `1 / alpha`, at most 1.
+    pub fn checkerboard(alpha: f64) -> Self {
+        Self::Checkerboard { ratio: alpha.recip().min(1.0) }
+    }
+
+    /// Returns the gain of a pixel over the full one.
+    pub fn at(self, row: usize, column: usize) -> f64 {
         match self {
-            Self::Two { pattern, ratio } if pattern.is_low(row, column, channel) => ratio,
-            Self::One | Self::Two { .. } => 1.0,
+            Self::Checkerboard { ratio } if is_low(row, column) => ratio,
+            Self::One | Self::Checkerboard { .. } => 1.0,
         }
     }
 
-    /// Returns the gain of a sample (row, column, channel) over the full one. With a mosaic, 2 x 2 pixels have one gain, or one for each
-    /// colour, so that the pixels of each colour by themselves have the pattern of the gains.
-    pub(crate) fn behind(self, mosaic: Option<Mosaic>, (row, column, channel): (usize, usize, usize)) -> f64 {
+    /// Returns the gain of a pixel over the full one. With a mosaic, 2 x 2 pixels have one gain, so that the pixels of each colour by
+    /// themselves are a checkerboard.
+    pub(crate) fn behind(self, mosaic: Option<Mosaic>, row: usize, column: usize) -> f64 {
         match mosaic {
-            None => self.at(row, column, channel),
-            Some(mosaic) => self.at(row / 2, column / 2, mosaic.channel(row, column)),
+            None => self.at(row, column),
+            Some(_) => self.at(row / 2, column / 2),
         }
-    }
-
-    /// Returns the variance of the noise of the radiance `x` (>= 0, code units of full gain) at a sample of this `gain`:
-    /// `(read / gain)^2 + shot x`. With a gain per colour it is `(read / gain)^2 + shot x / gain`, since less gain is less light there.
-    pub(crate) fn variance_of_noise(self, x: f64, gain: f64, read_variance: f64, shot: f64) -> f64 {
-        let light = match self {
-            Self::Two { pattern: GainPattern::Colours, .. } => gain,
-            Self::One | Self::Two { .. } => 1.0,
-        };
-        read_variance / (gain * gain) + shot * x / light
     }
 }
 
-impl GainPattern {
-    /// The gains of a sensor with their words; `None` stands for one gain.
-    pub const WORDS: [(&'static str, Option<Self>); 4] = [
-        ("none", None),
-        ("checkerboard", Some(Self::Checkerboard)),
-        ("rows", Some(Self::Rows)),
-        ("colours", Some(Self::Colours)),
-    ];
-
-    /// Returns the word of the pattern, as in [`GainPattern::WORDS`].
-    pub fn word(self) -> &'static str {
-        let found = Self::WORDS.into_iter().find(|(_, pattern)| *pattern == Some(self));
-        found.expect("each pattern has a word").0
-    }
-
-    /// Returns the name of the method that unwraps the images of a sensor with these gains.
-    pub fn method(self) -> &'static str {
-        match self {
-            Self::Checkerboard => "checkerboard_gains",
-            Self::Rows => "row_gains",
-            Self::Colours => "colour_gains",
-        }
-    }
-
-    /// Returns the lower gain over the full one where none is given: `1 / alpha`, at most 1; with a gain per colour 0.95 of it.
-    pub fn default_ratio(self, alpha: f64) -> f64 {
-        let most = alpha.recip().min(1.0);
-        if self == Self::Colours { HEADROOM * most } else { most }
-    }
-
-    /// Returns whether a sample has the lower gain; channel 1 of 3 is green.
-    pub fn is_low(self, row: usize, column: usize, channel: usize) -> bool {
-        match self {
-            Self::Checkerboard => (row + column) % 2 == 1,
-            Self::Rows => row % 2 == 1,
-            Self::Colours => channel != GREEN,
-        }
-    }
-
-    /// Returns the pairs of neighbours of low gain on opposite sides of a pixel of full gain, at most [`MAX_PAIRS`]: (rows
-    /// down, columns to the right) of one of the two, and the share of the pair.
-    fn pairs(self) -> &'static [((isize, isize), f32)] {
-        match self {
-            Self::Checkerboard => &[((0, -1), 1.0), ((-1, 0), 1.0)],
-            Self::Rows => &[((-1, 0), 1.0), ((-1, -1), 0.5), ((-1, 1), 0.5)],
-            Self::Colours => &[],
-        }
-    }
-
-    /// Returns the nearest pixels of full gain around one of them.
-    fn full_around(self) -> [(isize, isize); 4] {
-        match self {
-            Self::Checkerboard => [(-1, -1), (-1, 1), (1, -1), (1, 1)],
-            Self::Rows | Self::Colours => [(0, -1), (0, 1), (0, -1), (0, 1)],
-        }
-    }
+/// Returns whether a pixel of a checkerboard has the lower gain.
+pub(crate) fn is_low(row: usize, column: usize) -> bool {
+    (row + column) % 2 == 1
 }
 
 /// The unwrapping of images of a sensor some of whose pixels have a lower gain.
 pub struct TwoGains {
-    pattern: GainPattern,
     prediction: Prediction,
     mosaic: MosaicRadiance,
 }
@@ -194,12 +127,14 @@ impl NearestCount {
 }
 
 impl TwoGains {
-    /// Makes the method for the gains of a sensor; `None` for a sensor whose pixels have one gain, or one gain per colour.
+    /// The name of the method in reports.
+    pub const NAME: &str = "checkerboard_gains";
+
+    /// Makes the method for the gains of a sensor; `None` for a sensor whose pixels have one gain.
     pub fn new(gains: Gains) -> Option<Self> {
-        let Gains::Two { pattern, ratio } = gains else { return None };
+        let Gains::Checkerboard { ratio } = gains else { return None };
         let prediction = Prediction { ratio: ratio as f32, ..Prediction::default() };
-        let made = Self { pattern, prediction, mosaic: MosaicRadiance::default() };
-        (pattern != GainPattern::Colours).then_some(made)
+        Some(Self { prediction, mosaic: MosaicRadiance::default() })
     }
 
     /// Writes radiance and wrap counts of the codes `y` into `out`.
@@ -219,9 +154,9 @@ impl TwoGains {
         T: Copy + Into<f32>,
     {
         let ((height, width, _), counts) = (out.x.dim(), NearestCount::new(range));
-        let (pattern, ratio, peak) = (self.pattern, self.prediction.ratio, range.peak());
+        let (ratio, peak) = (self.prediction.ratio, range.peak());
         let mut doubtful = [0; PLACES.len()];
-        let gains = MosaicGains { pattern, ratio, mosaic, peak };
+        let gains = MosaicGains { ratio, mosaic, peak };
         self.mosaic.fill(gains, y, (height, width), |place, samples, predicted, low| {
             let samples = samples.iter_mut().zip(predicted.iter().zip(low));
             doubtful[place] += widest!({
@@ -241,7 +176,7 @@ impl TwoGains {
             k[at] = if is_low { 0 } else { ((radiance - y[at].into()) / peak) as u8 };
         });
         // Along a short side, a colour has no pixels of low gain at both sides.
-        let has_neighbours = height >= 4 && (width >= 4 || pattern == GainPattern::Rows);
+        let has_neighbours = height.min(width) >= 4;
         let most = self.mosaic.full().map(|full| MOST_DOUBTFUL * full as f64);
         let vouched =
             has_neighbours && doubtful.iter().zip(most).all(|(&count, most)| f64::from(count) <= most);
@@ -253,11 +188,11 @@ impl TwoGains {
         let dim @ (height, width, channels) = out.x.dim();
         let (stride, counts, largest) =
             (width * channels, NearestCount::new(range), (range.limit() as f32).next_down());
-        let low_at = |row| low_samples(self.pattern, row, width, channels);
+        let low_at = |row| low_samples(row, width, channels);
         let low_rows = [low_at(0), low_at(1)];
         let (x, k) = out.buffers();
         let mut doubtful = 0;
-        self.prediction.rows(self.pattern, y, dim, range, |row, low, predicted| {
+        self.prediction.rows(y, dim, range, |row, low, predicted| {
             let from = row * stride;
             let samples =
                 x[from..][..stride].iter_mut().zip(&mut k[from..][..stride]).zip(&y[from..][..stride]);
@@ -274,21 +209,21 @@ impl TwoGains {
             });
         });
         let pixels_of_full_gain = (height * width * channels).div_ceil(2);
-        // An image of one pixel, or of one row of full gain, has no neighbours of low gain.
-        let vouched = f64::from(doubtful) <= MOST_DOUBTFUL * pixels_of_full_gain as f64
-            && self.pattern.pairs().iter().any(|&(step, _)| has_pair(step, height, width));
+        // An image of one pixel has no neighbours of low gain.
+        let vouched =
+            f64::from(doubtful) <= MOST_DOUBTFUL * pixels_of_full_gain as f64 && height.max(width) > 1;
         out.report.trust = if vouched { Trust::Trusted } else { Trust::Untrusted };
     }
 }
 
 impl Unwrap for TwoGains {
     fn name(&self) -> &'static str {
-        self.pattern.method()
+        Self::NAME
     }
 
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
         let samples = Integers::checked(y, range)?;
-        out.prepare(y.dim(), self.pattern.method());
+        out.prepare(y.dim(), Self::NAME);
         match samples {
             Integers::U8(codes) => self.recover_any(codes, y.mosaic(), range, out),
             Integers::U16(codes) => self.recover_any(codes, y.mosaic(), range, out),
@@ -300,19 +235,14 @@ impl Unwrap for TwoGains {
 
 /// Returns the radiance (H x W x C, code units) of a sensor whose pixels of full gain saturate at the peak, as spatially varying
 /// exposure reads it: a pixel that saturates gets the prediction of its neighbours of low gain. `codes` are below 2^b.
-pub(crate) fn merge_saturated(
-    codes: &Array3<f32>,
-    pattern: GainPattern,
-    ratio: f64,
-    range: Range,
-) -> Array3<f32> {
+pub(crate) fn merge_saturated(codes: &Array3<f32>, ratio: f64, range: Range) -> Array3<f32> {
     let dim @ (_, width, channels) = codes.dim();
     let (codes, stride, most) = (codes.as_standard_layout(), width * channels, range.peak() - 1.0);
     let y = codes.as_slice().expect("the layout was made standard");
     let mut x = Vec::with_capacity(y.len());
     let mut prediction = Prediction { ratio: ratio as f32, ..Prediction::default() };
-    prediction.rows(pattern, y, dim, range, |row, low, predicted| {
-        let is_low = low_samples(pattern, row, width, channels);
+    prediction.rows(y, dim, range, |row, low, predicted| {
+        let is_low = low_samples(row, width, channels);
         let samples = y[row * stride..][..stride].iter().zip(low.iter().zip(predicted)).zip(is_low);
         x.extend(samples.map(|((&y, (&low, &predicted)), is_low)| match (is_low, y >= most) {
             (true, _) => low,
@@ -324,8 +254,8 @@ pub(crate) fn merge_saturated(
 }
 
 /// Returns for each sample of a row whether it has the lower gain.
-fn low_samples(pattern: GainPattern, row: usize, width: usize, channels: usize) -> Vec<bool> {
-    (0..width * channels).map(|sample| pattern.is_low(row, sample / channels, sample % channels)).collect()
+fn low_samples(row: usize, width: usize, channels: usize) -> Vec<bool> {
+    (0..width * channels).map(|sample| is_low(row, sample / channels)).collect()
 }
 
 /// Returns the radiance of a mosaic as [`merge_saturated`] does.
@@ -359,7 +289,7 @@ struct Prediction {
     /// Radiance of the last rows as if all pixels had low gain: row i lies at i modulo 4.
     radiance: [Vec<f32>; 4],
     /// Differences within each pair, for the last rows: row i lies at i modulo 3.
-    differences: [[Vec<f32>; 3]; MAX_PAIRS],
+    differences: [[Vec<f32>; 3]; PAIRS.len()],
     predicted: Vec<f32>,
     weights: Vec<f32>,
 }
@@ -369,7 +299,6 @@ impl Prediction {
     /// neighbours of low gain, which holds at pixels of full gain only.
     fn rows<T: Copy + Into<f32>>(
         &mut self,
-        pattern: GainPattern,
         y: &[T],
         (height, width, channels): (usize, usize, usize),
         range: Range,
@@ -383,10 +312,10 @@ impl Prediction {
                 self.read(row, &y[row * stride..][..stride]);
             }
             if let Some(row) = row.checked_sub(1).filter(|row| *row < height) {
-                self.compare(row, pattern, height);
+                self.compare(row, height);
             }
             if let Some(row) = row.checked_sub(2) {
-                self.predict(row, pattern, height, SOFT * range.peak());
+                self.predict(row, height, SOFT * range.peak());
                 take(row, &self.radiance[row % 4][channels..][..stride], &self.predicted);
             }
         }
@@ -403,9 +332,9 @@ impl Prediction {
     }
 
     /// Computes the differences within the pairs around the pixels of a row.
-    fn compare(&mut self, row: usize, pattern: GainPattern, height: usize) {
+    fn compare(&mut self, row: usize, height: usize) {
         let (samples, channels) = (self.width * self.channels, self.channels);
-        for (&(step, _), rows) in pattern.pairs().iter().zip(&mut self.differences) {
+        for (step, rows) in PAIRS.into_iter().zip(&mut self.differences) {
             let differences = &mut rows[row % 3];
             differences.resize(samples + 2 * channels, 0.0);
             let (a, b) = pair(&self.radiance, (row, height), step, (samples, channels));
@@ -416,13 +345,13 @@ impl Prediction {
     }
 
     /// Predicts a row from the means of its pairs.
-    fn predict(&mut self, row: usize, pattern: GainPattern, height: usize, soft: f32) {
+    fn predict(&mut self, row: usize, height: usize, soft: f32) {
         let (samples, channels) = (self.width * self.channels, self.channels);
         for sums in [&mut self.predicted, &mut self.weights] {
             sums.clear();
             sums.resize(samples, 0.0);
         }
-        for (&(step, share), differences) in pattern.pairs().iter().zip(&self.differences) {
+        for (step, differences) in PAIRS.into_iter().zip(&self.differences) {
             if !has_pair(step, height, self.width) {
                 continue;
             }
@@ -430,12 +359,12 @@ impl Prediction {
             let around = |(down, right): (isize, isize)| {
                 &differences[mirrored(row, down, height) % 3][(right + 1) as usize * channels..][..samples]
             };
-            let (here, [p, q, r, s]) = (around((0, 0)), pattern.full_around().map(around));
+            let (here, [p, q, r, s]) = (around((0, 0)), FULL_AROUND.map(around));
             let differences = here.iter().zip(p.iter().zip(q)).zip(r.iter().zip(s));
             let sums = self.predicted.iter_mut().zip(&mut self.weights).zip(a.iter().zip(b)).zip(differences);
             widest!(sums.for_each(|(((sum, weights), (a, b)), ((here, (p, q)), (r, s)))| {
                 let difference = here + (p + q + r + s) * 0.25 + soft;
-                let weight = share / (difference * difference);
+                let weight = (difference * difference).recip();
                 *sum += weight * (a + b) * 0.5;
                 *weights += weight;
             }));
@@ -481,12 +410,9 @@ mod tests {
     use super::*;
     use crate::{Sensor, SensorConfig};
 
-    const PATTERNS: [GainPattern; 2] = [GainPattern::Checkerboard, GainPattern::Rows];
-
     /// The prediction by its definition, one pixel after the other.
     fn predicted(
         x: impl Fn(usize, usize) -> f64,
-        pattern: GainPattern,
         (i, j): (usize, usize),
         (height, width): (usize, usize),
         peak: f64,
@@ -506,7 +432,7 @@ mod tests {
         };
         let (mut sum, mut weights) = (0.0, 0.0);
         let (i, j) = (i as isize, j as isize);
-        for &((down, right), share) in pattern.pairs() {
+        for (down, right) in PAIRS {
             if (down != 0 && height == 1) || (right != 0 && width == 1) {
                 continue;
             }
@@ -524,13 +450,12 @@ mod tests {
                         at
                     }
                 };
-                pattern
-                    .full_around()
+                FULL_AROUND
                     .map(|(a, b)| difference((mirror(i + a, height), mirror(j + b, width))))
                     .iter()
                     .sum::<f64>()
             };
-            let weight = f64::from(share) / (difference((i, j)) + around / 4.0 + 3.0 / 16.0 * peak).powi(2);
+            let weight = 1.0 / (difference((i, j)) + around / 4.0 + 3.0 / 16.0 * peak).powi(2);
             let (a, b) = (at(i + down, j + right), at(i - down, j - right));
             sum += weight * (a + b) / 2.0;
             weights += weight;
@@ -543,11 +468,9 @@ mod tests {
         fn takes_the_count_that_is_nearest_to_the_prediction(
             (height, width, rgb) in (1usize..7, 1usize..9, any::<bool>()),
             (bits, alpha) in (2u8..=10, 0.6f64..9.0),
-            rows in any::<bool>(),
             seed in any::<u64>(),
         ) {
             let channels = if rgb { 3 } else { 1 };
-            let pattern = PATTERNS[usize::from(rows)];
             let ratio = alpha.recip().min(1.0);
             let range = Range::new(bits, alpha).unwrap();
             let mut random = seed | 1;
@@ -557,13 +480,13 @@ mod tests {
                 ((random >> 40) % f64::from(range.peak()).min(range.limit()).floor().max(1.0) as u64) as u16
             });
             let mut out = Recovered::default();
-            let mut method = TwoGains::new(Gains::Two { pattern, ratio }).unwrap();
+            let mut method = TwoGains::new(Gains::Checkerboard { ratio }).unwrap();
             method.unwrap(&Frame::from_u16(codes.clone()).unwrap(), range, &mut out).unwrap();
             let peak = f64::from(range.peak());
             for ((i, j, c), &k) in out.k.indexed_iter() {
                 let y = f64::from(codes[(i, j, c)]);
                 prop_assert!(f64::from(out.x[(i, j, c)]) < range.limit());
-                if pattern.is_low(i, j, c) {
+                if is_low(i, j) {
                     prop_assert_eq!(k, 0);
                     let low = ((y + 0.5) / ratio - 0.5).min(range.limit());
                     prop_assert!((f64::from(out.x[(i, j, c)]) - low).abs() < 1e-3 * peak);
@@ -571,7 +494,7 @@ mod tests {
                 }
                 prop_assert_eq!(f64::from(out.x[(i, j, c)]), y + f64::from(k) * peak);
                 let low = |i, j| (f64::from(codes[(i, j, c)]) + 0.5) / ratio - 0.5;
-                let goal = predicted(low, pattern, (i, j), (height, width), peak);
+                let goal = predicted(low, (i, j), (height, width), peak);
                 let off = |k: u8| (y + f64::from(k) * peak - goal).abs();
                 let possible = (0..=range.max_wraps()).filter(|k| *k == 0 || y + f64::from(*k) * peak < range.limit());
                 let best = possible.map(off).fold(f64::MAX, f64::min);
@@ -580,8 +503,8 @@ mod tests {
         }
 
         #[test]
-        fn a_smooth_scene_is_exact_and_trusted(rows in any::<bool>(), alpha in 1.5f64..8.0, rgb in any::<bool>()) {
-            let gains = Gains::Two { pattern: PATTERNS[usize::from(rows)], ratio: alpha.recip() };
+        fn a_smooth_scene_is_exact_and_trusted(alpha in 1.5f64..8.0, rgb in any::<bool>()) {
+            let gains = Gains::checkerboard(alpha);
             let radiance = Array3::from_shape_fn((60, 80, if rgb { 3 } else { 1 }), |(i, j, c)| {
                 0.5 + 0.45 * ((i as f32 / 17.0).sin() * (j as f32 / 23.0 + c as f32).cos())
             });
@@ -600,26 +523,23 @@ mod tests {
     #[test]
     fn noise_without_a_scene_and_an_image_without_neighbours_are_not_trusted() {
         let range = Range::new(8, 4.0).unwrap();
-        let trust = |codes: Array3<u8>, pattern| {
+        let trust = |codes: Array3<u8>| {
             let mut out = Recovered::default();
-            let mut method = TwoGains::new(Gains::Two { pattern, ratio: 0.25 }).unwrap();
+            let mut method = TwoGains::new(Gains::checkerboard(4.0)).unwrap();
             method.unwrap(&Frame::from_u8(codes).unwrap(), range, &mut out).unwrap();
             out.report.trust
         };
-        for pattern in PATTERNS {
-            let noise = Array3::from_shape_fn((20, 30, 3), |(i, j, c)| {
-                (((i * 7919 + j * 104_729 + c * 31) * 2_654_435_761) >> 7) as u8
-            });
-            assert_eq!(trust(noise, pattern), Trust::Untrusted);
-            assert_eq!(trust(Array3::zeros((1, 1, 1)), pattern), Trust::Untrusted);
-        }
-        assert_eq!(trust(Array3::zeros((1, 9, 1)), GainPattern::Rows), Trust::Untrusted);
-        assert_eq!(trust(Array3::zeros((1, 9, 1)), GainPattern::Checkerboard), Trust::Trusted);
+        let noise = Array3::from_shape_fn((20, 30, 3), |(i, j, c)| {
+            (((i * 7919 + j * 104_729 + c * 31) * 2_654_435_761) >> 7) as u8
+        });
+        assert_eq!(trust(noise), Trust::Untrusted);
+        assert_eq!(trust(Array3::zeros((1, 1, 1))), Trust::Untrusted);
+        assert_eq!(trust(Array3::zeros((1, 9, 1))), Trust::Trusted);
     }
 
     #[test]
     fn a_saturated_pixel_takes_the_radiance_of_its_neighbours() {
-        let gains = Gains::Two { pattern: GainPattern::Checkerboard, ratio: 0.25 };
+        let gains = Gains::checkerboard(4.0);
         let sensor = Sensor::new(SensorConfig { gains, ..SensorConfig::default() }).unwrap();
         for (radiance, shown) in [(0.1, 25.0), (0.8, 204.0)] {
             let saturated =
@@ -632,38 +552,35 @@ mod tests {
     #[test]
     fn a_result_with_lamps_of_one_pixel_is_trusted_only_if_they_are_few() {
         let mut trusted = [0, 0];
-        for pattern in PATTERNS {
-            for lamps in [0, 10, 40, 80, 120, 200, 400] {
-                // The lamps lie at pixels of full gain, and their brightness takes all values from 0.3 to 1.
-                let mut radiance = ndarray::Array3::from_elem((400, 400, 1), 0.1f32);
-                for lamp in 0..lamps {
-                    let row = 2 * ((lamp * 89) % 200);
-                    radiance[(row, 2 * ((lamp * 57) % 200), 0)] =
-                        0.3 + 0.7 * ((lamp * 37) % 101) as f32 / 101.0;
-                }
-                let gains = Gains::Two { pattern, ratio: 0.25 };
-                let sensor = Sensor::new(SensorConfig { gains, ..SensorConfig::PLAIN }).expect("possible");
-                let exposure = sensor.expose(radiance.view(), 0).expect("an image");
-                let mut out = Recovered::default();
-                let mut method = TwoGains::new(gains).expect("two gains");
-                method.unwrap(&exposure.modulo(), exposure.range(), &mut out).expect("valid codes");
-                let exact = exposure.exact_share(&out.k).expect("the same shape");
-                let is_trusted = out.report.trust == Trust::Trusted;
-                assert!(!is_trusted || exact >= 0.999, "{pattern:?}, {lamps} lamps: {exact}");
-                trusted[usize::from(is_trusted)] += 1;
+        for lamps in [0, 10, 40, 80, 120, 200, 400] {
+            // The lamps lie at pixels of full gain, and their brightness takes all values from 0.3 to 1.
+            let mut radiance = ndarray::Array3::from_elem((400, 400, 1), 0.1f32);
+            for lamp in 0..lamps {
+                let row = 2 * ((lamp * 89) % 200);
+                radiance[(row, 2 * ((lamp * 57) % 200), 0)] = 0.3 + 0.7 * ((lamp * 37) % 101) as f32 / 101.0;
             }
+            let gains = Gains::checkerboard(4.0);
+            let sensor = Sensor::new(SensorConfig { gains, ..SensorConfig::PLAIN }).expect("possible");
+            let exposure = sensor.expose(radiance.view(), 0).expect("an image");
+            let mut out = Recovered::default();
+            let mut method = TwoGains::new(gains).expect("two gains");
+            method.unwrap(&exposure.modulo(), exposure.range(), &mut out).expect("valid codes");
+            let exact = exposure.exact_share(&out.k).expect("the same shape");
+            let is_trusted = out.report.trust == Trust::Trusted;
+            assert!(!is_trusted || exact >= 0.999, "{lamps} lamps: {exact}");
+            trusted[usize::from(is_trusted)] += 1;
         }
         assert!(trusted.iter().all(|cases| *cases > 2), "both verdicts are met: {trusted:?}");
     }
 
     #[test]
     fn read_noise_comes_after_the_gain() {
-        let gains = Gains::Two { pattern: GainPattern::Rows, ratio: 0.25 };
+        let gains = Gains::checkerboard(4.0);
         let sensor = Sensor::new(SensorConfig { read_noise: 3.0, gains, ..SensorConfig::default() }).unwrap();
         let exposure = sensor.expose(Array3::from_elem((200, 300, 1), 0.5).view(), 1).unwrap();
         for (parity, expected) in [(0, 3.0), (1, 12.0)] {
-            let rows = exposure.x().indexed_iter().filter(|((i, ..), _)| i % 2 == parity);
-            let squares: Vec<f64> = rows.map(|(_, x)| (f64::from(*x) - 512.0).powi(2)).collect();
+            let pixels = exposure.x().indexed_iter().filter(|((i, j, _), _)| (i + j) % 2 == parity);
+            let squares: Vec<f64> = pixels.map(|(_, x)| (f64::from(*x) - 512.0).powi(2)).collect();
             let sigma = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
             assert!((sigma / expected - 1.0).abs() < 0.02, "{sigma}");
         }

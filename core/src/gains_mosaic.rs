@@ -11,94 +11,50 @@
 //!
 //! The filters are those with the least square errors on rendered scenes behind several lenses, rounded.
 
-use crate::gains::GainPattern;
-use crate::green_rows::radiance_of_low;
 use crate::mosaic::{GREEN, Mosaic, PLACES, mirrored};
+use crate::range::HALF_A_CODE;
 use crate::simd::widest;
 
 /// One sample of a filter: rows down, columns to the right, and the weight in 64ths.
 type Tap = (isize, isize, f32);
 
-/// The filters of a pattern for the upper two pixels of a block in a mosaic whose first pixel is red or blue. Those of the lower two are the
-/// same turned by 180 degrees, and a mosaic whose first pixel is green has their mirror images.
-#[derive(Clone, Copy)]
-struct Filters {
-    green: &'static [Tap],
-    other: &'static [Tap],
-}
+// The filters for the upper two pixels of a block in a mosaic whose first pixel is red or blue. Those of the lower two are the same turned by
+// 180 degrees, and a mosaic whose first pixel is green has their mirror images.
+/// The filter of green at pixels of full gain.
+const OF_GREEN: &[Tap] = &[
+    (-1, -1, 25.0),
+    (1, 1, 25.0),
+    (0, -2, 7.0),
+    (2, 0, 7.0),
+    (-1, 0, 12.0),
+    (1, 2, -4.0),
+    (-3, -2, -5.0),
+    (3, 0, -3.0),
+    (0, 1, 12.0),
+    (-2, -1, -4.0),
+    (2, 3, -5.0),
+    (0, -3, -3.0),
+];
 
-const CHECKERBOARD: Filters = Filters {
-    green: &[
-        (-1, -1, 25.0),
-        (1, 1, 25.0),
-        (0, -2, 7.0),
-        (2, 0, 7.0),
-        (-1, 0, 12.0),
-        (1, 2, -4.0),
-        (-3, -2, -5.0),
-        (3, 0, -3.0),
-        (0, 1, 12.0),
-        (-2, -1, -4.0),
-        (2, 3, -5.0),
-        (0, -3, -3.0),
-    ],
-    other: &[
-        (-2, 0, 16.0),
-        (0, -2, 16.0),
-        (0, 2, 16.0),
-        (2, 0, 16.0),
-        (-1, 0, 16.0),
-        (0, -1, 16.0),
-        (0, 1, 16.0),
-        (1, 0, 16.0),
-        (-2, -1, -8.0),
-        (-2, 1, -8.0),
-        (-1, -2, -8.0),
-        (-1, 2, -8.0),
-        (1, -2, -8.0),
-        (1, 2, -8.0),
-        (2, -1, -8.0),
-        (2, 1, -8.0),
-    ],
-};
-
-const ROWS: Filters = Filters {
-    green: &[
-        (-1, -1, 32.0),
-        (-1, 1, 32.0),
-        (2, 0, 32.0),
-        (2, -2, 3.5),
-        (2, 2, 3.5),
-        (-2, 0, -11.0),
-        (-2, -2, -5.0),
-        (-2, 2, -5.0),
-        (3, -1, -9.0),
-        (3, 1, -9.0),
-        (-1, 0, 10.0),
-        (-1, -2, -5.0),
-        (-1, 2, -5.0),
-    ],
-    other: &[
-        (-2, 0, 23.0),
-        (2, 0, 23.0),
-        (-2, -2, 4.5),
-        (-2, 2, 4.5),
-        (2, -2, 4.5),
-        (2, 2, 4.5),
-        (0, -1, 32.0),
-        (0, 1, 32.0),
-        (-1, 0, 10.0),
-        (1, 0, 10.0),
-        (-2, -1, -17.0),
-        (-2, 1, -17.0),
-        (2, -1, -17.0),
-        (2, 1, -17.0),
-        (-1, -2, -4.0),
-        (-1, 2, -4.0),
-        (1, -2, -4.0),
-        (1, 2, -4.0),
-    ],
-};
+/// The filter of red and blue.
+const OF_OTHERS: &[Tap] = &[
+    (-2, 0, 16.0),
+    (0, -2, 16.0),
+    (0, 2, 16.0),
+    (2, 0, 16.0),
+    (-1, 0, 16.0),
+    (0, -1, 16.0),
+    (0, 1, 16.0),
+    (1, 0, 16.0),
+    (-2, -1, -8.0),
+    (-2, 1, -8.0),
+    (-1, -2, -8.0),
+    (-1, 2, -8.0),
+    (1, -2, -8.0),
+    (1, 2, -8.0),
+    (2, -1, -8.0),
+    (2, 1, -8.0),
+];
 
 /// Blocks of 2 x 2 pixels beyond the border that the filters reach.
 const MARGIN: usize = 2;
@@ -110,7 +66,6 @@ const MOST_APART: f32 = 0.5;
 /// The sensor of a mosaic with two gains.
 #[derive(Clone, Copy)]
 pub(crate) struct MosaicGains {
-    pub pattern: GainPattern,
     pub ratio: f32,
     pub mosaic: Mosaic,
     /// 2^b.
@@ -152,9 +107,8 @@ impl MosaicRadiance {
         mut settle: impl FnMut(usize, &mut [f32], &[f32], &[bool]),
     ) {
         self.read(gains, codes, dim);
-        let filters = if gains.pattern == GainPattern::Rows { ROWS } else { CHECKERBOARD };
         let is_green = |(row, column)| gains.mosaic.channel(row, column) == GREEN;
-        for (filter, of_green) in [(filters.green, true), (filters.other, false)] {
+        for (filter, of_green) in [(OF_GREEN, true), (OF_OTHERS, false)] {
             for (at, place) in PLACES.into_iter().enumerate() {
                 if is_green(place) != of_green {
                     continue;
@@ -209,7 +163,7 @@ impl MosaicRadiance {
         let blocks = width.div_ceil(2);
         for (parity, low) in self.low.iter_mut().enumerate() {
             low.clear();
-            low.extend((0..blocks).map(|column| gains.pattern.is_low(parity, column, 0)));
+            low.extend((0..blocks).map(|column| (parity + column) % 2 == 1));
         }
         for (plane, (first, column)) in self.planes.iter_mut().zip(PLACES) {
             (plane.rows, plane.columns) = ((height - first).div_ceil(2), (width - column).div_ceil(2));
@@ -239,10 +193,7 @@ impl MosaicRadiance {
         if !low.contains(&true) {
             return;
         }
-        let nearest = match gains.pattern {
-            GainPattern::Rows => [(0, -1), (0, 1), (-2, 0), (2, 0)],
-            GainPattern::Checkerboard | GainPattern::Colours => [(-1, -1), (-1, 1), (1, -1), (1, 1)],
-        };
+        let nearest = [(-1, -1), (-1, 1), (1, -1), (1, 1)];
         let columns = self.planes[at].columns;
         let [least, greatest] = &mut self.around;
         let own = nearest.map(|step| (at, step));
@@ -304,6 +255,13 @@ impl Plane {
     }
 }
 
+/// Returns the radiance of a code of low gain. A code stands for the interval above it, and the radiance of full gain is a whole code,
+/// too: the half codes cancel for a ratio of 1.
+#[inline(always)]
+pub(crate) fn radiance_of_low(code: f32, ratio: f32) -> f32 {
+    (code + HALF_A_CODE) / ratio - HALF_A_CODE
+}
+
 /// Predicts a row of one place from the samples around it.
 fn predict(
     planes: &[Plane; PLACES.len()],
@@ -337,16 +295,8 @@ mod tests {
     use crate::unwrap::{Recovered, Trust, Unwrap as _};
     use crate::{Exposure, Frame, Gains, Psf, Range, Sensor, SensorConfig, TwoGains};
 
-    const PATTERNS: [GainPattern; 2] = [GainPattern::Checkerboard, GainPattern::Rows];
-
-    fn expose(
-        radiance: &Array3<f32>,
-        pattern: GainPattern,
-        alpha: f64,
-        mosaic: Mosaic,
-        sigma: f64,
-    ) -> Exposure {
-        let gains = Gains::Two { pattern, ratio: alpha.recip() };
+    fn expose(radiance: &Array3<f32>, alpha: f64, mosaic: Mosaic, sigma: f64) -> Exposure {
+        let gains = Gains::checkerboard(alpha);
         let (mosaic, psf) = (Some(mosaic), Psf::of_sigma(sigma));
         let config = SensorConfig { alpha, gains, mosaic, psf, ..SensorConfig::PLAIN };
         Sensor::new(config).unwrap().expose(radiance.view(), 0).unwrap()
@@ -381,11 +331,11 @@ mod tests {
     proptest! {
         #[test]
         fn any_codes_of_any_size_give_a_congruent_result_in_range(
-            (height, width) in (2usize..12, 2usize..12), bits in 1u8..=16, alpha in 0.6f64..200.0, which in 1usize..5, rows in any::<bool>(),
+            (height, width) in (2usize..12, 2usize..12), bits in 1u8..=16, alpha in 0.6f64..200.0, which in 1usize..5,
             seed in any::<u64>(),
         ) {
-            let (pattern, range) = (PATTERNS[usize::from(rows)], Range::new(bits, alpha).unwrap());
-            let gains = Gains::Two { pattern, ratio: alpha.recip().min(1.0) };
+            let range = Range::new(bits, alpha).unwrap();
+            let gains = Gains::checkerboard(alpha);
             let mut random = seed | 1;
             let codes = Array3::from_shape_simple_fn((height, width, 1), || {
                 random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
@@ -397,7 +347,7 @@ mod tests {
             let out = unwrapped(gains, &y, range);
             for ((at, &x), &y) in out.x.indexed_iter().zip(&codes) {
                 prop_assert!(f64::from(x) < range.limit());
-                if gains.behind(mosaic, at) < 1.0 {
+                if gains.behind(mosaic, at.0, at.1) < 1.0 {
                     prop_assert_eq!(out.k[at], 0);
                 } else if alpha > 1.0 {
                     prop_assert_eq!(x, f32::from(y) + f32::from(out.k[at]) * range.peak());
@@ -409,23 +359,23 @@ mod tests {
         /// The weights of each filter add up to 1 for its own colour and to 0 for the others.
         #[test]
         fn an_equal_scene_of_any_colour_is_exact_and_trusted(
-            dim in (4usize..20, 4usize..20), alpha in 1.1f64..16.0, which in 1usize..5, rows in any::<bool>(),
+            dim in (4usize..20, 4usize..20), alpha in 1.1f64..16.0, which in 1usize..5,
             colour in prop_oneof![(0f32..1.0).prop_map(|grey| [grey; 3]), [0f32..1.0, 0f32..1.0, 0f32..1.0]],
         ) {
             let radiance = Array3::from_shape_fn((dim.0, dim.1, 3), |(.., c)| colour[c]);
-            let exposure = expose(&radiance, PATTERNS[usize::from(rows)], alpha, Mosaic::WORDS[which].1.unwrap(), 0.0);
+            let exposure = expose(&radiance, alpha, Mosaic::WORDS[which].1.unwrap(), 0.0);
             let (exact, out) = recovered(&exposure);
             prop_assert_eq!((exact, out.report.trust), (1.0, Trust::Trusted));
         }
 
         #[test]
         fn a_smooth_scene_is_exact_and_trusted(
-            dim in (60usize..90, 60usize..90), alpha in 1.5f64..6.0, which in 1usize..5, rows in any::<bool>(),
+            dim in (60usize..90, 60usize..90), alpha in 1.5f64..6.0, which in 1usize..5,
         ) {
             let radiance = Array3::from_shape_fn((dim.0, dim.1, 3), |(i, j, c)| {
                 0.5 + 0.45 * ((i as f32 / 30.0).sin() * (j as f32 / 40.0 + c as f32).cos())
             });
-            let exposure = expose(&radiance, PATTERNS[usize::from(rows)], alpha, Mosaic::WORDS[which].1.unwrap(), 0.0);
+            let exposure = expose(&radiance, alpha, Mosaic::WORDS[which].1.unwrap(), 0.0);
             let (exact, out) = recovered(&exposure);
             prop_assert_eq!((exact, out.report.trust), (1.0, Trust::Trusted));
         }
@@ -433,22 +383,19 @@ mod tests {
 
     #[test]
     fn edges_of_an_object_of_one_colour_are_found_by_all_colours_together() {
-        for pattern in PATTERNS {
-            for (seed, colour) in [(1, [0.96, 1.0, 0.93]), (2, [1.0, 0.7, 0.4])] {
-                let exposure = expose(&discs(seed, colour), pattern, 4.0, Mosaic::Grbg, 1.0);
-                let (exact, _) = recovered(&exposure);
-                // Each colour by itself, whose pixels are two apart.
-                let (y, mut alone) = (exposure.modulo(), exposure.wraps());
-                let codes = y.as_u8().unwrap();
-                for (row, column) in PLACES {
-                    let place = s![row..;2, column..;2, ..];
-                    let colour =
-                        Frame::from_u8(codes.slice(place).as_standard_layout().into_owned()).unwrap();
-                    alone.slice_mut(place).assign(&unwrapped(exposure.gains(), &colour, exposure.range()).k);
-                }
-                let alone = exposure.exact_share(&alone).unwrap();
-                assert!(exact > 0.999 && 1.0 - exact < 0.25 * (1.0 - alone), "{pattern:?}: {exact} {alone}");
+        for (seed, colour) in [(1, [0.96, 1.0, 0.93]), (2, [1.0, 0.7, 0.4])] {
+            let exposure = expose(&discs(seed, colour), 4.0, Mosaic::Grbg, 1.0);
+            let (exact, _) = recovered(&exposure);
+            // Each colour by itself, whose pixels are two apart.
+            let (y, mut alone) = (exposure.modulo(), exposure.wraps());
+            let codes = y.as_u8().unwrap();
+            for (row, column) in PLACES {
+                let place = s![row..;2, column..;2, ..];
+                let colour = Frame::from_u8(codes.slice(place).as_standard_layout().into_owned()).unwrap();
+                alone.slice_mut(place).assign(&unwrapped(exposure.gains(), &colour, exposure.range()).k);
             }
+            let alone = exposure.exact_share(&alone).unwrap();
+            assert!(exact > 0.999 && 1.0 - exact < 0.25 * (1.0 - alone), "{exact} {alone}");
         }
     }
 
@@ -456,29 +403,27 @@ mod tests {
     #[test]
     fn what_is_trusted_is_exact() {
         let mut verdicts = [0, 0];
-        for pattern in PATTERNS {
-            let mut check = |exposure: &Exposure, what: &str| {
-                let (exact, out) = recovered(exposure);
-                let is_trusted = out.report.trust == Trust::Trusted;
-                assert!(exact >= 0.999 || !is_trusted, "{pattern:?}, {what}: {exact}");
-                verdicts[usize::from(is_trusted)] += 1;
-            };
-            for lamps in [0, 10, 40, 80, 120, 200, 400] {
-                let mut radiance = Array3::from_elem((400, 400, 3), 0.1f32);
-                for lamp in 0..lamps {
-                    // The lamps lie at pixels of full gain of all colours, and their brightness takes all values from 0.3 to 1.
-                    let block = [(lamp * 89) % 100, (lamp * 57) % 100].map(|at| 4 * at);
-                    let (row, column) = (block[0] + lamp % 2, block[1] + lamp / 2 % 2);
-                    let light = 0.3 + 0.7 * ((lamp * 37) % 101) as f32 / 101.0;
-                    radiance.slice_mut(s![row, column, ..]).fill(light);
-                }
-                check(&expose(&radiance, pattern, 4.0, Mosaic::Rggb, 0.0), &format!("{lamps} lamps"));
+        let mut check = |exposure: &Exposure, what: &str| {
+            let (exact, out) = recovered(exposure);
+            let is_trusted = out.report.trust == Trust::Trusted;
+            assert!(exact >= 0.999 || !is_trusted, "{what}: {exact}");
+            verdicts[usize::from(is_trusted)] += 1;
+        };
+        for lamps in [0, 10, 40, 80, 120, 200, 400] {
+            let mut radiance = Array3::from_elem((400, 400, 3), 0.1f32);
+            for lamp in 0..lamps {
+                // The lamps lie at pixels of full gain of all colours, and their brightness takes all values from 0.3 to 1.
+                let block = [(lamp * 89) % 100, (lamp * 57) % 100].map(|at| 4 * at);
+                let (row, column) = (block[0] + lamp % 2, block[1] + lamp / 2 % 2);
+                let light = 0.3 + 0.7 * ((lamp * 37) % 101) as f32 / 101.0;
+                radiance.slice_mut(s![row, column, ..]).fill(light);
             }
-            for (seed, sigma) in (0..6).flat_map(|seed| [0.0, 0.8, 1.4, 2.0].map(|sigma| (seed, sigma))) {
-                for alpha in [1.5, 4.0, 8.0] {
-                    let exposure = expose(&discs(seed, [0.9, 1.0, 0.8]), pattern, alpha, Mosaic::Gbrg, sigma);
-                    check(&exposure, &format!("discs {seed}, alpha {alpha}, {sigma} px"));
-                }
+            check(&expose(&radiance, 4.0, Mosaic::Rggb, 0.0), &format!("{lamps} lamps"));
+        }
+        for (seed, sigma) in (0..6).flat_map(|seed| [0.0, 0.8, 1.4, 2.0].map(|sigma| (seed, sigma))) {
+            for alpha in [1.5, 4.0, 8.0] {
+                let exposure = expose(&discs(seed, [0.9, 1.0, 0.8]), alpha, Mosaic::Gbrg, sigma);
+                check(&exposure, &format!("discs {seed}, alpha {alpha}, {sigma} px"));
             }
         }
         assert!(verdicts.iter().all(|count| *count > 20), "both verdicts are met: {verdicts:?}");

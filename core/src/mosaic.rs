@@ -27,7 +27,7 @@ pub(crate) const GREEN: usize = 1;
 pub(crate) const PLACES: [(usize, usize); 4] = [(0, 0), (0, 1), (1, 0), (1, 1)];
 
 /// Pixels that the filters reach to each side.
-pub(crate) const REACH: usize = 2;
+const REACH: usize = 2;
 
 impl Mosaic {
     /// The mosaics with their words; `None` stands for three colours at each pixel.
@@ -152,16 +152,13 @@ impl Filtered {
 }
 
 /// Returns an image (H x W x 1) in which `change` has replaced the pixels of each place in the 2 x 2 pixels of a mosaic, which are
-/// an image of their own. `change` is called with the row and column of the place, too.
-pub(crate) fn by_colour(
-    image: &Array3<f32>,
-    change: impl Fn((usize, usize), &Array3<f32>) -> Array3<f32>,
-) -> Array3<f32> {
+/// an image of their own.
+pub(crate) fn by_colour(image: &Array3<f32>, change: impl Fn(&Array3<f32>) -> Array3<f32>) -> Array3<f32> {
     let mut changed = image.clone();
     for (row, column) in PLACES {
         let place = s![row..;2, column..;2, ..];
         let of_place = image.slice(place).as_standard_layout().into_owned();
-        changed.slice_mut(place).assign(&change((row, column), &of_place));
+        changed.slice_mut(place).assign(&change(&of_place));
     }
     changed
 }
@@ -178,7 +175,7 @@ pub(crate) fn mirrored(at: isize, count: usize) -> usize {
 }
 
 /// Writes a row with [`REACH`] pixels of its mirror image at both ends.
-pub(crate) fn pad<T: Copy + Into<f32>>(row: &[T], padded: &mut Vec<f32>) {
+fn pad<T: Copy + Into<f32>>(row: &[T], padded: &mut Vec<f32>) {
     let (reach, width) = (REACH as isize, row.len() as isize);
     padded.clear();
     padded.extend((-reach..0).map(|at| row[mirrored(at, row.len())].into()));

@@ -10,9 +10,8 @@ use rand_distr::{Distribution, StandardNormal, StandardUniform};
 use rand_pcg::Pcg64Mcg;
 
 use crate::frame::{Frame, FrameError, SamplePosition, check_shape, position_of};
-use crate::gains::{GainPattern, Gains, merge_saturated, merge_saturated_mosaic};
+use crate::gains::{Gains, merge_saturated, merge_saturated_mosaic};
 use crate::gains_mosaic::MosaicGains;
-use crate::green_rows::fill_saturated;
 use crate::mosaic::Mosaic;
 use crate::optics::{Border, MAX_SIGMA, Psf, RowFilter};
 use crate::range::{Range, RangeError};
@@ -59,7 +58,7 @@ pub struct SensorConfig {
     pub prnu: f64,
     /// The share of the samples that are hot: their dark signal is evenly distributed up to the peak, 0 to 1.
     pub hot_pixels: f64,
-    /// The gains of the pixels; with a colour mosaic, of each 2 x 2 pixels, or of each colour.
+    /// The gains of the pixels; with a colour mosaic, of each 2 x 2 pixels.
     pub gains: Gains,
     /// The colour filters of the pixels; `None` if each pixel sees all channels of the radiance.
     pub mosaic: Option<Mosaic>,
@@ -129,10 +128,8 @@ pub enum SensorError {
     /// The radiance does not have the shape of an image.
     #[error(transparent)]
     Shape(#[from] FrameError),
-    /// The radiance of a sensor with a colour mosaic, or with a gain per colour, has no colours.
-    #[error(
-        "radiance has {channels} channels, a sensor with a colour mosaic or with a gain per colour needs 3"
-    )]
+    /// The radiance of a sensor with a colour mosaic has no colours.
+    #[error("radiance has {channels} channels, a sensor with a colour mosaic needs 3")]
     Colours {
         /// The number of channels.
         channels: usize,
@@ -185,14 +182,9 @@ struct PixelArrangement {
 }
 
 impl PixelArrangement {
-    /// Returns the gain of a sample over the full one.
-    fn gain(self, row: usize, column: usize, channel: usize) -> f64 {
-        self.gains.behind(self.mosaic, (row, column, channel))
-    }
-
-    /// Returns whether each of three colours has a meaning of its own.
-    fn needs_colours(self) -> bool {
-        self.mosaic.is_some() || matches!(self.gains, Gains::Two { pattern: GainPattern::Colours, .. })
+    /// Returns the gain of a pixel over the full one.
+    fn gain(self, row: usize, column: usize) -> f64 {
+        self.gains.behind(self.mosaic, row, column)
     }
 }
 
@@ -225,7 +217,7 @@ impl Sensor {
                 return Err(SensorError::Noise { name, value, most });
             }
         }
-        if let Gains::Two { ratio, .. } = gains {
+        if let Gains::Checkerboard { ratio } = gains {
             let most = range.alpha().recip().min(1.0);
             if !(ratio > 0.0 && ratio <= most) {
                 return Err(SensorError::GainRatio { ratio, most });
@@ -306,7 +298,7 @@ impl Sensor {
         dim @ (height, width, channels): (usize, usize, usize),
     ) -> Result<(), SensorError> {
         check_shape(dim)?;
-        if self.layout.needs_colours() && channels != 3 {
+        if self.layout.mosaic.is_some() && channels != 3 {
             return Err(SensorError::Colours { channels });
         }
         if self.layout.mosaic.is_some() && height.min(width) < 2 {
@@ -329,7 +321,7 @@ impl Sensor {
         }
     }
 
-    /// Adds Gaussian noise of the variance that [`Gains`] state to every sample of the row `x` (>= 0, code units at full gain).
+    /// Adds Gaussian noise of the variance `(read / gain)^2 + shot x` to every sample of the row `x` (>= 0, code units at full gain).
     ///
     /// Shot and read noise are independent, so one random number stands for both.
     fn add_noise(&self, x: &mut [f32], (row, channels): (usize, usize), random: &mut Pcg64Mcg) {
@@ -339,9 +331,8 @@ impl Sensor {
             return;
         }
         for (index, sample) in x.iter_mut().enumerate() {
-            let gain = self.layout.gain(row, index / channels, index % channels);
-            let variance = self.layout.gains.variance_of_noise(f64::from(*sample), gain, read * read, shot);
-            let sigma = variance.sqrt();
+            let gain = self.layout.gain(row, index / channels);
+            let sigma = (read * read / (gain * gain) + shot * f64::from(*sample)).sqrt();
             let deviate: f64 = StandardNormal.sample(random);
             *sample += (sigma * deviate) as f32;
         }
@@ -412,9 +403,9 @@ impl Exposure {
         self.layout.mosaic
     }
 
-    /// Returns the gain of a sample over the full one; the channel of a mosaic is 0.
-    pub fn gain(&self, row: usize, column: usize, channel: usize) -> f64 {
-        self.layout.gain(row, column, channel)
+    /// Returns the gain of a pixel over the full one.
+    pub fn gain(&self, row: usize, column: usize) -> f64 {
+        self.layout.gain(row, column)
     }
 
     /// Returns the modulo stream (eq. 1): `y = floor(gain x mod 2^b)`, 8-bit samples for b <= 8, else 16-bit samples.
@@ -426,8 +417,7 @@ impl Exposure {
 
     /// Returns the saturated stream: the codes that the transfer function has for `floor(min(x, 2^b - 1))`, with samples as in
     /// [`Exposure::modulo`]. With two gains it is the image of spatially varying exposure, `floor(x / (headroom * alpha))`, where a
-    /// pixel of full gain that saturates is predicted from its neighbours of low gain; with a gain per colour, green that saturates is the
-    /// mean of red and blue, or the peak where that is more.
+    /// pixel of full gain that saturates is predicted from its neighbours of low gain.
     pub fn saturated(&self) -> Frame {
         if self.layout.gains == Gains::One {
             return self.clipped(&self.x);
@@ -437,17 +427,16 @@ impl Exposure {
     }
 
     /// Returns the radiance that a sensor which saturates measures, in code units at full gain: the codes clipped at the peak. With two
-    /// gains or a gain per colour, what saturates is predicted as in [`Exposure::saturated`].
+    /// gains, what saturates is predicted as in [`Exposure::saturated`].
     pub fn saturated_radiance(&self) -> Array3<f32> {
         let most = self.most();
         let codes = mapped(&self.converted(), |x| whole(x).min(most) as f32);
-        let Gains::Two { pattern, ratio } = self.layout.gains else { return codes };
-        let x = match (pattern, self.layout.mosaic) {
-            (GainPattern::Colours, mosaic) => fill_saturated(codes, mosaic, ratio, self.range),
-            (_, None) => merge_saturated(&codes, pattern, ratio, self.range),
-            (_, Some(mosaic)) => {
+        let Gains::Checkerboard { ratio } = self.layout.gains else { return codes };
+        let x = match self.layout.mosaic {
+            None => merge_saturated(&codes, ratio, self.range),
+            Some(mosaic) => {
                 let (ratio, peak) = (ratio as f32, self.range.peak());
-                merge_saturated_mosaic(&codes, MosaicGains { pattern, ratio, mosaic, peak })
+                merge_saturated_mosaic(&codes, MosaicGains { ratio, mosaic, peak })
             }
         };
         x.mapv_into(|x| x.max(0.0))
@@ -472,10 +461,8 @@ impl Exposure {
         if k.dim() != wraps.dim() {
             return None;
         }
-        let full = wraps
-            .indexed_iter()
-            .zip(k)
-            .filter(|(((row, column, channel), _), _)| self.gain(*row, *column, *channel) == 1.0);
+        let full =
+            wraps.indexed_iter().zip(k).filter(|(((row, column, _), _), _)| self.gain(*row, *column) == 1.0);
         let (exact, all) = full
             .fold((0u64, 0u64), |(exact, all), ((_, true_k), k)| (exact + u64::from(true_k == k), all + 1));
         Some(if all == 0 { 1.0 } else { exact as f64 / all as f64 })
@@ -483,12 +470,12 @@ impl Exposure {
 
     /// Returns the radiance in the code units of each pixel: `gain x`.
     fn converted(&self) -> Cow<'_, Array3<f32>> {
-        let Gains::Two { .. } = self.layout.gains else { return Cow::Borrowed(&self.x) };
+        let Gains::Checkerboard { .. } = self.layout.gains else { return Cow::Borrowed(&self.x) };
         // The product must stay below 2^b at pixels of low gain, also when it is rounded.
         let below_peak = largest_below(f64::from(self.range.peak()));
         let mut x = self.x.clone();
-        for ((row, column, channel), x) in x.indexed_iter_mut() {
-            let gain = self.gain(row, column, channel);
+        for ((row, column, _), x) in x.indexed_iter_mut() {
+            let gain = self.gain(row, column);
             if gain < 1.0 {
                 *x = ((f64::from(*x) * gain) as f32).min(below_peak);
             }

@@ -7,10 +7,10 @@
 #[path = "../../tests/harness/data.rs"]
 mod data;
 
-use modulo_core::unwrap::{ColourGains, Options, Trust, by_name};
+use modulo_core::unwrap::{Options, Trust, by_name};
 use modulo_core::{
-    Deblur, Frame, GainPattern, Gains, Mosaic, Psf, Range, Recovered, SamplePosition, Sensor, SensorConfig,
-    SensorError, Transfer, TwoGains, Unwrap as _, optics, tone,
+    Deblur, Frame, Gains, Mosaic, Psf, Range, Recovered, SamplePosition, Sensor, SensorConfig, SensorError,
+    Transfer, TwoGains, Unwrap as _, optics, tone,
 };
 use ndarray::Array3;
 use proptest::prelude::*;
@@ -148,7 +148,7 @@ fn headroom_scales_the_radiance_and_the_images_undo_it() {
     for (bits, transfer, gains) in [
         (8, Transfer::Linear, Gains::One),
         (12, Transfer::Srgb, Gains::One),
-        (12, Transfer::Linear, Gains::Two { pattern: GainPattern::Rows, ratio: 0.25 }),
+        (12, Transfer::Linear, Gains::checkerboard(4.0)),
     ] {
         let radiance = |(_, code, _): (usize, usize, usize)| transfer.decode(code as f64 / 255.0) as f32;
         let picture = Array3::from_shape_fn((4, 256, 1), radiance);
@@ -251,25 +251,20 @@ fn kitti_comes_within_29_decibels_of_the_sharp_image() {
 #[test]
 fn two_gains_recover_kitti_without_a_lens() {
     let Some(frames) = kitti(20) else { return };
-    let limits = [
-        (GainPattern::Checkerboard, 0.0, 0.988),
-        (GainPattern::Checkerboard, 0.8, 0.999),
-        (GainPattern::Rows, 0.8, 0.997),
-    ];
-    for (pattern, sigma, least) in limits {
-        let gains = Gains::Two { pattern, ratio: 0.25 };
+    for (sigma, least) in [(0.0, 0.988), (0.8, 0.999)] {
+        let gains = Gains::checkerboard(4.0);
         let sensor = Sensor::new(SensorConfig { psf: Psf::of_sigma(sigma), gains, ..PLAIN }).unwrap();
         let (mut method, mut recovered) = (TwoGains::new(gains).unwrap(), Recovered::default());
         let exact = frames.iter().map(|radiance| {
             let exposure = sensor.expose(radiance.view(), 0).unwrap();
             method.unwrap(&exposure.modulo(), exposure.range(), &mut recovered).unwrap();
             let exact = exposure.exact_share(&recovered.k).unwrap();
-            assert!(exact >= 0.999 || recovered.report.trust == Trust::Untrusted, "{pattern:?}: {exact}");
+            assert!(exact >= 0.999 || recovered.report.trust == Trust::Untrusted, "{exact}");
             exact
         });
         let mean = exact.sum::<f64>() / frames.len() as f64;
-        println!("{pattern:?} behind {sigma} px: {:.3} % exact", 100.0 * mean);
-        assert!(mean >= least, "{pattern:?} behind {sigma} px: {mean}");
+        println!("behind {sigma} px: {:.3} % exact", 100.0 * mean);
+        assert!(mean >= least, "behind {sigma} px: {mean}");
     }
 }
 
@@ -408,83 +403,20 @@ fn two_gains_go_with_a_mosaic() {
     let radiance = Array3::from_shape_fn((64, 80, 3), |(i, j, c)| {
         0.5 + 0.45 * ((i as f32 / 23.0).sin() * (j as f32 / 29.0 + c as f32).cos())
     });
-    for pattern in [GainPattern::Checkerboard, GainPattern::Rows] {
-        let gains = Gains::Two { pattern, ratio: 0.25 };
-        let config = SensorConfig { gains, mosaic: Some(Mosaic::Grbg), ..PLAIN };
-        let exposure = Sensor::new(config).unwrap().expose(radiance.view(), 0).unwrap();
-        let low = |i: usize, j: usize| exposure.gain(i, j, 0) < 1.0;
-        assert!(low(2, 0) && low(3, 1) && !low(0, 0) && !low(1, 1), "pairs of rows and columns");
-        let mut out = Recovered::default();
-        let mut method = TwoGains::new(gains).unwrap();
-        method.unwrap(&exposure.modulo(), exposure.range(), &mut out).unwrap();
-        assert_eq!((exposure.exact_share(&out.k), out.report.trust), (Some(1.0), Trust::Trusted));
-        let saturated = exposure.saturated();
-        let apart = (saturated.to_f32() - exposure.x().mapv(|x| x / 4.0)).mapv(f32::abs);
-        // Beyond the border lies the mirror image, whose slope is another one: up to three pixels of 5 codes.
-        for ((row, column, _), difference) in apart.indexed_iter() {
-            let is_inside = (4..60).contains(&row) && (4..76).contains(&column);
-            assert!(*difference <= if is_inside { 3.0 } else { 16.0 }, "({row}, {column}): {difference}");
-        }
-    }
-}
-
-/// Red and blue get less light, so that read noise weighs `1 / gain` times as much, and the variance of shot noise does, too.
-#[test]
-fn a_gain_per_colour_has_the_noise_of_less_light() {
-    let ratio = GainPattern::Colours.default_ratio(4.0);
-    assert!((ratio - 0.2375).abs() < 1e-12, "headroom for noise");
-    let gains = Gains::Two { pattern: GainPattern::Colours, ratio };
-    let radiance = Array3::from_elem((300, 400, 3), 0.5);
-    for (read_noise, shot_noise) in [(3.0, 0.0), (0.0, 0.2)] {
-        for mosaic in [None, Some(Mosaic::Rggb)] {
-            let config = SensorConfig { read_noise, shot_noise, gains, mosaic, ..PLAIN };
-            let exposure = Sensor::new(config).unwrap().expose(radiance.view(), 1).unwrap();
-            for colour in 0..3 {
-                let gain = if colour == 1 { 1.0 } else { ratio };
-                let seen = exposure.x().indexed_iter().filter(|((i, j, c), _)| {
-                    let is_low = exposure.gain(*i, *j, *c) < 1.0;
-                    let channel = mosaic.map_or(*c, |mosaic| mosaic.channel(*i, *j));
-                    assert_eq!(is_low, channel != 1);
-                    channel == colour
-                });
-                let squares: Vec<f64> = seen.map(|(_, x)| (f64::from(*x) - 512.0).powi(2)).collect();
-                let variance = squares.iter().sum::<f64>() / squares.len() as f64;
-                let expected = (read_noise / gain).powi(2) + shot_noise * 512.0 / gain;
-                assert!((variance / expected - 1.0).abs() < 0.04, "{colour}: {variance} and {expected}");
-            }
-        }
-    }
-}
-
-#[test]
-fn a_gain_per_colour_needs_colours() {
-    let gains = Gains::Two { pattern: GainPattern::Colours, ratio: 0.2 };
-    let mono = Array3::zeros((4, 5, 1));
-    let why = Sensor::new(SensorConfig { gains, ..PLAIN }).unwrap().expose(mono.view(), 0).unwrap_err();
-    assert_eq!(why, SensorError::Colours { channels: 1 });
-}
-
-/// The floors lie slightly below the measured shares of green (docs/methods.md).
-#[test]
-fn a_gain_per_colour_recovers_kitti() {
-    let Some(frames) = kitti(20) else { return };
-    for (alpha, sigma, mosaic, floor) in
-        [(4.0, 0.0, None, 0.975), (4.0, 0.8, None, 0.9994), (4.0, 0.8, Some(Mosaic::Rggb), 0.994)]
-    {
-        let gains =
-            Gains::Two { pattern: GainPattern::Colours, ratio: GainPattern::Colours.default_ratio(alpha) };
-        let config = SensorConfig { alpha, psf: Psf::of_sigma(sigma), gains, mosaic, ..PLAIN };
-        let sensor = Sensor::new(config).unwrap();
-        let mut method = ColourGains::new(gains, &Options::default()).unwrap().unwrap();
-        let mut recovered = Recovered::default();
-        let mut shares = Vec::new();
-        for radiance in &frames {
-            let exposure = sensor.expose(radiance.view(), 0).unwrap();
-            method.unwrap(&exposure.modulo(), exposure.range(), &mut recovered).unwrap();
-            shares.push(exposure.exact_share(&recovered.k).unwrap());
-        }
-        let mean = shares.iter().sum::<f64>() / shares.len() as f64;
-        println!("alpha {alpha}, {sigma} px, {mosaic:?}: {mean:.5}");
-        assert!(mean >= floor, "alpha {alpha}, {sigma} px, {mosaic:?}: {shares:?}");
+    let gains = Gains::checkerboard(4.0);
+    let config = SensorConfig { gains, mosaic: Some(Mosaic::Grbg), ..PLAIN };
+    let exposure = Sensor::new(config).unwrap().expose(radiance.view(), 0).unwrap();
+    let low = |i: usize, j: usize| exposure.gain(i, j) < 1.0;
+    assert!(low(2, 0) && low(3, 1) && !low(0, 0) && !low(1, 1), "pairs of rows and columns");
+    let mut out = Recovered::default();
+    let mut method = TwoGains::new(gains).unwrap();
+    method.unwrap(&exposure.modulo(), exposure.range(), &mut out).unwrap();
+    assert_eq!((exposure.exact_share(&out.k), out.report.trust), (Some(1.0), Trust::Trusted));
+    let saturated = exposure.saturated();
+    let apart = (saturated.to_f32() - exposure.x().mapv(|x| x / 4.0)).mapv(f32::abs);
+    // Beyond the border lies the mirror image, whose slope is another one: up to three pixels of 5 codes.
+    for ((row, column, _), difference) in apart.indexed_iter() {
+        let is_inside = (4..60).contains(&row) && (4..76).contains(&column);
+        assert!(*difference <= if is_inside { 3.0 } else { 16.0 }, "({row}, {column}): {difference}");
     }
 }

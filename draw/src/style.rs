@@ -15,7 +15,7 @@ const MARKERS: usize = 8;
 /// Colour and marker of each stream, method and stage of the project, by its name: it has this style in every chart. The
 /// first colours are those of Okabe and Ito, which colour-blind readers can distinguish. Each marker separates
 /// the names whose colours are similar.
-const STYLES: [(&str, Colour, usize); 26] = [
+const STYLES: [(&str, Colour, usize); 23] = [
     ("ideal", [0x00, 0x00, 0x00], 0),
     ("saturated", [0xe6, 0x9f, 0x00], 1),
     ("modulo", [0xd5, 0x5e, 0x00], 2),
@@ -29,10 +29,7 @@ const STYLES: [(&str, Colour, usize); 26] = [
     ("gradient_tree", [0x99, 0x99, 0x33], 2),
     ("least_squares", [0x8c, 0x56, 0x4b], 4),
     ("itoh", [0x44, 0xaa, 0x99], 7),
-    ("quality_guided", [0xaa, 0x44, 0x99], 6),
     ("checkerboard_gains", [0xbb, 0x33, 0x33], 3),
-    ("row_gains", [0x22, 0x77, 0x22], 7),
-    ("colour_gains", [0x66, 0x55, 0xcc], 1),
     ("paper", [0x77, 0x77, 0x77], 5),
     ("pareto", [0x77, 0x77, 0x77], 0),
     // The stages are filled bars, which are apart from each other in light colours.

@@ -32,7 +32,7 @@ pub fn unwrap<'py>(
     let (mosaic, range, gains) =
         (sensor.mosaic, range.map_err(value_error)?, sensor.gains().map_err(value_error)?);
     let options = UnwrapParameters::from(&parameters);
-    let mut method = match of_gains(gains, &options.options()).map_err(value_error)? {
+    let mut method = match of_gains(gains) {
         Some(method) => method,
         None => options.method().map_err(value_error)?,
     };

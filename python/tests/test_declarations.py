@@ -42,8 +42,8 @@ def test_arguments_are_those_that_the_nodes_declare(function: Callable[..., Any]
 
 
 def test_the_whole_sensor_and_method_can_be_set() -> None:
-    """No parameter of the nodes is forgotten, except those of the stream and the map of defects."""
-    stream = {"source", "source_topic", "rate", "loop", "frames", "frame_id", "defects"}
+    """No parameter of the nodes is forgotten, except those of the stream."""
+    stream = {"source", "source_topic", "rate", "loop", "frames", "frame_id"}
     given = {name for function in DOCUMENTED for name in inspect.signature(function).parameters} | {"deblur", "denoise"}
     assert set(DECLARED) - stream <= given
 

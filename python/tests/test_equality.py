@@ -58,7 +58,7 @@ def scenes(tmp_path: Path) -> list[Path]:
 
 @pytest.mark.parametrize(
     ("mosaic", "gains"),
-    [("none", "none"), ("rggb", "none"), ("none", "checkerboard"), ("gbrg", "rows"), ("none", "colours")],
+    [("none", "none"), ("rggb", "none"), ("none", "checkerboard"), ("gbrg", "checkerboard")],
 )
 def test_rendered_scenes(binary: Path, scenes: list[Path], tmp_path: Path, mosaic: str, gains: str) -> None:
     compare(binary, tmp_path / "out", scenes, modulo.METHODS, mosaic, gains)

@@ -36,7 +36,7 @@ def test_ten_lines_of_a_stranger_give_table_chart_and_report(
     runpy.run_path(str(EXAMPLES / "own_method.py"))
     lines = capsys.readouterr().out.splitlines()
     assert [line.split(" | ")[0].strip("| ") for line in lines[2:]] == [
-        "rows", "scikit-image", "auto", "spud", "least_squares", "itoh", "lines", "tree", "gradient_tree", "quality_guided",
+        "rows", "scikit-image", "auto", "spud", "least_squares", "itoh", "lines", "tree", "gradient_tree",
     ]  # fmt: skip
     page = Path("benchmark/index.html").read_text()
     assert page.count("<svg") == 6 and "<td>scikit-image</td>" in page

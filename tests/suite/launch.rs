@@ -43,7 +43,7 @@ fn a_sensor_file_describes_the_sensor_everywhere() {
     let [images, out, grid_out, summary] = paths.map(|path| path.display().to_string());
     let (source, model) = (format!("source:={images}"), arg("model", model()));
     for more in [&[][..], &["--compose"]] {
-        let more = [&["sensor:=sensors/two_gains.yaml", "gains:=rows", "--summary", &summary], more].concat();
+        let more = [&["sensor:=sensors/two_gains.yaml", "gains:=none", "--summary", &summary], more].concat();
         let output = bench.run(&launch("launch/recovered.launch.yaml", &source, &model, &more));
         assert_eq!(output.status.code(), Some(0), "{}", text(&output));
         assert!(text(&output).contains("/unwrap used checkerboard_gains 2"), "{more:?}: {}", text(&output));
@@ -504,12 +504,12 @@ fn a_camera_with_two_gains_tells_unwrap_of_them() {
     let bench = Bench::new();
     let out = bench.path("out");
     let arguments =
-        ["source:=scene://tunnel?seed=3&frames=2", "psf_sigma:=0.0", "gains:=rows", "engine:=rten"];
+        ["source:=scene://tunnel?seed=3&frames=2", "psf_sigma:=0.0", "gains:=checkerboard", "engine:=rten"];
     let words =
         [&["eval", "launch/recovered.launch.yaml"][..], &arguments, &["-o", out.to_str().expect("UTF-8")]];
     let output = bench.run(&words.concat());
     assert_eq!(output.status.code(), Some(0), "{}", text(&output));
-    assert!(text(&output).contains("/unwrap used row_gains 2"), "{}", text(&output));
+    assert!(text(&output).contains("/unwrap used checkerboard_gains 2"), "{}", text(&output));
 }
 
 #[test]

@@ -7,9 +7,7 @@
 mod data;
 
 use modulo_core::unwrap::{Options, by_name};
-use modulo_core::{
-    Denoise, GainPattern, Gains, Mosaic, Psf, Recovered, Sensor, SensorConfig, TwoGains, Unwrap as _,
-};
+use modulo_core::{Denoise, Gains, Mosaic, Psf, Recovered, Sensor, SensorConfig, TwoGains, Unwrap as _};
 use modulo_scene::{Preset, Scene};
 use ndarray::Array3;
 
@@ -45,7 +43,7 @@ fn gain(radiance: &Array3<f32>, config: SensorConfig) -> (f64, f64) {
 
 #[test]
 fn rendered_scenes_gain_by_denoising() {
-    let two = Gains::Two { pattern: GainPattern::Checkerboard, ratio: 0.25 };
+    let two = Gains::checkerboard(4.0);
     for (name, config, least) in [
         ("read noise of 5", SensorConfig { read_noise: 5.0, ..SENSOR }, 4.0),
         ("read noise of 20", SensorConfig { read_noise: 20.0, ..SENSOR }, 4.0),

@@ -16,8 +16,7 @@ use ndarray::Array3;
 /// slightly below the measured shares.
 ///
 /// `lines` and `gradient_tree`, and `auto`, which selects one of them, are exact under this blur. `tree` needs first
-/// differences below half a peak along some path, and islands such as lamps have none. `quality_guided` is not bounded
-/// by the range and takes a wrong edge at such islands. The methods by least squares spread the error of a steep edge
+/// differences below half a peak along some path, and islands such as lamps have none. The methods by least squares spread the error of a steep edge
 /// over its surroundings. One steep edge spoils the rest of the row for `itoh`.
 const FLOORS: [(&str, f64, f64); METHODS.len()] = [
     ("auto", 1.0, 1.0),
@@ -27,7 +26,6 @@ const FLOORS: [(&str, f64, f64); METHODS.len()] = [
     ("lines", 1.0, 1.0),
     ("tree", 0.999, 0.99),
     ("gradient_tree", 1.0, 1.0),
-    ("quality_guided", 0.999, 0.98),
 ];
 
 fn expose(radiance: &Array3<f32>, alpha: f64, psf: Psf) -> Exposure {

@@ -1,8 +1,8 @@
 //! Gradient sums: finds the differences between the green pixels of a mosaic by path sums over the gradient.
 //!
 //! The green pixels of a mosaic have neighbours along both diagonals. With `g = M_b(d y)`, `d x = g + n 2^b` is the gradient along one of
-//! them, of which n is sought: -1, 0 or 1. The gradient changes little from pixel to pixel, and is small nearly everywhere. n is chosen as
-//! in [`path_sums`](super::path_sums), with the paths along both diagonals in both senses, and in 256ths of the peak
+//! them, of which n is sought: -1, 0 or 1. The gradient changes little from pixel to pixel, and is small nearly everywhere. n has the least
+//! sum over the paths L of semi-global matching (Hirschmueller 2008, *PAMI* 30) along both diagonals in both senses, in 256ths of the peak
 //! ```text
 //!     L_n(q) = |h_n(q)| / 51 + min_o (L_o(p) + |h_n(q) - h_o(p)|) - min_o L_o(p),   h_n = g + n 2^b
 //! ```

@@ -138,13 +138,7 @@ impl Recovered {
     /// The pixels at which no second difference is above 3/8 of the peak form regions; the largest one is vouched for if it has at
     /// least 85 % of the pixels. In a mosaic, 2 x 2 pixels count as one, with neighbours of the same colours. Behind a lens
     /// of 0.8 px and more, hardly a count in it is wrong (docs/methods.md); behind a sharper one an error may leave no trace.
-    ///
-    /// With a gain per colour, the pixels are vouched for whose count is far better than any other one, and at which the colour
-    /// difference does not bend by more than 3/8 of the peak; none in an image in which many colour differences bend by one peak.
     pub fn confidence(&self, mosaic: Option<Mosaic>, range: Range) -> Frame {
-        if let Some(vouched) = &self.vouched {
-            return Frame::from_u8(vouched.clone()).expect("it has one value for each pixel of an image");
-        }
         let (height, width, _) = self.x.dim();
         let cell = if mosaic.is_some() { 2 } else { 1 };
         let (rows, columns) = (height.div_ceil(cell), width.div_ceil(cell));

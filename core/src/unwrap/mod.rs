@@ -3,10 +3,7 @@
 //! Every result is congruent with its input, `x_hat = y + k * 2^b`, so that a method can be wrong only about k.
 
 mod auto;
-mod colour_costs;
-mod colour_gains;
 mod congruence;
-mod defect_map;
 mod defects;
 pub(crate) mod edges;
 mod gradient_sums;
@@ -17,12 +14,9 @@ mod jumps;
 mod lines;
 mod margin_tree;
 mod mosaic;
-mod nearest_colour;
 mod offset;
 mod other_colour;
-mod path_sums;
 mod poisson;
-mod quality_guided;
 mod smoothed_tree;
 mod smoothing;
 mod spud;
@@ -35,14 +29,11 @@ use ndarray::Array3;
 
 pub use crate::range::{Range, RangeError};
 pub use auto::{Auto, TrustLimits};
-pub use colour_gains::ColourGains;
-pub use defect_map::{DefectMap, DefectMapError};
 pub use gradient_tree::GradientTree;
 pub use itoh::Itoh;
 pub use lines::Lines;
 pub use offset::OffsetEvidence;
 pub use poisson::ThresholdOn;
-pub use quality_guided::QualityGuided;
 pub use spud::{LeastSquares, Spud};
 pub use tree::Tree;
 
@@ -91,7 +82,6 @@ methods! {
     Lines "lines" |_| Ok(Box::new(Lines::default())),
     Tree "tree" |_| Ok(Box::new(Tree::default())),
     GradientTree "gradient_tree" |options| Ok(Box::new(GradientTree::new(options.threads)?)),
-    QualityGuided "quality_guided" |_| Ok(Box::new(QualityGuided::default())),
 }
 
 impl FromStr for Method {
@@ -144,15 +134,13 @@ pub struct Recovered {
     pub defects: Vec<usize>,
     /// The report of the method on its result.
     pub report: Report,
-    /// The confidence image, H x W x 1 of 255 and 0, of a method that makes its own; see [`Recovered::confidence`].
-    pub vouched: Option<Array3<u8>>,
 }
 
 /// The report of a method on its own result.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Report {
-    /// The name of the method used, as in [`METHODS`], [`PASS_THROUGH`], [`SMOOTHED_TREE`], [`GRADIENT_SUMS`], [`NEAREST_COLOUR`], [`PATH_SUMS`] or
-    /// [`GainPattern::method`](crate::GainPattern::method); empty before the first image.
+    /// The name of the method used, as in [`METHODS`], [`PASS_THROUGH`], [`SMOOTHED_TREE`], [`GRADIENT_SUMS`] or
+    /// [`TwoGains::NAME`](crate::TwoGains::NAME); empty before the first image.
     pub method: &'static str,
     /// The quality metrics of y, if the method computes them.
     pub quality: Option<QualityMetrics>,
@@ -208,12 +196,6 @@ pub const SMOOTHED_TREE: &str = "smoothed_tree";
 
 /// The name for a result of `auto` on a mosaic, whose gradients of green have the least sums of costs along paths.
 pub const GRADIENT_SUMS: &str = "gradient_sums";
-
-/// The name for a result of a sensor with a gain per colour, in which each count brings green nearest to red and blue.
-pub const NEAREST_COLOUR: &str = "nearest_colour";
-
-/// The name for a result of a sensor with a gain per colour, whose counts have the least sums of costs along paths.
-pub const PATH_SUMS: &str = "path_sums";
 
 /// Measures of how far y departs from the assumptions of `lines`, over all channels; they need no ground truth.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -283,11 +265,6 @@ pub enum UnwrapError {
     /// The threads are not available.
     #[error(transparent)]
     Workers(#[from] WorkersError),
-    /// The image of a sensor with a gain per colour has one channel and no mosaic.
-    #[error(
-        "y has no colours, but the sensor has a gain for each of three: 3 channels or a colour mosaic are needed"
-    )]
-    Colours,
     /// The samples are floats, but those of a modulo image are integers.
     #[error("y has 32-bit float samples, integers of 8 or 16 bits are needed: the sensor's modulo image")]
     Float,
@@ -314,14 +291,8 @@ pub fn by_name(name: &str, options: &Options) -> Result<Box<dyn Unwrap>, UnwrapE
 }
 
 /// Makes the method for the gains of a sensor; `None` for a sensor with one gain, whose images any of the [`METHODS`] unwraps.
-///
-/// # Errors
-/// [`UnwrapError::Workers`] when the threads are not available.
-pub fn of_gains(gains: Gains, options: &Options) -> Result<Option<Box<dyn Unwrap>>, UnwrapError> {
-    if let Some(method) = TwoGains::new(gains) {
-        return Ok(Some(Box::new(method)));
-    }
-    Ok(ColourGains::new(gains, options)?.map(|method| Box::new(method) as Box<dyn Unwrap>))
+pub fn of_gains(gains: Gains) -> Option<Box<dyn Unwrap>> {
+    TwoGains::new(gains).map(|method| Box::new(method) as Box<dyn Unwrap>)
 }
 
 impl Recovered {
@@ -336,7 +307,6 @@ impl Recovered {
         }
         self.defects.clear();
         self.report = Report { method, ..Report::default() };
-        self.vouched = None;
     }
 
     /// Returns x and k, row-major and interleaved, after [`Recovered::prepare`].

@@ -1,8 +1,6 @@
 //! Arithmetic modulo 2^b by the machine's own wrapping: a code of b bits occupies the upper b bits of a word, so
 //! that the peak is the modulus of the word.
 
-use super::Range;
-
 /// An unsigned machine word; one peak is its modulus.
 pub(super) trait Word: Copy + Default + Ord + Send + Sync + Into<u16> {
     /// The number of bits.
@@ -55,21 +53,9 @@ macro_rules! word {
 word!(u8);
 word!(u16);
 
-/// Writes `y` (integers below 2^b) as codes to `codes`.
-pub(super) fn codes(y: &[f32], range: Range, codes: &mut Vec<u16>) {
-    let shift = 16 - range.bits();
-    codes.clear();
-    codes.extend(y.iter().map(|&y| (y as i32 as u16) << shift));
-}
-
 /// Returns M_b(to - from).
 pub(super) fn difference(from: u16, to: u16) -> i16 {
     to.wrapping_sub(from) as i16
-}
-
-/// Returns [`wrap_step`] as a signed number.
-pub(super) fn wrap_step_signed(from: u16, to: u16) -> i16 {
-    wrap_step(from, to) as i16
 }
 
 /// Returns the n in {-1, 0, 1} with `M_b(to - from) = to - from + n * 2^b`.
@@ -139,20 +125,12 @@ mod tests {
         }
 
         #[test]
-        fn codes_stand_in_the_upper_bits(a: u16, bits in 1u8..=16) {
-            let y = a >> (16 - bits);
-            let mut shifted = Vec::new();
-            codes(&[f32::from(y)], Range::new(bits, 1.0).unwrap(), &mut shifted);
-            prop_assert_eq!(shifted, [y << (16 - bits)]);
-        }
-
-        #[test]
         fn raised_differences_wrap_as_differences_do(a: u16, b: u16, c: u16) {
             let (left, right) = (i32::from(difference(a, b)), i32::from(difference(b, c)));
             let wrapped = (right - left + (1 << 15)).rem_euclid(1 << 16) - (1 << 15);
             let (from, to) = (biased(a, b), biased(b, c));
             prop_assert_eq!(i32::from(difference(from, to)), wrapped);
-            prop_assert_eq!(i32::from(wrap_step_signed(from, to)), (wrapped - (right - left)) >> 16);
+            prop_assert_eq!(i32::from(wrap_step(from, to).cast_signed()), (wrapped - (right - left)) >> 16);
         }
     }
 }

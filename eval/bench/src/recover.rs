@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use clap::Parser;
 use clap::builder::Resettable;
-use modulo_core::unwrap::{DefectMap, Options, of_gains};
-use modulo_core::{Frame, GainPattern, Mosaic, Psf, Recovered, Unwrap, UnwrapError, tone};
+use modulo_core::unwrap::of_gains;
+use modulo_core::{Frame, Gains, Mosaic, Psf, Recovered, Unwrap, UnwrapError, tone};
 use modulo_images::{read_codes, save_png};
 use modulo_runtime::SensorModel;
 use modulo_runtime::sensor::options::{SensorCommand, SensorOptions};
@@ -13,10 +13,7 @@ use serde::Serialize;
 
 use crate::benchmark::timed;
 use crate::simulate::{RESULTS, methods_of, names, save_counts};
-use crate::{BenchError, BenchEvent, Skipped, files, make_folder, write, write_json};
-
-/// Name of the file with the defects that were learned: the value of the parameter `defects` of the node `unwrap`.
-pub const DEFECTS: &str = "defects.csv";
+use crate::{BenchError, BenchEvent, Skipped, files, make_folder, write_json};
 
 /// The parameters of the sensor that unwrapping needs are options, with one value each.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,7 +64,7 @@ pub struct UnwrapRow {
     pub transfer: &'static str,
     /// Columns at the left border that a field stop shades.
     pub optical_black: usize,
-    /// Pixels or colours with a lower gain, see [`GainPattern::WORDS`].
+    /// Pixels with a lower gain, see [`Gains::WORDS`].
     pub gains: &'static str,
     /// Colour filters: `none`, `rggb`, `bggr`, `grbg` or `gbrg`.
     pub mosaic: &'static str,
@@ -94,8 +91,7 @@ pub struct UnwrapOutcome {
 
 /// Unwraps the images. For each method it writes `NAME_METHOD.png` (8 bits as by [`tone::picture`], demosaiced),
 /// `NAME_METHOD_x.png` (16 bits, x in code units) and `NAME_METHOD_k.png` (8 bits, the wrap counts); after each file it writes
-/// [`RESULTS`] with all rows so far. Samples that the first method finds as defects in most of 30 images of one size are left out of the
-/// images that follow, and stand in [`DEFECTS`] at the end.
+/// [`RESULTS`] with all rows so far.
 ///
 /// # Errors
 /// [`BenchError`] before anything is written if the request is wrong, and later if a result cannot be written. A file
@@ -111,7 +107,7 @@ pub fn unwrap_files(
         return Err(BenchError::Option(why.to_owned()));
     }
     let mut methods = methods_of(&request.method, sensor.gains)?;
-    if let Some(method) = of_gains(sensor.gains()?, &Options::default())? {
+    if let Some(method) = of_gains(sensor.gains()?) {
         methods = vec![method];
     }
     let files = files(&request.images, tell)?;
@@ -120,7 +116,6 @@ pub fn unwrap_files(
         modulo_image(file, &sensor)?;
     }
     make_folder(&request.out)?;
-    let mut methods: Vec<_> = methods.into_iter().map(|method| (method, DefectMap::default())).collect();
     let mut outcome = UnwrapOutcome::default();
     for (done, (file, name)) in files.iter().zip(names(&files)).enumerate() {
         let next = file.display().to_string();
@@ -135,9 +130,6 @@ pub fn unwrap_files(
             Err(why) => return Err(why),
         }
         write_json(&request.out.join(RESULTS), &outcome.rows)?;
-    }
-    if let Some((_, map)) = methods.first().filter(|(_, map)| !map.is_empty()) {
-        write(&request.out.join(DEFECTS), map.to_string().as_bytes())?;
     }
     Ok(outcome)
 }
@@ -171,16 +163,15 @@ fn of_file(
     request: &UnwrapRequest,
     (file, name): (&Path, &str),
     sensor: &SensorModel,
-    methods: &mut [(Box<dyn Unwrap>, DefectMap)],
+    methods: &mut [Box<dyn Unwrap>],
 ) -> Result<Vec<UnwrapRow>, BenchError> {
     // A sigma of 0 stands for a lens that is not given.
     let range = if sensor.psf() == Psf::None { sensor.range()? } else { sensor.range_behind_lens()? };
-    let (gains, mosaic) = (sensor.gains()?, sensor.mosaic);
+    let mosaic = sensor.mosaic;
     let y = modulo_image(file, sensor)?;
-    let row = |(method, map): &mut (Box<dyn Unwrap>, DefectMap)| {
+    let row = |method: &mut Box<dyn Unwrap>| {
         let mut recovered = Recovered::default();
-        map.fit(y.dim()).expect("a map that was not read has no size of its own");
-        let (unwrapped, ms) = timed(|| map.unwrap(method.as_mut(), &y, range, gains, &mut recovered));
+        let (unwrapped, ms) = timed(|| method.unwrap(&y, range, &mut recovered));
         unwrapped.map_err(|why| BenchError::NotCodes(file.to_owned(), why.to_string()))?;
         let path = |what: &str| request.out.join(format!("{name}_{}{what}.png", method.name()));
         let colours = mosaic.map(|mosaic| mosaic.demosaic(recovered.x.view()));
@@ -194,7 +185,7 @@ fn of_file(
             headroom: sensor.headroom,
             transfer: sensor.transfer.word(),
             optical_black: sensor.optical_black,
-            gains: sensor.gains.map_or("none", GainPattern::word),
+            gains: Gains::word(sensor.gains),
             mosaic: mosaic.map_or("none", Mosaic::word),
             method: method.name().to_owned(),
             method_used: recovered.report.method.to_owned(),

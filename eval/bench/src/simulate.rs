@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use clap::Parser;
 use modulo_core::metric::{mse, psnr_db, ssim};
 use modulo_core::unwrap::{Options, by_name, of_gains};
-use modulo_core::{Exposure, Frame, GainPattern, Range, Recovered, Sensor, Unwrap, UnwrapError, tone};
+use modulo_core::{Exposure, Frame, Gains, Range, Recovered, Sensor, TwoGains, Unwrap, UnwrapError, tone};
 use modulo_images::{read_image, save_png};
 use modulo_runtime::SensorModel;
 use modulo_runtime::sensor::options::SensorCommand;
@@ -125,7 +125,7 @@ pub fn simulate(
                 for ((model, sensor), step) in sensors.iter().zip(done..) {
                     let next = format!("{} alpha {}", picture.file, sensor.range().alpha());
                     tell(BenchEvent::Step { done: step, total, next: &next });
-                    rows.extend(match of_gains(sensor.gains(), &Options::default())? {
+                    rows.extend(match of_gains(sensor.gains()) {
                         Some(method) => picture.sense(&radiance, (model, sensor), &mut [method])?,
                         None => picture.sense(&radiance, (model, sensor), &mut methods)?,
                     });
@@ -286,16 +286,13 @@ fn sensors(request: &SimulationRequest) -> Result<Vec<(SensorModel, Sensor)>, Be
 ///
 /// # Errors
 /// [`BenchError`] for an unknown name, and for any name where the gains decide the method.
-pub(crate) fn methods_of(
-    names: &[String],
-    gains: Option<GainPattern>,
-) -> Result<Vec<Box<dyn Unwrap>>, BenchError> {
-    if let (Some(gains), [_, ..]) = (gains, names) {
+pub(crate) fn methods_of(names: &[String], has_two_gains: bool) -> Result<Vec<Box<dyn Unwrap>>, BenchError> {
+    if has_two_gains && !names.is_empty() {
         return Err(BenchError::Option(format!(
             "--method {} has no effect with --gains {}, whose images are unwrapped by {}: leave out one of these options",
             names.join(","),
-            gains.word(),
-            gains.method()
+            Gains::word(true),
+            TwoGains::NAME
         )));
     }
     let method = |name: &str| {

@@ -9,7 +9,7 @@ use modulo_bench::recover::{self, UnwrapRequest};
 use modulo_bench::simulate::{self, SimulationRequest, SimulationRow};
 use modulo_bench::{BenchError, BenchEvent};
 use modulo_core::unwrap::METHODS;
-use modulo_core::{Frame, GainPattern, Mosaic};
+use modulo_core::{Frame, Mosaic};
 use modulo_draw::PageWidth;
 use modulo_images::{FileFormat, decode, encode, read_image, save_png};
 use modulo_scene::{Preset, Scene};
@@ -243,12 +243,12 @@ fn two_gains_have_a_method_of_their_own() {
     let folder = tempfile::tempdir().unwrap();
     let (file, out) = (folder.path().join("street.png"), folder.path().join("out"));
     street(&file);
-    let request = request_with("--psf-sigma 0 --gains rows", &out, &[&file]);
+    let request = request_with("--psf-sigma 0 --gains checkerboard", &out, &[&file]);
     let rows = simulate::simulate(&request, &mut |_| {}).unwrap().rows;
     let [row] = &rows[..] else { panic!("one alpha, one method: {rows:?}") };
-    assert_eq!((row.sensor.gains, row.method.as_str()), (Some(GainPattern::Rows), "row_gains"));
+    assert_eq!((row.sensor.gains, row.method.as_str()), (true, "checkerboard_gains"));
     assert!(row.exact_k > 0.95, "{}", row.exact_k);
-    assert!(out.join("street_alpha4_row_gains.png").is_file());
+    assert!(out.join("street_alpha4_checkerboard_gains.png").is_file());
 }
 
 #[test]
@@ -351,7 +351,7 @@ fn a_wrong_simulation_is_refused_before_anything_is_written() {
         let why = SimulationRequest::try_parse_from(words).unwrap_err().to_string();
         assert!(why.contains(told) && why.contains(values), "{why}");
     }
-    let low = with("--gains rows --gain-ratio 0.5", &|_| ());
+    let low = with("--gains checkerboard --gain-ratio 0.5", &|_| ());
     assert!(low.contains("'gain_ratio' = 0.5: must be at most 0.25"), "{low}");
     // The gains decide the method: one that was asked for would be ignored.
     let ignored = with("--gains checkerboard", &|r| r.method = vec!["spud".into()]);
@@ -423,7 +423,10 @@ fn what_is_no_image_of_the_sensor_is_not_unwrapped() {
     assert!(fails(&["--alpha", "0"]).contains("'alpha' = 0"));
     assert!(fails(&["--alpha", "2", "--bits", "17"]).contains("'bits' = 17"));
     assert!(fails(&["--alpha", "8", "--bits", "14"]).contains("65536"));
-    assert!(fails(&["--alpha", "2", "--gains", "rows", "--method", "spud"]).contains("row_gains"));
+    assert!(
+        fails(&["--alpha", "2", "--gains", "checkerboard", "--method", "spud"])
+            .contains("checkerboard_gains")
+    );
     assert!(!out.exists());
     assert!(fails(&["--alpha", "2", "--bits", "4"]).contains("with 4 bits"), "codes above 15");
     assert!(fails(&["--alpha", "2", "--mosaic", "rggb"]).contains("channel"), "three channels");

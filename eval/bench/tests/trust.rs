@@ -13,8 +13,8 @@ mod data;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use modulo_core::unwrap::{Options, Range, Trust, by_name, of_gains};
-use modulo_core::{Frame, GainPattern, Gains, Mosaic, Psf, Recovered, Sensor, SensorConfig, Transfer};
+use modulo_core::unwrap::{Options, Range, Trust, by_name};
+use modulo_core::{Frame, Mosaic, Psf, Recovered, Sensor, SensorConfig, Transfer};
 use modulo_images::{EXTENSIONS, White, read_image};
 use modulo_runtime::SensorModel;
 use modulo_scene::{Preset, Scene};
@@ -85,8 +85,6 @@ struct Tally {
     exact: [usize; 3],
     /// Frames that are exact but for one offset of all counts, of which nothing shows the offset.
     offset: usize,
-    /// Trusted frames of sensors with a gain per colour.
-    trusted_colours: usize,
     wrong: Vec<String>,
 }
 
@@ -122,27 +120,6 @@ impl Tally {
             }
         }
         self.offset += usize::from(trust == Trust::Relative && right == 0);
-        if light.dim().2 == 3 {
-            self.take_colours(name, &light, &condition, range);
-        }
-    }
-
-    /// Tests the same sensor with a gain per colour.
-    fn take_colours(&mut self, name: &str, light: &Array3<f32>, condition: &Condition, range: Range) {
-        let (pattern, config) = (GainPattern::Colours, condition.config);
-        let gains = Gains::Two { pattern, ratio: pattern.default_ratio(config.alpha) };
-        let sensor = Sensor::new(SensorConfig { gains, ..config }).expect("a sensor");
-        let exposure = sensor.expose(light.view(), 1).expect("an image");
-        let mut out = Recovered::default();
-        let mut method = of_gains(gains, &Options::default()).expect("one thread").expect("two gains");
-        method.unwrap(&exposure.modulo(), range, &mut out).expect("codes of that sensor");
-        let exact = exposure.exact_share(&out.k).expect("one shape");
-        self.trusted_colours += usize::from(out.report.trust == Trust::Trusted);
-        if out.report.trust == Trust::Trusted && exact < 0.999 {
-            let what = format!("{name}, a gain per colour, {condition:?}: {exact:.5} {:?}", out.report);
-            println!("trusted and wrong: {what}");
-            self.wrong.push(what);
-        }
     }
 
     fn add(&mut self, other: Self) {
@@ -150,7 +127,6 @@ impl Tally {
         self.trusted += other.trusted;
         self.exact.iter_mut().zip(other.exact).for_each(|(sum, count)| *sum += count);
         self.offset += other.offset;
-        self.trusted_colours += other.trusted_colours;
         self.wrong.extend(other.wrong);
     }
 }
@@ -229,7 +205,6 @@ fn never_trusted_and_wrong() {
          {} wrong by one offset and without evidence",
         tally.offset
     );
-    println!("with a gain per colour: {} trusted", tally.trusted_colours);
     assert!(tally.wrong.is_empty(), "{:#?}", tally.wrong);
     assert!(trusted as f64 >= 0.95 * (trusted + untrusted) as f64, "exact results are trusted");
 }

@@ -110,7 +110,7 @@ pub const SENSE: &str = "sense";
 /// The stages of a frame in their order.
 pub const STAGES: [&str; 8] = [SENSE, "merge", "unwrap", "tone", "deblur", "pre", "infer", "post"];
 
-/// Label of the image that the detector gets: `recovered (auto, deblurred)`, `saturated`, `row_gains, saturating`,
+/// Label of the image that the detector gets: `recovered (auto, deblurred)`, `saturated`, `checkerboard_gains, saturating`,
 /// `ideal, sharp`.
 pub fn stream(point: &Point) -> String {
     let mosaic = point.sensor.mosaic.map(Mosaic::word);

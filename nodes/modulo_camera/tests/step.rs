@@ -474,7 +474,7 @@ fn the_sensor_files_are_possible() {
         let sensor = CameraParameters::read_sensor(&folder.join(format!("{name}.yaml"))).expect(name);
         sensor.simulated().expect(name);
         assert_eq!(sensor.mosaic.is_some(), name == "mosaic", "{name}");
-        assert_eq!(sensor.gains.is_some(), name == "two_gains", "{name}");
+        assert_eq!(sensor.gains, name == "two_gains", "{name}");
     }
     assert!(CameraParameters::read_sensor(&folder.join("arguments.yaml")).is_err());
     let exposed = tempfile::tempdir().expect("a temporary folder");

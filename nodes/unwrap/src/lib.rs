@@ -8,8 +8,6 @@
 //! in the camera. The method used, its quality metrics and its trust are published on `/diagnostics` for each frame, as
 //! the method reports them, and on `recovery` for a detector that selects its input by it; the node judges nothing itself.
 
-mod defects;
-
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -17,18 +15,18 @@ use std::sync::Arc;
 use modulo_core::deblur::Deblur;
 use modulo_core::denoise::Denoise;
 use modulo_core::unwrap::{
-    DefectMap, Method, Options, QualityMetrics, Recovered, Report, ThresholdOn, Trust, TrustLimits, Unwrap,
-    UnwrapError, of_gains,
+    Method, Options, QualityMetrics, Recovered, Report, ThresholdOn, Trust, TrustLimits, Unwrap, UnwrapError,
+    of_gains,
 };
-use modulo_core::{Frame, FrameError, Gains, MAX_THREADS, Psf, Range, tone};
+use modulo_core::{Frame, FrameError, MAX_THREADS, Psf, Range, tone};
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::sensor::parameters::SensorOverride;
 use modulo_runtime::sensor_info::{self, SensorHistory};
 use modulo_runtime::topic::{self, ImageCompression, RECOVERY_TOPIC};
 use modulo_runtime::{
-    Context, Flow, Job, Message, MessageKind, Node, ParameterError, ParameterSet as _, Parameters, Part,
-    SensorModel, StampedFrame, StepError, Topic, Trigger,
+    Context, Flow, Message, MessageKind, Node, ParameterError, ParameterSet as _, Parameters, SensorModel,
+    StampedFrame, StepError, Topic, Trigger,
 };
 
 /// Output indices, in the order of [`Node::outputs`].
@@ -57,9 +55,6 @@ modulo_runtime::parameters! {
         /// Removes noise from the recovered and the hdr image after unwrapping (total variation), as much of it as the camera's sensor
         /// description states. Without a description, or for a sensor without noise, nothing changes.
         denoise: bool = false,
-        /// Path of a file with known hot, dead and stuck samples, which are left out: CSV with a line x,y or x,y,channel for each, in px
-        /// from the upper left pixel (0,0). Empty: only those that auto finds, and those that it has found in most of 30 frames.
-        defects: String = String::new(),
         /// For auto: the largest fraction of steep 2 x 2 loops with which it trusts lines.
         trust_lines: f64 = TrustLimits::default().lines => 0.0..=1.0,
         /// For auto: the smallest fraction of each row and column that must agree before it trusts lines.
@@ -110,10 +105,6 @@ impl UnwrapParameters {
 pub struct UnwrapNode {
     parameters: UnwrapParameters,
     method: Box<dyn Unwrap>,
-    /// The known defects of the sensor, from the file of the parameter `defects` and learned.
-    map: DefectMap,
-    /// The map as text, kept since the state is asked for with each frame.
-    map_text: String,
     /// The sensor descriptions that the camera has sent.
     described: SensorHistory,
     /// The sensor of the last frame with what is prepared for it.
@@ -140,7 +131,6 @@ struct Prepared {
     denoise: Option<Denoise>,
     /// The method for a sensor with two gains, which replaces the one of the parameters.
     of_gains: Option<Box<dyn Unwrap>>,
-    gains: Gains,
 }
 
 impl UnwrapNode {
@@ -152,8 +142,6 @@ impl UnwrapNode {
         Ok(Self {
             parameters: parameters.clone(),
             method: parameters.method()?,
-            map: defects::read(&parameters.defects)?,
-            map_text: String::new(),
             described: SensorHistory::default(),
             sensor: None,
             kept: None,
@@ -192,11 +180,9 @@ impl UnwrapNode {
             } else {
                 model.range()?
             };
-            let gains = model.gains()?;
-            let of_gains = of_gains(gains, &self.parameters.options());
-            let of_gains = of_gains.map_err(|why| self.parameters.refused_threads(&why))?;
+            let of_gains = of_gains(model.gains()?);
             let denoise = if self.parameters.denoise { Denoise::new(model.config()?) } else { None };
-            self.sensor = Some(Prepared { model, range, deblur, denoise, of_gains, gains });
+            self.sensor = Some(Prepared { model, range, deblur, denoise, of_gains });
         }
         Ok(())
     }
@@ -242,16 +228,11 @@ impl UnwrapNode {
 
     fn unwrap(&mut self, modulo: &StampedFrame, cx: &mut Context<'_>) -> Result<(), StepError> {
         let skip = |why: String| StepError::Skip(why);
-        let Prepared { range, of_gains, gains, .. } = self.sensor.as_mut().expect("`prepare` comes before");
+        let Prepared { range, of_gains, .. } = self.sensor.as_mut().expect("`prepare` comes before");
         let method = of_gains.as_mut().unwrap_or(&mut self.method);
-        let known = (self.map.len(), self.map.size());
-        self.map.fit(modulo.frame.dim()).map_err(|why| skip(format!("the parameter defects: {why}")))?;
-        let (map, out) = (&mut self.map, &mut self.recovered);
-        cx.stage("unwrap", || map.unwrap(method.as_mut(), &modulo.frame, *range, *gains, out))
+        let out = &mut self.recovered;
+        cx.stage("unwrap", || method.unwrap(&modulo.frame, *range, out))
             .map_err(|why| skip(why.to_string()))?;
-        if known != (self.map.len(), self.map.size()) {
-            self.map_text = if self.map.is_empty() { String::new() } else { self.map.to_string() };
-        }
         self.counts.count(&self.recovered.report);
         let said = (cx.wanted(DIAGNOSTICS) | cx.wanted(RECOVERY)).then(|| {
             let report = &self.recovered.report;
@@ -336,25 +317,6 @@ impl Node for UnwrapNode {
         outputs()
     }
 
-    fn prepare(&self, now: &Parameters, next: &Parameters) -> Option<Job> {
-        let [now, next] = [now, next].map(UnwrapParameters::from);
-        (next.defects != now.defects)
-            .then(|| -> Job { Box::new(move || Ok(Box::new(defects::read(&next.defects)?))) })
-    }
-
-    fn exchange(&mut self, parameters: &Parameters, part: Part) -> Result<(), ParameterError> {
-        let mut map = *part.downcast::<DefectMap>().expect("the only part of this node is a map of defects");
-        // A map of another size is refused as soon as the size of the images is known.
-        if let Some(size) = self.map.size() {
-            let file = UnwrapParameters::from(parameters).defects;
-            map.fit(size).map_err(|why| ParameterError::new("defects", file, why.to_string()))?;
-        }
-        self.configure(parameters)?;
-        self.map_text = if map.is_empty() { String::new() } else { map.to_string() };
-        self.map = map;
-        Ok(())
-    }
-
     fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError> {
         let (parameters, last) = (UnwrapParameters::from(parameters), &self.parameters);
         // A method has threads, and buffers of the size of an image: it stays where nothing of it has changed.
@@ -398,9 +360,6 @@ impl Node for UnwrapNode {
             ("denoise", denoise.to_string()),
             ("threads", threads.to_string()),
         ];
-        if !self.map_text.is_empty() {
-            state.push(("defect_map", self.map_text.clone()));
-        }
         // Before the first frame, the camera's sensor is not known.
         state.extend(self.sensor.iter().flat_map(|prepared| prepared.model.to_text()));
         state
@@ -408,9 +367,6 @@ impl Node for UnwrapNode {
 
     fn status(&self) -> Vec<(&'static str, String)> {
         let mut status = vec![("method", self.method.name().to_owned())];
-        if !self.map.is_empty() {
-            status.push(("defects", format!("{}, see defect_map on ~/state", self.map.len())));
-        }
         status.extend(self.counts.status());
         if self.reused > 0 {
             status.push(("description_reused", self.reused.to_string()));

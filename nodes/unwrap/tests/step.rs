@@ -7,7 +7,7 @@ use modulo_core::{Frame, Mosaic, Psf, Transfer};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::{
     Context, Flow, ManualClock, Message, Node, ParameterSet, Parameters, SensorModel, StampedFrame,
-    StepError, StepOutput, Trigger, change_parameters, sensor_info,
+    StepError, StepOutput, Trigger, sensor_info,
 };
 use modulo_unwrap::{UnwrapNode, UnwrapParameters};
 use ndarray::Array3;
@@ -349,73 +349,4 @@ fn a_frame_waits_for_the_first_description_and_not_for_ever() {
     assert_eq!(feed(&mut node, 0, frame(3)).0, Err(StepError::Skip(why)), "the next ones do not wait");
     assert!(feed(&mut node, 1, described(4)).1.is_empty());
     assert_eq!(feed(&mut node, 0, frame(4)).0, Ok(Flow::Continue));
-}
-
-/// Writes a file of defects, which is there as long as the returned value.
-fn defects_file(text: &str) -> tempfile::TempPath {
-    let mut file = tempfile::NamedTempFile::new().expect("a file");
-    std::io::Write::write_all(&mut file, text.as_bytes()).expect("some bytes");
-    file.into_temp_path()
-}
-
-fn value<'a>(pairs: &'a [(&'static str, String)], key: &str) -> Option<&'a str> {
-    pairs.iter().find(|(name, _)| *name == key).map(|(_, value)| value.as_str())
-}
-
-#[test]
-fn a_map_of_defects_is_used_shown_and_changed_whole_or_not_at_all() {
-    let (modulo, ideal) = exposure(8);
-    let mut codes = modulo.as_u8().expect("8 bits").clone();
-    codes.slice_mut(ndarray::s![.., 9..11, ..]).fill(255);
-    let broken = Frame::from_u8(codes).expect("an image");
-    let columns: String = (0..24).map(|row| format!("9,{row}\n10,{row}\n")).collect();
-    let file = defects_file(&format!("# size 40x24x3\n{columns}"));
-    let path = |file: &tempfile::TempPath| file.to_str().expect("a path").to_owned();
-    let set = |defects: &str| parameters(&[("alpha", "2"), ("defects", defects)]);
-
-    let mut node = unwrap(&[("alpha", "2")]);
-    assert_eq!(value(&node.status(), "defects"), None);
-    step(&mut node, broken.clone(), &[true]).expect("a frame");
-    change_parameters(&mut node, &set(""), &set(&path(&file))).expect("a good map");
-    let recovered = |node: &mut UnwrapNode| {
-        let sent = step(node, broken.clone(), &[true]).expect("a frame");
-        image(&sent[0].1).frame.as_u8().expect("8 bits").clone()
-    };
-    let ideal = ideal.as_u8().expect("8 bits");
-    let is_right = |got: &Array3<u8>| {
-        got.indexed_iter().filter(|((_, j, _), _)| !(9..11).contains(j)).all(|(at, got)| *got == ideal[at])
-    };
-    assert!(is_right(&recovered(&mut node)));
-    assert_eq!(value(&node.status(), "defects"), Some("144, see defect_map on ~/state"));
-    let shown = value(&node.state(), "defect_map").expect("a map").to_owned();
-    assert!(shown.starts_with("# size 40x24x3\nx,y,channel\n9,0,0\n9,0,1\n"), "{shown}");
-
-    let cases = [
-        ("1,2\n3,", "line 2 is '3,'"),
-        ("# size 24x40x3\n1,2", "40x24x3"),
-        ("# size 24x40x3\n1,39", "24x40x3"),
-        ("40,2", "line 1 has the x 40"),
-    ];
-    for (text, why) in cases {
-        let wrong = defects_file(text);
-        let refused = change_parameters(&mut node, &set(&path(&file)), &set(&path(&wrong)));
-        let said = refused.expect_err(text).to_string();
-        assert!(said.contains("defects") && said.contains(why), "{said}");
-        assert_eq!(value(&node.state(), "defect_map"), Some(shown.as_str()), "the old map stays");
-        assert!(is_right(&recovered(&mut node)));
-    }
-    for special in ["/nowhere/map.csv", "/dev/zero", "/"] {
-        let refused = change_parameters(&mut node, &set(&path(&file)), &set(special));
-        assert!(refused.expect_err(special).to_string().contains(special));
-    }
-    change_parameters(&mut node, &set(&path(&file)), &set("")).expect("no map");
-    assert_eq!((value(&node.status(), "defects"), value(&node.state(), "defect_map")), (None, None));
-}
-
-#[test]
-fn a_map_of_another_size_at_the_start_is_told_with_each_frame() {
-    let file = defects_file("# size 41x24x3\n1,2");
-    let mut node = unwrap(&[("alpha", "2"), ("defects", file.to_str().expect("a path"))]);
-    let Err(StepError::Skip(why)) = step(&mut node, exposure(8).0, &[true]) else { panic!("a refusal") };
-    assert!(why.contains("defects") && why.contains("41x24x3") && why.contains("40x24x3"), "{why}");
 }

@@ -213,15 +213,14 @@ class Sensor:
     mosaic : str, one of none, rggb, bggr, grbg, gbrg
         Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the source.
         The images of a mosaic have the encoding bayer_*8 or bayer_*16. Here they are H x W.
-    gains : str, one of none, checkerboard, rows, colours
-        Samples with a lower gain, which do not wrap: none, the pixels of a checkerboard, those of every second row, or red and blue
-        (colours).
+    gains : str, one of none, checkerboard
+        Pixels with a lower gain, which do not wrap: none, or every second one, as on a checkerboard.
     seed : int, in 0 to 9223372036854775807
         Seed of the noise. A sensor gives each frame the same noise; the camera adds the number of the frame to its seed.
     psf : str, one of gaussian, paper7
         Shape of the lens blur: gaussian with the width psf_sigma, or paper7 for the paper's fixed 7 taps (about 1.4 px).
     gain_ratio : float, a finite number in 0 to 1
-        The lower gain divided by the full one, at most 1 / alpha. 0: 1 / alpha, and 0.95 / alpha for colours.
+        The lower gain divided by the full one, at most 1 / alpha. 0: 1 / alpha.
     full_well_electrons : float, a finite number in 0 to 1000000000
         Electrons that fill the 2^bits codes of the converter at full gain (the saturation capacity of EMVA 1288). They add shot noise
         of the variance x * 2^bits / full_well_electrons. 0: only shot_noise.
@@ -366,7 +365,7 @@ def unwrap(
         Bits of the sensor's converter. The peak is 2^bits code units.
     alpha : float, a finite number in 0.001 to 256
         Saturation factor: the brightest radiance of the scene divided by the sensor's peak.
-    method : str, one of auto, spud, least_squares, itoh, lines, tree, gradient_tree, quality_guided
+    method : str, one of auto, spud, least_squares, itoh, lines, tree, gradient_tree
         Unwrapping method. auto starts with lines and takes gradient_tree where the image is too steep for lines; where noise
         makes it steep, it takes a tree on smoothed codes, or spud. Images of a sensor
         with two gains (see gains) have a method of their own.
@@ -375,11 +374,10 @@ def unwrap(
     mosaic : str, one of none, rggb, bggr, grbg, gbrg
         Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the source.
         The images of a mosaic have the encoding bayer_*8 or bayer_*16. Here they are H x W.
-    gains : str, one of none, checkerboard, rows, colours
-        Samples with a lower gain, which do not wrap: none, the pixels of a checkerboard, those of every second row, or red and blue
-        (colours).
+    gains : str, one of none, checkerboard
+        Pixels with a lower gain, which do not wrap: none, or every second one, as on a checkerboard.
     gain_ratio : float, a finite number in 0 to 1
-        The lower gain divided by the full one, at most 1 / alpha. 0: 1 / alpha, and 0.95 / alpha for colours.
+        The lower gain divided by the full one, at most 1 / alpha. 0: 1 / alpha.
     optical_black : int, in 0 to 64
         Columns at the left border that a field stop in front of the lens shades: the radiance is 0 in the first quarter of them, at
         least in one column, and rises linearly over the others. They show where the radiance is 0. 32 columns keep neighbouring
@@ -420,7 +418,7 @@ def unwrap(
     ('lines', True)
     >>> modulo.unwrap(y, method="magic")
     Traceback (most recent call last):
-    ValueError: parameter 'method' = 'magic': must be one of auto, spud, least_squares, itoh, lines, tree, gradient_tree, quality_guided
+    ValueError: parameter 'method' = 'magic': must be one of auto, spud, least_squares, itoh, lines, tree, gradient_tree
     """
     parameters: dict[str, int | float | str] = {
         "bits": bits,
@@ -607,11 +605,10 @@ def denoise(
     mosaic : str, one of none, rggb, bggr, grbg, gbrg
         Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the source.
         The images of a mosaic have the encoding bayer_*8 or bayer_*16. Here they are H x W.
-    gains : str, one of none, checkerboard, rows, colours
-        Samples with a lower gain, which do not wrap: none, the pixels of a checkerboard, those of every second row, or red and blue
-        (colours).
+    gains : str, one of none, checkerboard
+        Pixels with a lower gain, which do not wrap: none, or every second one, as on a checkerboard.
     gain_ratio : float, a finite number in 0 to 1
-        The lower gain divided by the full one, at most 1 / alpha. 0: 1 / alpha, and 0.95 / alpha for colours.
+        The lower gain divided by the full one, at most 1 / alpha. 0: 1 / alpha.
 
     Returns
     -------

@@ -92,7 +92,7 @@ def stability(method: Method, *, time_limit_s: float | None = 100.0) -> Stabilit
     """Runs a method on the scenes on which unwrapping methods fail, and compares it with the methods of the suite.
 
     The scenes are those of `modulo stability`: steps, islands, lamps, noise, sensors of 1 to 16 bits, tiny images, and more. Their
-    sensors with a mosaic give H x W with one colour a pixel, and those with two gains leave every second sample, row or channel unwrapped,
+    sensors with a mosaic give H x W with one colour a pixel, and those with two gains leave every second pixel unwrapped,
     which `f(y, bits, alpha)` is not told.
 
     Parameters

@@ -2,7 +2,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use modulo_core::{GainPattern, Psf, Range};
+use modulo_core::{Psf, Range};
 
 use super::parameters::SensorModel;
 use crate::parameter::ParameterError;
@@ -14,16 +14,12 @@ const LENSES: [f64; 6] = [0.0, 0.5, 0.8, 1.0, 1.4, 2.0];
 const PAPER7: f64 = 1.4;
 
 /// The largest alpha of 1, 1.5, 2, 3, 4, 6 and 8 at which `auto` finds at least 99.5 % of the counts behind each of [`LENSES`]: by
-/// whether the sensor has a colour mosaic, and by its gains. Source: docs/methods.md, "Which sensor for which scene".
-const MEASURED: [(bool, Option<GainPattern>, [f64; LENSES.len()]); 8] = [
-    (false, None, [1.5, 2.0, 3.0, 4.0, 6.0, 8.0]),
-    (false, Some(GainPattern::Checkerboard), [2.0, 4.0, 8.0, 8.0, 8.0, 8.0]),
-    (false, Some(GainPattern::Rows), [1.5, 2.0, 4.0, 6.0, 8.0, 8.0]),
-    (false, Some(GainPattern::Colours), [2.0, 3.0, 4.0, 6.0, 8.0, 8.0]),
-    (true, None, [1.0, 1.5, 2.0, 3.0, 4.0, 6.0]),
-    (true, Some(GainPattern::Checkerboard), [2.0, 2.0, 4.0, 6.0, 8.0, 8.0]),
-    (true, Some(GainPattern::Rows), [1.5, 2.0, 4.0, 4.0, 8.0, 8.0]),
-    (true, Some(GainPattern::Colours), [1.0, 2.0, 4.0, 4.0, 6.0, 8.0]),
+/// whether the sensor has a colour mosaic, and by whether it has two gains. Source: docs/methods.md, "Which sensor for which scene".
+const MEASURED: [(bool, bool, [f64; LENSES.len()]); 4] = [
+    (false, false, [1.5, 2.0, 3.0, 4.0, 6.0, 8.0]),
+    (false, true, [2.0, 4.0, 8.0, 8.0, 8.0, 8.0]),
+    (true, false, [1.0, 1.5, 2.0, 3.0, 4.0, 6.0]),
+    (true, true, [2.0, 2.0, 4.0, 6.0, 8.0, 8.0]),
 ];
 
 /// The sensors that were reported, by their alpha and the largest one that is fit; more of them are not reported.
@@ -58,7 +54,7 @@ impl SensorModel {
 
     /// Returns the largest second difference of an edge of height 1; 0 where samples of another gain tell how high an edge is.
     fn edge_of_lens(&self) -> f64 {
-        if self.gains.is_some() { 0.0 } else { self.psf().bend() }
+        if self.gains { 0.0 } else { self.psf().bend() }
     }
 
     /// Returns what is to be expected of this sensor, if its alpha is too large for it.
@@ -97,7 +93,7 @@ mod tests {
     #[test]
     fn every_kind_of_sensor_is_in_the_table_and_a_softer_lens_is_never_worse() {
         for (mosaic, _) in modulo_core::Mosaic::WORDS {
-            for (gains, _) in GainPattern::WORDS {
+            for (gains, _) in modulo_core::Gains::WORDS {
                 let behind = |lens: f64| {
                     let lens = lens.to_string();
                     sensor(&[("mosaic", mosaic), ("gains", gains), ("psf_sigma", &lens)]).fit_up_to()

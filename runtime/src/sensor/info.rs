@@ -140,10 +140,9 @@ mod tests {
             (transfer, optical_black) in (0usize..4, 0usize..=64),
             paper in any::<bool>(),
             psf_sigma in 0.0f64..4.0,
-            (gains, gain_ratio) in (0usize..4, 0.0f64..1.0),
+            (gains, gain_ratio) in (any::<bool>(), 0.0f64..1.0),
         ) {
             let psf = if paper { BlurShape::Paper7 } else { BlurShape::Gaussian };
-            let gains = modulo_core::GainPattern::WORDS[gains].1;
             let transfer = modulo_core::Transfer::WORDS[transfer].1;
             let rest = SensorModel { bits, alpha, headroom, transfer, optical_black, ..SensorModel::default() };
             let model = SensorModel { psf, psf_sigma, gains, gain_ratio, ..rest };
@@ -198,6 +197,11 @@ mod tests {
         array.status[0].values[1].value = "-4".into();
         let why = history.note(&array).expect_err("a negative alpha").to_string();
         assert!(why.contains("alpha") && why.contains("-4"), "{why}");
+        let mut array = description(1, &SensorModel { gains: true, ..SensorModel::default() });
+        let gains = array.status[0].values.iter_mut().find(|value| value.key == "gains");
+        gains.expect("it is described").value = "rows".into();
+        let why = history.note(&array).expect_err("no such gains").to_string();
+        assert!(why.contains("'gains' = 'rows'") && why.contains("none, checkerboard"), "{why}");
         assert!(history.latest().is_none());
     }
 }

@@ -3,7 +3,7 @@
 
 use modulo_core::optics::{MAX_SIGMA, Psf};
 use modulo_core::sensor::{MAX_NOISE, MAX_OPTICAL_BLACK, Sensor, SensorConfig};
-use modulo_core::{GainPattern, Gains, Mosaic, Range, Transfer};
+use modulo_core::{Gains, Mosaic, Range, Transfer};
 
 use crate::parameter::{ParameterError, ParameterSet as _};
 
@@ -53,10 +53,9 @@ crate::parameters! {
         psf: BlurShape = BlurShape::Gaussian => BlurShape::WORDS,
         /// Standard deviation of the gaussian lens blur in px. 0 is a perfect lens. paper7 does not use it.
         psf_sigma: f64 = 0.0 => 0.0..=MAX_SIGMA,
-        /// Samples with a lower gain, which do not wrap: none, the pixels of a checkerboard, those of every second row, or red and
-        /// blue (colours).
-        gains: Option<GainPattern> = None => GainPattern::WORDS,
-        /// The lower gain divided by the full one, at most 1 / alpha. 0: 1 / alpha, and 0.95 / alpha for colours.
+        /// Pixels with a lower gain, which do not wrap: none, or every second one, as on a checkerboard.
+        gains: bool = false => Gains::WORDS,
+        /// The lower gain divided by the full one, at most 1 / alpha. 0: 1 / alpha.
         gain_ratio: f64 = 0.0 => 0.0..=1.0,
         /// Standard deviation of the read noise in code units.
         read_noise: f64 = 0.0 => 0.0..=MAX_NOISE,
@@ -151,26 +150,26 @@ impl SensorModel {
     /// # Errors
     /// [`ParameterError`] of a `gain_ratio` above `1 / alpha`, with which the pixels of low gain would wrap, too.
     pub fn gains(&self) -> Result<Gains, ParameterError> {
-        let Some(pattern) = self.gains else { return Ok(Gains::One) };
+        if !self.gains {
+            return Ok(Gains::One);
+        }
         let most = self.alpha.recip().min(1.0);
         if self.gain_ratio > most {
             let why =
                 format!("must be at most {most} (1 / alpha), so that the pixels of low gain do not wrap");
             return Err(ParameterError::new("gain_ratio", self.gain_ratio, why));
         }
-        let given = Some(self.gain_ratio).filter(|&ratio| ratio > 0.0);
-        Ok(Gains::Two { pattern, ratio: given.unwrap_or_else(|| pattern.default_ratio(self.alpha)) })
+        Ok(if self.gain_ratio > 0.0 {
+            Gains::Checkerboard { ratio: self.gain_ratio }
+        } else {
+            Gains::checkerboard(self.alpha)
+        })
     }
 }
 
 /// The words of [`SensorOverride::gains`]: those of a sensor, and `camera` for the gains that the camera describes.
-const OVERRIDES: [(&str, Option<Option<GainPattern>>); 5] = [
-    ("camera", None),
-    ("none", Some(None)),
-    ("checkerboard", Some(Some(GainPattern::Checkerboard))),
-    ("rows", Some(Some(GainPattern::Rows))),
-    ("colours", Some(Some(GainPattern::Colours))),
-];
+const OVERRIDES: [(&str, Option<bool>); 3] =
+    [("camera", None), ("none", Some(false)), ("checkerboard", Some(true))];
 
 /// The words of [`SensorOverride::transfer`]: those of a sensor, and `camera` for the function that the camera describes.
 const TRANSFERS: [(&str, Option<Transfer>); 5] = [
@@ -202,10 +201,10 @@ crate::parameters! {
         psf: BlurShape = BlurShape::Gaussian => BlurShape::WORDS,
         /// Standard deviation of the gaussian lens blur in px. 0: the blur of the camera's sensor description.
         psf_sigma: f64 = 0.0 => 0.0..=MAX_SIGMA,
-        /// Samples with a lower gain: none, the pixels of a checkerboard, those of every second row, red and blue (colours), or as
-        /// the camera's sensor description has them (none without a description).
-        gains: Option<Option<GainPattern>> = None => OVERRIDES,
-        /// The lower gain divided by the full one, where gains is not camera. 0: 1 / alpha, and 0.95 / alpha for colours.
+        /// Pixels with a lower gain: none, every second one, as on a checkerboard, or as the camera's sensor description has them
+        /// (none without a description).
+        gains: Option<bool> = None => OVERRIDES,
+        /// The lower gain divided by the full one, where gains is not camera. 0: 1 / alpha.
         gain_ratio: f64 = 0.0 => 0.0..=1.0,
     }
 }
@@ -230,7 +229,7 @@ impl SensorOverride {
         let (gains, gain_ratio) = match (self.gains, camera) {
             (Some(gains), _) => (gains, self.gain_ratio),
             (None, Some(camera)) => (camera.gains, camera.gain_ratio),
-            (None, None) => (None, 0.0),
+            (None, None) => (false, 0.0),
         };
         let (bits, alpha) = (bits.ok_or_else(|| missing("bits"))?, alpha.ok_or_else(|| missing("alpha"))?);
         let rest = camera.cloned().unwrap_or_default();
@@ -300,7 +299,6 @@ mod tests {
 
     #[test]
     fn a_value_that_is_not_set_is_the_cameras() {
-        let rows = (Some(GainPattern::Rows), 0.25);
         let camera = SensorModel {
             bits: 10,
             alpha: 3.0,
@@ -309,8 +307,8 @@ mod tests {
             optical_black: 32,
             psf: BlurShape::Paper7,
             psf_sigma: 0.0,
-            gains: rows.0,
-            gain_ratio: rows.1,
+            gains: true,
+            gain_ratio: 0.25,
             ..SensorModel::default()
         };
         let unset = SensorOverride::default();
@@ -323,7 +321,7 @@ mod tests {
             transfer: Some(transfer),
             optical_black: 8,
             psf_sigma: 1.0,
-            gains: Some(None),
+            gains: Some(false),
             ..SensorOverride::default()
         };
         let expected = SensorModel {
@@ -342,23 +340,22 @@ mod tests {
     #[test]
     fn pixels_of_low_gain_never_wrap() {
         let gains = |alpha, gain_ratio| {
-            SensorModel {
-                alpha,
-                gain_ratio,
-                gains: Some(GainPattern::Checkerboard),
-                ..SensorModel::default()
-            }
-            .gains()
+            SensorModel { alpha, gain_ratio, gains: true, ..SensorModel::default() }.gains()
         };
         for (alpha, given, ratio) in [(4.0, 0.0, 0.25), (4.0, 0.125, 0.125), (0.5, 0.0, 1.0)] {
-            assert_eq!(gains(alpha, given), Ok(Gains::Two { pattern: GainPattern::Checkerboard, ratio }));
+            assert_eq!(gains(alpha, given), Ok(Gains::Checkerboard { ratio }));
         }
-        let colours = SensorModel { gains: Some(GainPattern::Colours), ..SensorModel::default() };
-        let headroom = Gains::Two { pattern: GainPattern::Colours, ratio: 0.95 * 0.25 };
-        assert_eq!(colours.gains(), Ok(headroom), "noise must not make red and blue wrap");
         let why = gains(4.0, 0.26).expect_err("0.26 * 4 > 1").to_string();
         assert!(why.contains("gain_ratio") && why.contains("0.25"), "{why}");
         assert_eq!(SensorModel { gain_ratio: 0.9, ..SensorModel::default() }.gains(), Ok(Gains::One));
+    }
+
+    #[test]
+    fn other_arrangements_of_gains_are_refused_with_the_possible_ones() {
+        for word in ["rows", "colours"] {
+            let why = SensorModel::from_text(&[("gains", word)]).expect_err("not supported").to_string();
+            assert!(why.contains(word) && why.contains("none, checkerboard"), "{why}");
+        }
     }
 
     #[test]

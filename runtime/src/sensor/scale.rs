@@ -85,7 +85,7 @@ impl LightScale {
     fn of_saturated(sensor: &SensorModel) -> Self {
         let pictures = Self::of_pictures(sensor);
         // Pixels of low gain show what is above the peak.
-        if sensor.gains.is_some() { pictures } else { Self { white: 1.0, ..pictures } }
+        if sensor.gains { pictures } else { Self { white: 1.0, ..pictures } }
     }
 
     /// Returns the radiance of the largest sample, in peaks of the sensor.

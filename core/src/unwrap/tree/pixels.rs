@@ -173,7 +173,7 @@ impl Pixels {
     }
 }
 
-/// Computes [`wrapped::wrap_step_signed`] of all lanes at once.
+/// Computes [`wrapped::wrap_step`] of all lanes at once.
 #[inline(always)]
 pub(in crate::unwrap) fn wrap_steps(from: [u16; 4], to: [u16; 4]) -> Quad {
     // The wrapped difference is the plain one cut to 16 bits, so their distance is the step in its upper half.
@@ -283,7 +283,7 @@ mod tests {
 
         #[test]
         fn turns_of_all_lanes_are_those_of_each(from: [u16; 4], to: [u16; 4]) {
-            prop_assert_eq!(wrap_steps(from, to), std::array::from_fn(|lane| wrapped::wrap_step_signed(from[lane], to[lane])));
+            prop_assert_eq!(wrap_steps(from, to), std::array::from_fn(|lane| wrapped::wrap_step(from[lane], to[lane]).cast_signed()));
         }
     }
 

@@ -1,7 +1,7 @@
 //! [`Case`]: one scene of the catalogue, its sensor, and the expected result of each method.
 
 use modulo_core::unwrap::{METHODS, Options, Unwrap, by_name, of_gains};
-use modulo_core::{Exposure, GainPattern, Gains, Mosaic, Psf, Sensor, SensorConfig, SensorError};
+use modulo_core::{Exposure, Gains, Mosaic, Psf, Sensor, SensorConfig, SensorError};
 use ndarray::Array3;
 use serde::Serialize;
 
@@ -142,9 +142,9 @@ impl Case {
         self
     }
 
-    /// Gives the samples of `pattern` the lower gain that goes with the saturation factor that is set by now.
-    pub(super) fn gains(mut self, pattern: GainPattern) -> Self {
-        self.sensor.gains = Gains::Two { pattern, ratio: pattern.default_ratio(self.scene.alpha) };
+    /// Gives every second pixel the lower gain that goes with the saturation factor that is set by now.
+    pub(super) fn two_gains(mut self) -> Self {
+        self.sensor.gains = Gains::checkerboard(self.scene.alpha);
         self
     }
 
@@ -199,7 +199,7 @@ impl Case {
 
     /// Returns the methods that can unwrap the images of the sensor.
     pub fn methods(&self) -> Vec<Box<dyn Unwrap>> {
-        match of_gains(self.sensor.gains, &Options::default()).expect("one thread is always available") {
+        match of_gains(self.sensor.gains) {
             Some(method) => vec![method],
             None => METHODS
                 .iter()

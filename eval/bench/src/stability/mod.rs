@@ -175,7 +175,6 @@ const FIGURES: &[(&str, &str)] = &[
     ("lines", "night_sharp"),
     ("tree", "alpha_8"),
     ("gradient_tree", "pole_1px"),
-    ("quality_guided", "horizon_blur"),
 ];
 
 /// Rows of a scene that a figure of the documentation shows.

@@ -63,7 +63,7 @@ fn chart(results: &Results, cells: &[&Cell], model: &str, group: &str) -> NamedC
     let body =
         ChartBody::Panels([Pixels::Normal, Pixels::Modulo].map(|pixels| panel(cells, group, pixels)).into());
     let footer = "Each marker is the simplest choice whose AP50 is at most 1 point below that of the ideal image behind the same \
-                  lens. Normal pixels, in this order: one gain, two gains (in a pattern or by colour), three captures. Modulo \
+                  lens. Normal pixels, in this order: one gain, two gains, three captures. Modulo \
                   pixels: the raw image, the recovered one, then deblurred; then those of two gains. The 95 % intervals of AP50 are often wider than a point: \
                   see the other charts.";
     let chip =
@@ -158,7 +158,7 @@ fn choices<'a>(scene: &[&'a Cell], group: &str, pixels: Pixels) -> impl Iterator
 /// The pixels of a cell and its place in the order of the choices. `None` for images that no sensor delivers.
 fn rank(cell: &Cell) -> Option<(Pixels, u8)> {
     let point = &cell.point;
-    let two_gains = u8::from(point.sensor.gains.is_some());
+    let two_gains = u8::from(point.sensor.gains);
     Some(match point.stream {
         Stream::Saturated => (Pixels::Normal, two_gains),
         Stream::MultiExposure => (Pixels::Normal, 2),

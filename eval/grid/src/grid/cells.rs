@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Parser, ValueEnum};
+use modulo_core::TwoGains;
 use modulo_core::unwrap::METHODS;
 use modulo_runtime::sensor::options::{SensorCommand, SensorOptions};
 use modulo_runtime::{ParameterError, ParameterSet as _, SensorModel};
@@ -243,11 +244,11 @@ impl Axes {
 /// The images that this sensor has of those of a sensor with one gain and no mosaic.
 fn of_sensor(sensor: &SensorModel, images: &[ImageSettings]) -> Vec<ImageSettings> {
     let mut images = images.to_vec();
-    if let Some(pattern) = sensor.gains {
+    if sensor.gains {
         // The gains decide the method. The raw image of two gains is no image for a detector, and the ideal image does not
         // depend on the gains.
         images.retain(|(stream, ..)| matches!(stream, Stream::Saturated | Stream::Recovered));
-        images.iter_mut().for_each(|(_, method, ..)| *method = Some(pattern.method().to_owned()));
+        images.iter_mut().for_each(|(_, method, ..)| *method = Some(TwoGains::NAME.to_owned()));
     }
     images
         .retain(|(stream, method, ..)| sensor.mosaic.is_none() || can_be_mosaic(*stream, method.as_deref()));
@@ -273,11 +274,11 @@ mod tests {
 
     #[test]
     fn models_vary_slowest_then_noise_alpha_mosaic_and_gains() {
-        let options = "--read-noise 0,1 --alpha 2,4 --gains none,rows --mosaic none,rggb --stream saturated --model a,b";
+        let options = "--read-noise 0,1 --alpha 2,4 --gains none,checkerboard --mosaic none,rggb --stream saturated --model a,b";
         let points = axes(options).points(Protocol::Suite).expect("possible");
         let key = |point: &Point| {
             let SensorModel { read_noise, alpha, mosaic, gains, .. } = point.sensor;
-            (point.model.clone(), read_noise, alpha, mosaic.is_some(), gains.is_some())
+            (point.model.clone(), read_noise, alpha, mosaic.is_some(), gains)
         };
         assert_eq!(points.len(), 32);
         assert!(points.iter().map(key).is_sorted(), "{points:?}");
@@ -332,7 +333,7 @@ mod tests {
             "--read-noise 1",
             "--prnu 0.1",
             "--psf-sigma 1.4,0",
-            "--gains none,rows",
+            "--gains none,checkerboard",
             "--mosaic rggb",
             "--headroom 0.9",
         ] {

@@ -1,6 +1,6 @@
 //! The combinations of options that give no cell, each with the reason.
 
-use modulo_core::GainPattern;
+use modulo_core::{Gains, TwoGains};
 use modulo_runtime::SensorModel;
 
 use super::cells::{Axes, DeblurChoice, can_be_mosaic};
@@ -22,14 +22,14 @@ impl Axes {
         without.into_iter().chain(self.unused_method()).collect()
     }
 
-    /// The combinations of the lists that none of `points` has, such as `--stream modulo --gains rows (REASON)`.
+    /// The combinations of the lists that none of `points` has, such as `--stream modulo --gains checkerboard (REASON)`.
     pub fn without_cells(&self, protocol: Protocol, points: &[Point]) -> Vec<String> {
         let methods = self.methods(protocol);
         let mut without = Vec::new();
         for sensor in &self.sensor.sensors(&["gains", "mosaic", "psf_sigma"]) {
             for &stream in &self.stream {
                 // Gains have a method of their own.
-                let choice = stream == Stream::Recovered && sensor.gains.is_none();
+                let choice = stream == Stream::Recovered && !sensor.gains;
                 let methods = if choice {
                     methods.iter().map(|method| Some(method.as_str())).collect()
                 } else {
@@ -49,16 +49,11 @@ impl Axes {
     /// A sentence if `--method` was given, but each sensor has a method of its own.
     fn unused_method(&self) -> Option<String> {
         let sensors = self.sensor.sensors(&["gains"]);
-        let gains: Option<Vec<GainPattern>> = sensors.into_iter().map(|sensor| sensor.gains).collect();
-        let gains = gains.filter(|_| !self.method.is_empty())?;
-        let joined = |of: fn(GainPattern) -> &'static str| {
-            gains.iter().map(|gains| of(*gains)).collect::<Vec<_>>().join(",")
-        };
-        Some(format!(
-            "--method has no effect: the images of --gains {} are unwrapped by {}",
-            joined(GainPattern::word),
-            joined(GainPattern::method)
-        ))
+        let has_no_effect = !self.method.is_empty() && sensors.iter().all(|sensor| sensor.gains);
+        has_no_effect.then(|| {
+            let (gains, method) = (Gains::word(true), TwoGains::NAME);
+            format!("--method has no effect: the images of --gains {gains} are unwrapped by {method}")
+        })
     }
 }
 
@@ -78,8 +73,8 @@ impl Combination<'_> {
         options.extend(self.method.map(|method| format!("--method {method}")));
         let SensorModel { gains, mosaic, psf_sigma, .. } = *self.sensor;
         let of_two = matches!(self.stream, Stream::Saturated | Stream::Recovered);
-        let why = if let Some(gains) = gains.filter(|_| !of_two) {
-            options.push(format!("--gains {}", gains.word()));
+        let why = if gains && !of_two {
+            options.push(format!("--gains {}", Gains::word(gains)));
             "a sensor with two gains has the streams saturated and recovered only"
         } else if let Some(mosaic) = mosaic.filter(|_| !can_be_mosaic(self.stream, self.method)) {
             options.push(format!("--mosaic {}", mosaic.word()));
@@ -128,9 +123,9 @@ mod tests {
             let points = axes.points(protocol).expect("cells");
             axes.without_cells(protocol, &points)
         };
-        let some = axes("--gains none,rows --stream modulo,recovered");
+        let some = axes("--gains none,checkerboard --stream modulo,recovered");
         let [one] = &without(&some, Protocol::Suite)[..] else { panic!("one combination") };
-        assert!(one.starts_with("--stream modulo --gains rows"), "{one}");
+        assert!(one.starts_with("--stream modulo --gains checkerboard"), "{one}");
         for protocol in [Protocol::Suite, Protocol::Paper] {
             assert_eq!(without(&Axes::default(), protocol), Vec::<String>::new());
         }
@@ -140,8 +135,8 @@ mod tests {
 
     #[test]
     fn a_method_that_no_sensor_uses_is_named() {
-        let two = axes("--gains rows --method spud");
-        assert!(two.unused_method().expect("a sentence").contains("row_gains"));
+        let two = axes("--gains checkerboard --method spud");
+        assert!(two.unused_method().expect("a sentence").contains("checkerboard_gains"));
         assert_eq!(axes("--method spud").unused_method(), None);
     }
 }

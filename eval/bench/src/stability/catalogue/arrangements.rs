@@ -1,6 +1,6 @@
 //! Chips whose pixels differ: colour mosaics, and two gains in one shot.
 
-use modulo_core::{GainPattern, Mosaic};
+use modulo_core::Mosaic;
 use modulo_scene::Preset;
 
 use super::super::case::{Case, Family};
@@ -9,8 +9,7 @@ use super::super::radiance::{Radiance, rendered};
 
 pub fn cases() -> Vec<Case> {
     let mosaics = Preset::ALL.into_iter().flat_map(|preset| [2.0, 4.0].map(|alpha| mosaic(preset, alpha)));
-    let gains = [GainPattern::Checkerboard, GainPattern::Rows].into_iter().flat_map(gains);
-    mosaics.chain(gains).chain(Preset::ALL.map(colours)).collect()
+    mosaics.chain(gains()).collect()
 }
 
 /// A rendered scene behind a lens of 1.4 px.
@@ -26,21 +25,11 @@ fn mosaic(preset: Preset, alpha: f64) -> Case {
         .all(Expect::AtLeast(0.998))
 }
 
-/// A rendered scene without a lens, for a sensor with a gain per colour.
-fn colours(preset: Preset) -> Case {
-    let (scene, pattern) = (preset.name(), GainPattern::Colours);
-    let what = format!("the rendered scene {scene} without a lens, {}", pattern.word());
-    Case::new(Family::Gains, format!("{scene}_{}", pattern.word()), what, move || rendered(preset, 4.0))
-        .gains(pattern)
-        .why("red and blue, which do not wrap, tell how bright green is; only saturated colours are wrong")
-        .all(Expect::AtLeast(0.998))
-}
-
-/// Scenes for one arrangement of two gains: those that one gain misses, and the rendered ones without a lens.
-fn gains(pattern: GainPattern) -> Vec<Case> {
+/// Scenes for two gains: those that one gain misses, and the rendered ones without a lens.
+fn gains() -> Vec<Case> {
     let case = |name: &str, what: &str, draw: fn() -> Radiance| {
-        let (name, what) = (format!("{name}_{}", pattern.word()), format!("{what}, {}", pattern.word()));
-        Case::new(Family::Gains, name, what, move || draw().warm()).gains(pattern)
+        let (name, what) = (format!("{name}_checkerboard"), format!("{what}, checkerboard"));
+        Case::new(Family::Gains, name, what, move || draw().warm()).two_gains()
     };
     let mut cases = vec![
         case("step_256", "a sharp edge of one peak", || Radiance::evening().step(150, 256.0))
@@ -56,10 +45,10 @@ fn gains(pattern: GainPattern) -> Vec<Case> {
         .why("the pixels of low gain show the absolute level, which one gain does not know"),
     ];
     cases.extend(Preset::ALL.map(|preset| {
-        let name = format!("{}_{}", preset.name(), pattern.word());
-        let what = format!("the rendered scene {} without a lens, {}", preset.name(), pattern.word());
+        let name = format!("{}_checkerboard", preset.name());
+        let what = format!("the rendered scene {} without a lens, checkerboard", preset.name());
         Case::new(Family::Gains, name, what, move || rendered(preset, 4.0))
-            .gains(pattern)
+            .two_gains()
             .why("only an object of a pixel is missed by the pixels of low gain around it")
             .all(Expect::AtLeast(0.998))
     }));

@@ -18,10 +18,7 @@ const LEAST_SQUARES: &[&str] = &["spud", "least_squares"];
 const AVERAGING: &[&str] = &["spud", "least_squares", "auto"];
 
 /// Methods that use only first differences.
-const FIRST_ORDER: &[&str] = &["spud", "least_squares", "itoh", "tree", "quality_guided"];
-
-/// Methods that unwrap reliable pixels first, so that errors stay local.
-const SORTED: &[&str] = &["tree", "quality_guided"];
+const FIRST_ORDER: &[&str] = &["spud", "least_squares", "itoh", "tree"];
 
 /// The reason why methods that use only first differences fail behind a soft but high edge.
 const RIM: &str = "first differences exceed half a peak on the edge and are taken for small ones";

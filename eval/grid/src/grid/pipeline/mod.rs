@@ -214,8 +214,7 @@ impl RecoveryQuality {
         let (_, width, channels) = wraps.dim();
         let of_full_gain = |sample: usize| {
             let pixel = sample / channels;
-            truth[0].gains() == Gains::One
-                || truth[0].gain(pixel / width, pixel % width, sample % channels) == 1.0
+            truth[0].gains() == Gains::One || truth[0].gain(pixel / width, pixel % width) == 1.0
         };
         let (mut exact, mut samples) = (0, 0);
         for (sample, (wraps, count)) in wraps.as_slice()?.iter().zip(counts.as_slice()?).enumerate() {
@@ -249,7 +248,7 @@ impl RecoveryQuality {
         // With two gains, the codes are those of x / (headroom * alpha).
         let scale = match truth[0].gains() {
             Gains::One => 1.0,
-            Gains::Two { .. } => (range.white() / f64::from(range.peak())) as f32,
+            Gains::Checkerboard { .. } => (range.white() / f64::from(range.peak())) as f32,
         };
         let (transfer, most) = (truth[0].transfer(), range.peak() - 1.0);
         let radiance = |code: f32| most * transfer.decode((code / most).into()) as f32;

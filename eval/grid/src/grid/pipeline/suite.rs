@@ -32,7 +32,7 @@ impl<'a> SuitePipeline<'a> {
         let recovers = point.method.as_ref().filter(|_| point.stream == Stream::Recovered);
         let unwrap = recovers.map(|method| {
             // Gains have a method of their own, which the node takes whatever the parameter.
-            let method = if sensor.gains.is_some() { Method::Auto } else { method.parse()? };
+            let method = if sensor.gains { Method::Auto } else { method.parse()? };
             let (own, deblur) = (sensor.clone().into(), point.deblur);
             let with = UnwrapParameters { method, deblur, sensor: own, ..Default::default() };
             let topics = ["/recovered", "/hdr", "/diagnostics"].map(str::to_owned).to_vec();
