@@ -64,7 +64,6 @@ pub fn dispatch(cli: Cli) -> Result<Ended, Failure> {
         Command::Param(args) => param::param(&args),
         Command::Topic(args) => graph::topic(&args),
         Command::Node(args) => graph::node(&args),
-        Command::Top(args) => view::top(&args),
         Command::View(args) => view::view(&args),
         Command::Model(args) => model::model(&args),
         Command::Doctor { sensor } => model::doctor(sensor.as_deref()),
