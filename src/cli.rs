@@ -8,7 +8,7 @@ use modulo_eval::grid::words;
 use modulo_runtime::wire::keys::Hashes;
 
 use crate::LONG_VERSION;
-use crate::command::{bag, bench, eval, graph, launch, model, param, run, view};
+use crate::command::{bag, bench, eval, graph, images, launch, model, param, run, view};
 
 /// Commands that exchange messages with other nodes.
 const GRAPH_COMMANDS: [&[&str]; 8] = [
@@ -56,11 +56,11 @@ pub enum Command {
     Bag(bag::Bag),
     /// Evaluate a launch file, or a grid of settings over labelled frames: every frame once, none dropped
     Eval(Box<eval::Eval>),
-    /// Simulate the sensor on image files and unwrap the result
-    Simulate(bench::Simulate),
+    /// Simulate the sensor on image files, unwrap the result, and compare the methods
+    Simulate(images::Simulate),
     /// Unwrap modulo images of your own
     Unwrap(modulo_bench::recover::UnwrapRequest),
-    /// Measure the unwrapping methods, the inference engines and the whole pipeline
+    /// Measure the inference engines and the whole pipeline
     #[command(subcommand)]
     Bench(bench::Bench),
     /// Run every unwrapping method on scenes that are hard to unwrap, and write a report
