@@ -8,10 +8,10 @@ use modulo_eval::grid::words;
 use modulo_runtime::wire::keys::Hashes;
 
 use crate::LONG_VERSION;
-use crate::command::{bag, bench, eval, graph, launch, model, param, run, view};
+use crate::command::{bag, bench, eval, graph, images, launch, model, param, run, view};
 
 /// Commands that exchange messages with other nodes.
-const GRAPH_COMMANDS: [&[&str]; 9] = [
+const GRAPH_COMMANDS: [&[&str]; 8] = [
     &["launch"],
     &["run"],
     &["bag", "record"],
@@ -19,14 +19,13 @@ const GRAPH_COMMANDS: [&[&str]; 9] = [
     &["param"],
     &["topic"],
     &["node"],
-    &["top"],
     &["view"],
 ];
 
 /// The commands in the order of `modulo help`, by what one does with them.
 const GROUPS: [(&str, &[&str]); 3] = [
     ("Run", &["launch", "run", "bag", "unwrap", "model", "completions", "man"]),
-    ("Look", &["view", "top", "topic", "node", "param", "doctor"]),
+    ("Look", &["view", "topic", "node", "param", "doctor"]),
     ("Measure", &["eval", "simulate", "bench", "stability"]),
 ];
 
@@ -57,11 +56,11 @@ pub enum Command {
     Bag(bag::Bag),
     /// Evaluate a launch file, or a grid of settings over labelled frames: every frame once, none dropped
     Eval(Box<eval::Eval>),
-    /// Simulate the sensor on image files and unwrap the result
-    Simulate(bench::Simulate),
+    /// Simulate the sensor on image files, unwrap the result, and compare the methods
+    Simulate(images::Simulate),
     /// Unwrap modulo images of your own
     Unwrap(modulo_bench::recover::UnwrapRequest),
-    /// Measure the unwrapping methods, the inference engines and the whole pipeline
+    /// Measure the inference engines and the whole pipeline
     #[command(subcommand)]
     Bench(bench::Bench),
     /// Run every unwrapping method on scenes that are hard to unwrap, and write a report
@@ -79,8 +78,6 @@ pub enum Command {
     /// List nodes, print their publishers, subscriptions and services
     #[command(subcommand)]
     Node(graph::NodeCommand),
-    /// Show the nodes of a running suite with their rates, latencies and drops in the terminal, with keys that change parameters
-    Top(view::TopCommand),
     /// Show the streams, boxes and latencies of a running suite on a web page, with controls for its parameters
     View(view::ViewCommand),
     /// Fetch official detection models, or check a model

@@ -324,13 +324,12 @@ fn a_folder_that_cannot_hold_results_is_refused_before_anything_runs() {
     let file = bench.path("file").display().to_string();
     let picture = bench.images(1).join("000000.png").display().to_string();
     // The words before and after the folder.
-    let commands: [(&[&str], &[&str]); 7] = [
+    let commands: [(&[&str], &[&str]); 6] = [
         (&["eval", "--source", SCENE, "--engine", "rten", "-o"], &[]),
         (&["eval", "launch/raw.launch.yaml", "-o"], &[]),
         (&["eval", "merge"], &["shard"]),
         (&["simulate", &picture, "-o"], &[]),
         (&["unwrap", &picture, "--alpha", "4", "-o"], &[]),
-        (&["bench", "unwrap", "-o"], &[]),
         (&["stability", "-o"], &[]),
     ];
     for ((before, after), out) in commands.iter().flat_map(|command| [(command, "/proc/x"), (command, &file)])

@@ -6,7 +6,6 @@
 //!
 //! This crate does not know what any node computes. Only `transport/zenoh` names the library of the wire.
 
-pub mod bridge;
 pub mod driver;
 pub mod graph;
 pub mod transport;

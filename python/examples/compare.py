@@ -5,7 +5,7 @@
     python python/examples/compare.py FOLDER                # the images of a folder
     python python/examples/compare.py FOLDER --modulo target/release/modulo
 
-The last form also measures what a call from Python costs beside a call from Rust, which `modulo bench unwrap` times on the same frames.
+The last form also measures what a call from Python costs beside a call from Rust, which `modulo simulate` times on the same frames.
 """
 
 import argparse
@@ -60,11 +60,11 @@ def overhead(binary: Path, folder: Path, frames: list[modulo.Exposure], options:
     python, rust = [], []
     for _ in range(options.rounds):
         with tempfile.TemporaryDirectory() as out:
-            command: list[str | Path] = [binary, "bench", "unwrap", "--frames", folder, "--out", out, "--method", "auto"]
+            command: list[str | Path] = [binary, "simulate", folder, "--out", out, "--method", "auto"]
             for name in ("alpha", "headroom", "psf_sigma", "repeats"):
                 command += ["--" + name.replace("_", "-"), str(getattr(options, name))]
             subprocess.run(command, check=True, capture_output=True)
-            rust.append(json.loads((Path(out) / "results.json").read_text())[0]["ms_p50"])
+            rust.append(statistics.median(row["ms"] for row in json.loads((Path(out) / "results.json").read_text())))
         call = own("auto", options.alpha)
         times = [milliseconds(lambda: call(one.modulo)) for one in frames for _ in range(options.repeats + 1)]
         python.append(statistics.median(times))

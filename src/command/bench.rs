@@ -1,4 +1,4 @@
-//! `modulo simulate`, `modulo bench` and `modulo stability`: the unwrapping methods on images.
+//! `modulo bench` and `modulo stability`.
 
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -8,17 +8,13 @@ use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 use modulo_bags::source::{self, SourceOptions};
 use modulo_bench::engines::{EngineFigures, EngineOutcome, EnginesRequest};
-use modulo_bench::{
-    BenchError, BenchEvent, below_100, benchmark, engines, frontier, pipeline, recover, simulate, stability,
-};
-use modulo_camera::CameraParameters;
+use modulo_bench::{BenchError, BenchEvent, below_100, engines, pipeline, stability};
 use modulo_core::{SensorError, UnwrapError, WorkersError};
 use modulo_detector::{EngineChoice, EngineOptions, embedded, measure};
-use modulo_images::{ImageError, WHITE_PERCENTILE};
+use modulo_images::ImageError;
 use modulo_launch::launch_file;
 use modulo_runtime::SystemClock;
 use modulo_runtime::clock::monotonic_ns;
-use modulo_runtime::sensor::options::CHIP;
 
 use super::grid::LabelledFrames;
 use super::usage;
@@ -30,44 +26,17 @@ const STRIDE: usize = 32;
 const BARE_RUNS: NonZeroUsize = NonZeroUsize::new(20).expect("not zero");
 
 /// Template of the progress bar.
-const STEPS: &str = "{bar:30} {pos}/{len} {eta} {msg}";
-
-/// `modulo simulate`
-#[derive(Args)]
-pub struct Simulate {
-    /// Parameter file of the camera with the values of the chip and the lens, such as sensors/mosaic.yaml
-    #[arg(long = "sensor", value_name = "FILE", conflicts_with = CHIP)]
-    sensor_file: Option<PathBuf>,
-    #[command(flatten)]
-    request: simulate::SimulationRequest,
-}
-
-impl Simulate {
-    /// Returns the request with the sensor of the file, if there is one.
-    fn request(self) -> Result<simulate::SimulationRequest, Failure> {
-        let Self { sensor_file, mut request } = self;
-        let Some(file) = sensor_file else { return Ok(request) };
-        request.exposure.sensor.take_chip(&CameraParameters::read_sensor(&file).map_err(usage)?);
-        Ok(request)
-    }
-}
+pub const STEPS: &str = "{bar:30} {pos}/{len} {eta} {msg}";
 
 /// `modulo bench`
 #[derive(Subcommand)]
 pub enum Bench {
-    /// Measure the time and the accuracy of every method, and draw a chart of both
-    Unwrap(benchmark::BenchmarkRequest),
     /// Measure the time from the modulo image to the boxes in one process, in several and in lockstep, beside that of the network
     /// by itself
     Pipeline(pipeline::PipelineRequest),
     /// Measure the accuracy, the time and the memory of the inference engines of this machine, draw a chart, and name the fastest
     /// one that loses less than 0.5 points of AP50
     Detector(DetectorBench),
-    /// Draw the charts of the results in a folder again
-    Chart {
-        /// Folder with results.json and meta.json
-        folder: PathBuf,
-    },
 }
 
 /// `modulo bench detector`
@@ -82,105 +51,12 @@ pub struct DetectorBench {
     request: EnginesRequest,
 }
 
-/// Sends image files through the sensor and the methods.
-pub fn simulate(args: Simulate) -> Result<Ended, Failure> {
-    let request = args.request()?;
-    let bar = progress_bar(STEPS);
-    let outcome = simulate::simulate(&request, &mut |event| tell(&bar, event)).map_err(failure)?;
-    bar.finish_and_clear();
-    let mut whites: Vec<_> = outcome.rows.iter().filter_map(|row| Some((&row.file, row.white?))).collect();
-    whites.dedup();
-    whites
-        .iter()
-        .for_each(|(file, white)| say!("white is {white}, the {WHITE_PERCENTILE}th percentile of {file}"));
-    say!(
-        "file                         alpha method             exact k   PSNR dB     SSIM method used    trusted       ms"
-    );
-    for row in &outcome.rows {
-        let number =
-            |value: Option<f64>, digits| value.map_or("-".into(), |value| format!("{value:.digits$}"));
-        let file = Path::new(&row.file).file_name().unwrap_or_default().to_string_lossy();
-        let trusted = word_of_trust(row.trusted);
-        say!(
-            "{file:<28} {:>5} {:<16} {:>8}% {:>9} {:>8} {:<14} {trusted:<7} {:>8.2}",
-            row.sensor.alpha,
-            row.method,
-            below_100(row.exact_k, 3),
-            psnr(row.psnr_db),
-            number(row.ssim, 4),
-            row.method_used,
-            row.ms
-        );
-    }
-    Ok(if outcome.skipped.is_empty() { Ended::Done } else { Ended::WithLoss })
-}
-
-/// Unwraps modulo images.
-pub fn unwrap(request: &recover::UnwrapRequest) -> Result<Ended, Failure> {
-    let bar = progress_bar(STEPS);
-    let outcome = recover::unwrap_files(request, &mut |event| tell(&bar, event)).map_err(failure)?;
-    bar.finish_and_clear();
-    say!("file                         method           method used    trusted largest k       ms");
-    for row in &outcome.rows {
-        let file = Path::new(&row.file).file_name().unwrap_or_default().to_string_lossy();
-        say!(
-            "{file:<28} {:<16} {:<14} {:<7} {:>9} {:>8.2}",
-            row.method,
-            row.method_used,
-            word_of_trust(row.trusted),
-            row.most_k,
-            row.ms
-        );
-    }
-    Ok(if outcome.skipped.is_empty() { Ended::Done } else { Ended::WithLoss })
-}
-
-/// The claim of a method about its result in a table.
-fn word_of_trust(trusted: Option<bool>) -> &'static str {
-    trusted.map_or("-", |trusted| if trusted { "yes" } else { "no" })
-}
-
-/// The PSNR in a table; equal images have none in results and an infinite one here.
-fn psnr(db: Option<f64>) -> String {
-    db.map_or("inf".to_owned(), |db| format!("{db:.2}"))
-}
-
-/// Measures the methods, or draws the chart of earlier results.
+/// Measures what runs the program.
 pub fn bench(command: &Bench) -> Result<Ended, Failure> {
     match command {
-        Bench::Unwrap(request) => bench_unwrap(request),
         Bench::Pipeline(request) => bench_pipeline(request),
         Bench::Detector(args) => bench_detector(args),
-        Bench::Chart { folder } => {
-            for file in frontier::draw_frontier(&folder.join(benchmark::RESULTS))? {
-                say!("{}", file.display());
-            }
-            Ok(Ended::Done)
-        }
     }
-}
-
-fn bench_unwrap(request: &benchmark::BenchmarkRequest) -> Result<Ended, Failure> {
-    let request = benchmark::BenchmarkRequest { device: processor(), ..request.clone() };
-    let bar = progress_bar(STEPS);
-    let outcome = benchmark::unwrap(&request, &mut |event| tell(&bar, event)).map_err(failure)?;
-    bar.finish_and_clear();
-    say!("method           alpha threads    ms p50    exact k   PSNR dB");
-    for row in &outcome.rows {
-        say!(
-            "{:<16} {:>5} {:>7} {:>9.2} {:>9}% {:>9}",
-            row.method,
-            row.alpha,
-            row.threads,
-            row.ms_p50,
-            below_100(row.exact_k, 3),
-            psnr(row.psnr_db)
-        );
-    }
-    for file in frontier::draw_frontier(&request.out.join(benchmark::RESULTS))? {
-        say!("{}", file.display());
-    }
-    Ok(if outcome.skipped.is_empty() { Ended::Done } else { Ended::WithLoss })
 }
 
 fn bench_pipeline(request: &pipeline::PipelineRequest) -> Result<Ended, Failure> {
@@ -294,7 +170,7 @@ fn word_of(engine: &str) -> Option<EngineChoice> {
 }
 
 /// Tells an error of the command line from one of a file or of the run.
-fn failure(why: BenchError) -> Failure {
+pub fn failure(why: BenchError) -> Failure {
     let of_command_line = match &why {
         BenchError::Empty(_)
         | BenchError::Number { .. }
@@ -348,7 +224,7 @@ pub fn style(template: &str) -> ProgressStyle {
 }
 
 /// Shows the progress on the bar, and writes warnings to standard error.
-fn tell(bar: &ProgressBar, event: BenchEvent<'_>) {
+pub fn tell(bar: &ProgressBar, event: BenchEvent<'_>) {
     match event {
         BenchEvent::Step { done, total, next } => {
             bar.set_length(total as u64);

@@ -16,6 +16,7 @@ mod documents;
 pub mod eval;
 pub mod graph;
 mod grid;
+pub mod images;
 pub mod launch;
 pub mod model;
 pub mod param;
@@ -57,14 +58,13 @@ pub fn dispatch(cli: Cli) -> Result<Ended, Failure> {
         Command::Run(args) => run::run(&args),
         Command::Bag(args) => bag::bag(&args),
         Command::Eval(args) => eval::eval(&args),
-        Command::Simulate(args) => bench::simulate(args),
-        Command::Unwrap(request) => bench::unwrap(&request),
+        Command::Simulate(args) => images::simulate(args),
+        Command::Unwrap(request) => images::unwrap(&request),
         Command::Bench(command) => bench::bench(&command),
         Command::Stability { out } => bench::stability(&out),
         Command::Param(args) => param::param(&args),
         Command::Topic(args) => graph::topic(&args),
         Command::Node(args) => graph::node(&args),
-        Command::Top(args) => view::top(&args),
         Command::View(args) => view::view(&args),
         Command::Model(args) => model::model(&args),
         Command::Doctor { sensor } => model::doctor(sensor.as_deref()),

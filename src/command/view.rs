@@ -1,4 +1,4 @@
-//! `modulo view`: the suite in a browser. `modulo top`: the suite in a terminal.
+//! `modulo view`: the suite in a browser.
 
 use std::net::{IpAddr, Ipv4Addr};
 use std::path::PathBuf;
@@ -6,9 +6,9 @@ use std::path::PathBuf;
 use clap::Args;
 
 #[cfg(not(feature = "viewer"))]
-pub use absent::{top, view};
+pub use absent::view;
 #[cfg(feature = "viewer")]
-pub use present::{top, view};
+pub use present::view;
 
 /// `modulo view`
 #[derive(Args)]
@@ -31,33 +31,22 @@ pub struct ViewCommand {
     pub record: Option<PathBuf>,
 }
 
-/// `modulo top`
-#[derive(Args)]
-pub struct TopCommand {
-    /// Print the table once as plain text, as is done where standard output is not a terminal
-    #[arg(long)]
-    pub once: bool,
-}
-
 /// Letters and digits need no quoting in an address, and fewer than 8 of them are soon guessed.
 fn token(text: &str) -> Result<String, String> {
     let valid = text.len() >= 8 && text.bytes().all(|byte| byte.is_ascii_alphanumeric());
     if valid { Ok(text.to_owned()) } else { Err("must be at least 8 letters and digits".to_owned()) }
 }
 
-/// The commands of a build with the feature `viewer`.
+/// The command of a build with the feature `viewer`.
 #[cfg(feature = "viewer")]
 mod present {
-    use std::io::IsTerminal as _;
     use std::net::SocketAddr;
 
-    use anyhow::{Context as _, anyhow};
     use modulo_runtime::output::prepare_file;
-    use modulo_viewer::top::{Top, show};
     use modulo_viewer::{ViewAddresses, ViewOptions};
 
-    use super::{TopCommand, ViewCommand};
-    use crate::command::{domain, open_session, start_log, stop_on_signals, usage};
+    use super::ViewCommand;
+    use crate::command::{open_session, start_log, stop_on_signals, usage};
     use crate::{Ended, Failure};
 
     /// Runs the command.
@@ -90,39 +79,18 @@ mod present {
         }
         Ok(Ended::Done)
     }
-
-    /// Runs the command.
-    pub fn top(args: &TopCommand) -> Result<Ended, Failure> {
-        let (clock, transport) = open_session()?;
-        let mut top = Top::new(transport, clock)?;
-        if args.once || !std::io::stdout().is_terminal() {
-            let none = anyhow!(
-                "no node was found in domain {}; start a suite with `modulo launch`, or set ROS_DOMAIN_ID to its domain",
-                domain()?
-            );
-            say!("{}", top.once().ok_or(none)?);
-        } else {
-            show(top, &stop_on_signals()?).context("terminal")?;
-        }
-        Ok(Ended::Done)
-    }
 }
 
-/// The commands of a build without the feature `viewer`.
+/// The command of a build without the feature `viewer`.
 #[cfg(not(feature = "viewer"))]
 mod absent {
     use anyhow::anyhow;
 
-    use super::{TopCommand, ViewCommand};
+    use super::ViewCommand;
     use crate::{Ended, Failure};
 
     /// Refuses the command.
     pub fn view(_: &ViewCommand) -> Result<Ended, Failure> {
-        Err(anyhow!("this build has no viewer: it lacks the feature `viewer`").into())
-    }
-
-    /// Refuses the command.
-    pub fn top(_: &TopCommand) -> Result<Ended, Failure> {
         Err(anyhow!("this build has no viewer: it lacks the feature `viewer`").into())
     }
 }

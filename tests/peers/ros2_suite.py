@@ -223,9 +223,11 @@ def graph():
     if (count := listed.count("Node name: unwrap\n")) != 1:
         raise Failure(f"/unwrap is {count} times on /diagnostics")
     # A tool that has ended is no node any longer.
-    expect("/detector", "modulo", "top", "--once")
-    if "/modulo_top" in expect("/detector", "ros2", "node", "list")[0]:
-        raise Failure("/modulo_top is a node after its end")
+    viewer = start("modulo", "view", "--port", "0")
+    expect("/viewer", "ros2", "node", "list")
+    stop(viewer)
+    if "/viewer" in expect("/detector", "ros2", "node", "list")[0]:
+        raise Failure("/viewer is a node after its end")
     for command, word in [("node", "-a"), ("topic", "--include-hidden-topics")]:
         for more in [[], [word]]:
             theirs, ours = (set(expect("", tool, command, "list", *more)[0].splitlines()) for tool in ["ros2", "modulo"])

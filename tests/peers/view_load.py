@@ -43,9 +43,11 @@ def cpu_s(pid):
 
 
 def rates():
-    table = subprocess.run([MODULO, "top", "--once"], capture_output=True, text=True, check=True).stdout
-    rows = [line.split() for line in table.splitlines()[1:]]
-    return ", ".join(f"{row[0]} {row[1]} Hz" for row in rows if row and re.fullmatch(r"[0-9.]+", row[1]))
+    """The rate of each node, as it publishes it once a second on /diagnostics."""
+    echo = ["timeout", "-s", "INT", "3", MODULO, "topic", "echo", "/diagnostics"]
+    heard = subprocess.run(echo, capture_output=True, text=True).stdout
+    found = re.findall(r"name: (\S+)\n(?:(?!name: ).*\n)*?\s*(?:- )?key: rate_hz\n\s*value: '?([0-9.]+)", heard)
+    return ", ".join(f"{node} {rate} Hz" for node, rate in sorted(dict(found).items()))
 
 
 def main():

@@ -245,7 +245,7 @@ fn an_output_that_cannot_be_written_is_refused_before_the_run() {
         &["bag", "import", "kitti", &kitti, &out],
         &["bag", "convert", "bags/samples/tunnel", &out],
         &["simulate", &image, "-o", &out],
-        &["bench", "unwrap", "--frames", &images, "-o", &out],
+        &["unwrap", &image, "--alpha", "4", "-o", &out],
         &["bench", "detector", "--kitti", &kitti, "-o", &out],
         &["stability", "-o", &out],
     ];

@@ -340,8 +340,6 @@ fn two_suites_in_one_domain_say_so() {
     let listed = text(&list());
     assert_eq!(listed.matches("/unwrap\n").count(), 2, "{listed}");
     assert!(listed.contains("nodes in the graph that share an exact name"), "{listed}");
-    let top = text(&bench.run(&["top", "--once"]));
-    assert!(top.contains("/unwrap (2 nodes of this name)"), "{top}");
     let got = text(&bench.run(&["param", "get", "/unwrap", "method"]));
     assert!(got.contains("2 nodes are called /unwrap") && got.contains("auto"), "{got}");
 

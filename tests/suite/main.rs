@@ -4,6 +4,7 @@
 mod harness;
 
 mod bits;
+mod bridge;
 mod cases;
 mod eval;
 mod launch;

@@ -17,7 +17,7 @@ fn run_has_a_help_as_every_command() {
 
 /// Commands with a value that is out of range, and words that the refusal must contain. FILE, FOLDER and OUT stand for an
 /// image, its folder and a folder for results.
-const REFUSED: [(&[&str], &[&str]); 54] = [
+const REFUSED: [(&[&str], &[&str]); 55] = [
     (&["simulate", "FILE", "-o", "OUT", "--alpha", "0"], &["'alpha' = 0", "256"]),
     (&["simulate", "FILE", "-o", "OUT", "--alpha", "2,-4"], &["'alpha' = -4", "256"]),
     (&["simulate", "FILE", "-o", "OUT", "--alpha", "NaN"], &["'alpha' = NaN", "256"]),
@@ -35,14 +35,12 @@ const REFUSED: [(&[&str], &[&str]); 54] = [
         &["simulate", "FILE", "-o", "OUT", "--sensor", "sensors/mosaic.yaml", "--bits", "8"],
         &["--sensor", "--bits", "cannot be used"],
     ),
-    (&["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--alpha", "-1"], &["'alpha' = -1", "256"]),
-    (
-        &["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--repeats", "0"],
-        &["repeats is 0", "1 or more"],
-    ),
-    (&["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--threads", "0"], &["threads is 0", "64"]),
-    (&["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--bits", "0"], &["'bits' = 0", "16"]),
-    (&["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--white", "inf"], &["white = inf"]),
+    (&["simulate", "FOLDER", "-o", "OUT", "--repeats", "0"], &["'0'", "--repeats"]),
+    (&["simulate", "FOLDER", "-o", "OUT", "--threads", "0"], &["0 is not in 1..=64", "--threads"]),
+    (&["simulate", "FOLDER", "-o", "OUT", "--bits", "0"], &["'bits' = 0", "16"]),
+    (&["simulate", "FOLDER", "-o", "OUT", "--white", "inf"], &["white = inf"]),
+    (&["unwrap", "FILE", "-o", "OUT", "--alpha", "-1"], &["'alpha' = -1", "256"]),
+    (&["unwrap", "FILE", "-o", "OUT", "--alpha", "2", "--threads", "65"], &["65 is not in 1..=64"]),
     (&["eval", "--source", "FOLDER", "-o", "OUT", "--alpha", "-4"], &["'alpha' = -4", "256"]),
     (&["eval", "--source", "FOLDER", "-o", "OUT", "--alpha", "2,300"], &["'alpha' = 300", "256"]),
     (&["eval", "--source", "FOLDER", "-o", "OUT", "--psf-sigma", "-1"], &["'psf_sigma' = -1", "100"]),

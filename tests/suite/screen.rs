@@ -1,14 +1,8 @@
-//! The screen of a user: on a terminal, in a pipe, and with the variables that choose colours; the table of `modulo top`.
+//! The screen of a user: on a terminal, in a pipe, and with the variables that choose colours.
 
-use std::io::{Read as _, Write as _};
-use std::process::{Child, Command, Output, Stdio};
-use std::sync::{Arc, Mutex};
+use std::process::{Command, Output};
 
-use modulo_middleware::parameter::client::ParameterClient;
-use modulo_runtime::MessageKind;
-use modulo_runtime::parameter::text::bare;
-
-use crate::harness::{Background, Bench, Peer, arg, data, model, signal, text, wait_until};
+use crate::harness::{Bench, arg, data, model, text};
 
 /// Variables that change what is printed.
 const VARIABLES: [&str; 5] = ["NO_COLOR", "CLICOLOR", "CLICOLOR_FORCE", "CI", "TERM"];
@@ -330,117 +324,4 @@ fn colours_follow_the_variables_and_the_terminal() {
             assert_eq!(coloured(shown), at_terminal, "{arguments:?} {variables:?} on a terminal");
         }
     }
-}
-
-/// A suite that has detected something.
-fn suite(bench: &Bench, peer: &Peer) -> Background {
-    let (source, model) = (arg("source", bench.images(4)), arg("model", model()));
-    let file = "launch/recovered.launch.yaml";
-    let running = bench.start(&["launch", file, &source, &model, "engine:=rten", "rate:=5.0", "loop:=true"]);
-    peer.hear("/detector/detections", MessageKind::Detections).until("boxes", |_| true);
-    running
-}
-
-#[test]
-fn the_table_is_text_where_there_is_no_terminal() {
-    let bench = Bench::new();
-    let none = bench.run(&["top"]);
-    assert_eq!(none.status.code(), Some(1));
-    assert!(text(&none).contains("no node was found in domain"), "{}", text(&none));
-    let _suite = suite(&bench, &Peer::new(&bench));
-    wait_until("each node has a row with a rate", || {
-        let output = bench.run(&["top", "--once"]);
-        assert_eq!(output.status.code(), Some(0), "{}", text(&output));
-        let table = text(&output);
-        assert!(table.starts_with("node ") && !table.contains('\u{1b}'), "{table}");
-        let row = |node: &str| {
-            let line = table.lines().find(|line| line.starts_with(node)).unwrap_or_default();
-            line.split_whitespace().map(str::to_owned).collect::<Vec<_>>()
-        };
-        [("/modulo_camera", "images"), ("/unwrap", "auto"), ("/detector", "rows.onnx")].iter().all(
-            |(node, uses)| {
-                let row = row(node);
-                row.len() >= 8 && row[1].parse().is_ok_and(|hz: f64| hz > 0.0) && row[6].ends_with(uses)
-            },
-        )
-    });
-}
-
-/// `modulo top` on a terminal of its own.
-struct Terminal {
-    script: Background,
-    screen: Arc<Mutex<Vec<u8>>>,
-}
-
-impl Terminal {
-    /// `None` where there is no program `script`.
-    fn open(bench: &Bench) -> Option<Self> {
-        let line = format!("stty cols 120 rows 24; exec '{}' top", env!("CARGO_BIN_EXE_modulo"));
-        let mut script = Command::new("script");
-        script.args(["-qefc", &line, "/dev/null"]).env("ROS_DOMAIN_ID", bench.domain.id.to_string());
-        script.env("TERM", "xterm").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
-        let mut script: Child = match script.spawn() {
-            Ok(script) => script,
-            Err(why) => {
-                data::skip(&format!("script does not start: {why}"));
-                return None;
-            }
-        };
-        let (mut stdout, screen) = (script.stdout.take().expect("piped"), Arc::new(Mutex::new(Vec::new())));
-        let read = screen.clone();
-        std::thread::spawn(move || {
-            let mut part = [0; 4096];
-            while let Ok(length @ 1..) = stdout.read(&mut part) {
-                read.lock().expect("no panic").extend_from_slice(&part[..length]);
-            }
-        });
-        Some(Self { script: Background(script), screen })
-    }
-
-    fn shows(&self, text: &str) -> bool {
-        String::from_utf8_lossy(&self.screen.lock().expect("no panic")).contains(text)
-    }
-
-    fn press(&mut self, keys: &str) {
-        self.script.0.stdin.as_mut().expect("piped").write_all(keys.as_bytes()).expect("sent");
-    }
-
-    /// Waits for the end: the exit code, once the terminal shows its own screen again.
-    fn ended(mut self) -> Option<i32> {
-        wait_until("the terminal is restored", || self.shows("\u{1b}[?1049l"));
-        self.script.0.wait().expect("it ends").code()
-    }
-}
-
-#[test]
-fn keys_change_the_suite_and_the_terminal_is_restored() {
-    let bench = Bench::new();
-    let peer = Peer::new(&bench);
-    let _suite = suite(&bench, &peer);
-    let Some(mut terminal) = Terminal::open(&bench) else { return };
-    wait_until("the nodes are shown", || {
-        ["/detector", "recovered", "/unwrap", "auto", "/modulo_camera"]
-            .iter()
-            .all(|text| terminal.shows(text))
-    });
-    let value = |node: &str, name: &str| {
-        let values = ParameterClient::new(&peer.transport, node).values(&[name.to_owned()]);
-        bare(&values.expect("an answer")[0])
-    };
-    assert_eq!(value("/detector", "input"), "recovered");
-    let before = value("/unwrap", "method");
-    terminal.press("im+");
-    wait_until("the input is the next one", || value("/detector", "input") == "saturated");
-    wait_until("the method is the next one", || value("/unwrap", "method") != before);
-    wait_until("alpha is higher", || value("/modulo_camera", "alpha").parse() == Ok(4.5));
-    terminal.press("?");
-    wait_until("the help is shown", || terminal.shows("hides this help"));
-    terminal.press("q");
-    assert_eq!(terminal.ended(), Some(0));
-
-    let Some(terminal) = Terminal::open(&bench) else { return };
-    wait_until("the nodes are shown", || terminal.shows("/detector"));
-    let [(top, _)] = terminal.script.children()[..] else { panic!("script runs one program") };
-    signal(top, "TERM");
-    assert_eq!(terminal.ended(), Some(0), "SIGTERM");
 }

@@ -1,31 +1,27 @@
-//! The unwrapping methods on images: simulation of image files, benchmark with its chart, and the stability suite; and a
-//! benchmark of the whole pipeline.
+//! The unwrapping methods on image files, with their times: on pictures through a simulated sensor, and on modulo images. The
+//! stability suite, and the benchmarks of the whole pipeline and of the inference engines.
 //!
-//! No crate of a node is used here: the methods are those of `modulo-core`, which the nodes use, and the benchmark of the
-//! pipeline runs the program as a user does.
+//! No crate of a node is used here: the methods are those of `modulo-core`, which the nodes use, and the benchmarks of the
+//! pipeline and of the engines run the program as a user does.
 
-pub mod benchmark;
 pub mod engines;
 pub mod field;
-pub mod frontier;
 pub mod pipeline;
 pub mod recover;
+pub mod runner;
 pub mod simulate;
 pub mod stability;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use clap::Args;
 use modulo_core::metric::ShapesDiffer;
-use modulo_core::{Frame, Samples, Sensor, SensorError, Transfer, UnwrapError};
+use modulo_core::{SensorError, UnwrapError};
 use modulo_draw::ChartError;
 pub use modulo_draw::below_100;
-use modulo_images::{EXTENSIONS, ImageError, SaveError, White, is_hidden};
-use modulo_runtime::sensor::options::{SensorCommand, SensorOptions};
-use modulo_runtime::{ParameterError, SensorModel};
+use modulo_images::{EXTENSIONS, ImageError, SaveError, is_hidden};
+use modulo_runtime::ParameterError;
 use modulo_video::VideoError;
-use ndarray::Array3;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -101,7 +97,7 @@ pub enum BenchEvent<'a> {
         done: usize,
         /// Number of all steps.
         total: usize,
-        /// Description: file or method, and alpha.
+        /// Description, such as the file.
         next: &'a str,
     },
     /// A file was skipped.
@@ -168,49 +164,6 @@ fn images(folder: &Path, tell: &mut dyn FnMut(BenchEvent<'_>)) -> Result<Vec<Pat
 /// Refuses an empty list.
 fn need<T>(what: &'static str, list: &[T]) -> Result<(), BenchError> {
     if list.is_empty() { Err(BenchError::Empty(what)) } else { Ok(()) }
-}
-
-/// The simulated exposures, as options of a command line.
-#[derive(Clone, Debug, PartialEq, Args)]
-#[command(mut_arg("psf_sigma", |option| option.default_value("1.4")))]
-pub struct ExposureOptions<C: SensorCommand> {
-    /// The sensor.
-    #[command(flatten)]
-    pub sensor: SensorOptions<C>,
-    /// Seed of the noise
-    #[arg(long, default_value_t = 0)]
-    pub seed: u64,
-    /// Value that becomes full scale, for EXR, HDR and 16-bit images. 0: the 99.9th percentile of each EXR or HDR image,
-    /// and 65536 for 16-bit images
-    #[arg(long, default_value_t = 0.0)]
-    pub white: f32,
-}
-
-impl<C: SensorCommand> ExposureOptions<C> {
-    /// The conversion of the images to radiance.
-    fn white(&self) -> Result<White, ImageError> {
-        White::new(self.white, self.transfer())
-    }
-
-    /// The transfer function of the images.
-    fn transfer(&self) -> Transfer {
-        self.sensor.first().transfer
-    }
-
-    /// The sensor of each alpha, with its parameters, after the white point was checked.
-    fn sensors(&self) -> Result<Vec<(SensorModel, Sensor)>, BenchError> {
-        self.white()?;
-        let models = self.sensor.sensors(&["alpha"]).into_iter();
-        models.map(|model| Ok((model.clone(), model.simulated()?))).collect()
-    }
-}
-
-/// The samples of an 8-bit image, which the metrics compare.
-fn samples8(frame: Frame) -> Array3<u8> {
-    match frame.into_samples() {
-        Samples::U8(samples) => samples,
-        Samples::U16(_) | Samples::F32(_) => unreachable!("ideal and toned pictures have 8 bits"),
-    }
 }
 
 /// Creates `folder` and its parents, and checks that a file can be written into it: a run of hours must not end without results.

@@ -4,16 +4,13 @@ use std::path::{Path, PathBuf};
 
 use clap::Parser;
 use clap::builder::Resettable;
-use modulo_core::unwrap::of_gains;
-use modulo_core::{Frame, Gains, Mosaic, Psf, Recovered, Unwrap, UnwrapError, tone};
-use modulo_images::{read_codes, save_png};
+use modulo_core::{Frame, Psf};
+use modulo_images::read_codes;
 use modulo_runtime::SensorModel;
 use modulo_runtime::sensor::options::{SensorCommand, SensorOptions};
-use serde::Serialize;
 
-use crate::benchmark::timed;
-use crate::simulate::{RESULTS, methods_of, names, save_counts};
-use crate::{BenchError, BenchEvent, Skipped, files, make_folder, write_json};
+use crate::runner::{Capture, Picture, RunOptions, RunOutcome, Runner, names};
+use crate::{BenchError, BenchEvent, files};
 
 /// The parameters of the sensor that unwrapping needs are options, with one value each.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,60 +35,17 @@ pub struct UnwrapRequest {
     /// Modulo images, or folders of them: PNG of 8 or 16 bits with the codes of the sensor
     #[arg(required = true)]
     pub images: Vec<PathBuf>,
+    /// The methods, their times and the folder of the results.
+    #[command(flatten)]
+    pub run: RunOptions,
     /// The sensor.
     #[command(flatten)]
     pub sensor: SensorOptions<OneSensor>,
-    /// Unwrapping methods, for a sensor with one gain [default: auto]
-    #[arg(long, value_delimiter = ',')]
-    pub method: Vec<String>,
-    /// Folder for the images and results.json
-    #[arg(short, long, value_name = "FOLDER")]
-    pub out: PathBuf,
 }
 
-/// The result of one method on one image.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct UnwrapRow {
-    /// The file as it was given.
-    pub file: String,
-    /// Bits of the sensor.
-    pub bits: u8,
-    /// Saturation factor.
-    pub alpha: f64,
-    /// The full scale of a picture over `alpha * 2^bits`.
-    pub headroom: f64,
-    /// Transfer function of the recovered image: `linear`, `srgb`, `gamma22` or `rec709`.
-    pub transfer: &'static str,
-    /// Columns at the left border that a field stop shades.
-    pub optical_black: usize,
-    /// Pixels with a lower gain, see [`Gains::WORDS`].
-    pub gains: &'static str,
-    /// Colour filters: `none`, `rggb`, `bggr`, `grbg` or `gbrg`.
-    pub mosaic: &'static str,
-    /// Name of the method, as in [`modulo_core::unwrap::METHODS`], or that of the gains.
-    pub method: String,
-    /// The method that produced the result: `method` itself, or the one that `auto` selected.
-    pub method_used: String,
-    /// Whether the method trusts its result. `None` if it makes no statement.
-    pub trusted: Option<bool>,
-    /// The largest wrap count.
-    pub most_k: u8,
-    /// Duration of one call on one thread, ms.
-    pub ms: f64,
-}
-
-/// Result of [`unwrap_files`].
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct UnwrapOutcome {
-    /// One row for each file and method. Also in [`RESULTS`].
-    pub rows: Vec<UnwrapRow>,
-    /// Files that could not be read, or are no image of such a sensor.
-    pub skipped: Vec<Skipped>,
-}
-
-/// Unwraps the images. For each method it writes `NAME_METHOD.png` (8 bits as by [`tone::picture`], demosaiced),
-/// `NAME_METHOD_x.png` (16 bits, x in code units) and `NAME_METHOD_k.png` (8 bits, the wrap counts); after each file it writes
-/// [`RESULTS`] with all rows so far.
+/// Unwraps the images. For each method it writes `NAME_METHOD.png` (8 bits as by [`modulo_core::tone::picture`], demosaiced),
+/// `NAME_METHOD_x.png` (16 bits, x in code units), `NAME_METHOD_k.png` (8 bits, the wrap counts), and
+/// [`RESULTS`](crate::runner::RESULTS).
 ///
 /// # Errors
 /// [`BenchError`] before anything is written if the request is wrong, and later if a result cannot be written. A file
@@ -99,39 +53,29 @@ pub struct UnwrapOutcome {
 pub fn unwrap_files(
     request: &UnwrapRequest,
     tell: &mut dyn FnMut(BenchEvent<'_>),
-) -> Result<UnwrapOutcome, BenchError> {
+) -> Result<RunOutcome, BenchError> {
     let sensor = request.sensor.first();
-    let range = sensor.range()?;
+    // A sigma of 0 stands for a lens that is not given.
+    let range = if sensor.psf() == Psf::None { sensor.range()? } else { sensor.range_behind_lens()? };
     if range.limit() > 65536.0 {
         let why = "the results have 16 bits, which cannot hold alpha * 2^bits above 65536; use the node unwrap for floats";
         return Err(BenchError::Option(why.to_owned()));
     }
-    let mut methods = methods_of(&request.method, sensor.gains)?;
-    if let Some(method) = of_gains(sensor.gains()?) {
-        methods = vec![method];
-    }
+    sensor.gains()?;
+    let mut runner = Runner::new(&request.run, &sensor)?;
     let files = files(&request.images, tell)?;
-    // A single file that is refused leaves no folder behind.
-    if let [file] = &files[..] {
-        modulo_image(file, &sensor)?;
-    }
-    make_folder(&request.out)?;
-    let mut outcome = UnwrapOutcome::default();
-    for (done, (file, name)) in files.iter().zip(names(&files)).enumerate() {
-        let next = file.display().to_string();
-        tell(BenchEvent::Step { done, total: files.len(), next: &next });
-        match of_file(request, (file, &name), &sensor, &mut methods) {
-            Ok(rows) => outcome.rows.extend(rows),
-            Err(why @ (BenchError::Image(_) | BenchError::NotCodes(..))) if files.len() > 1 => {
-                let skipped = Skipped { file: next, why: why.to_string() };
-                tell(BenchEvent::Skipped(&skipped));
-                outcome.skipped.push(skipped);
-            }
-            Err(why) => return Err(why),
-        }
-        write_json(&request.out.join(RESULTS), &outcome.rows)?;
-    }
-    Ok(outcome)
+    let pictures = files.iter().zip(names(&files)).map(|(file, name)| {
+        std::iter::once(Picture {
+            file: file.display().to_string(),
+            name,
+            content: modulo_image(file, &sensor),
+        })
+    });
+    let capture = |name: &str, y: &Frame, sensor| {
+        Ok(Capture { y: y.clone(), sensor, range, name: name.to_owned(), counts: true, truth: None })
+    };
+    let sensors = std::slice::from_ref(&sensor);
+    runner.run((pictures, files.len()), sensors, capture, tell)
 }
 
 /// Reads an image with the codes of `sensor`.
@@ -156,43 +100,4 @@ fn modulo_image(file: &Path, sensor: &SensorModel) -> Result<Frame, BenchError> 
         Some(mosaic) => y.with_mosaic(mosaic).or_else(|why| refuse(why.to_string())),
         None => Ok(y),
     }
-}
-
-/// Unwraps one file by all methods.
-fn of_file(
-    request: &UnwrapRequest,
-    (file, name): (&Path, &str),
-    sensor: &SensorModel,
-    methods: &mut [Box<dyn Unwrap>],
-) -> Result<Vec<UnwrapRow>, BenchError> {
-    // A sigma of 0 stands for a lens that is not given.
-    let range = if sensor.psf() == Psf::None { sensor.range()? } else { sensor.range_behind_lens()? };
-    let mosaic = sensor.mosaic;
-    let y = modulo_image(file, sensor)?;
-    let row = |method: &mut Box<dyn Unwrap>| {
-        let mut recovered = Recovered::default();
-        let (unwrapped, ms) = timed(|| method.unwrap(&y, range, &mut recovered));
-        unwrapped.map_err(|why| BenchError::NotCodes(file.to_owned(), why.to_string()))?;
-        let path = |what: &str| request.out.join(format!("{name}_{}{what}.png", method.name()));
-        let colours = mosaic.map(|mosaic| mosaic.demosaic(recovered.x.view()));
-        let x = colours.as_ref().unwrap_or(&recovered.x);
-        save_png(&path(""), &tone::picture(x, range, sensor.transfer).map_err(UnwrapError::from)?)?;
-        save_counts(|what| path(&format!("_{what}")), &recovered.k, &recovered.x, range)?;
-        Ok(UnwrapRow {
-            file: file.display().to_string(),
-            bits: range.bits(),
-            alpha: range.alpha(),
-            headroom: sensor.headroom,
-            transfer: sensor.transfer.word(),
-            optical_black: sensor.optical_black,
-            gains: Gains::word(sensor.gains),
-            mosaic: mosaic.map_or("none", Mosaic::word),
-            method: method.name().to_owned(),
-            method_used: recovered.report.method.to_owned(),
-            trusted: recovered.report.trust.claim(),
-            most_k: recovered.k.iter().copied().max().unwrap_or_default(),
-            ms,
-        })
-    };
-    methods.iter_mut().map(row).collect()
 }

@@ -1,11 +1,12 @@
 //! `ros2_bridge`: a node in two graphs, that of the suite on zenoh and that of a ROS 2 on DDS.
 //!
-//! [`modulo_middleware::bridge::BridgePlan`] describes the routes. A node of the suite whose parameters the DDS graph may
+//! [`plan::BridgePlan`] describes the routes. A node of the suite whose parameters the DDS graph may
 //! set appears there under its own name while it is alive ([`mirror`]), with its parameter services and its topics. All
 //! other topics belong to the node of the bridge. Messages are forwarded as bytes; none is decoded here, and none goes
 //! back to the side that it came from.
 
 mod mirror;
+mod plan;
 mod topics;
 
 use std::io::IsTerminal as _;
@@ -15,7 +16,6 @@ use std::sync::Arc;
 use std::thread;
 
 use anyhow::Context as _;
-use modulo_middleware::bridge::{BridgeParameters, BridgePlan};
 use modulo_middleware::process::signals::end_on_signals;
 use modulo_middleware::transport::Transport as _;
 use modulo_middleware::transport::zenoh::ZenohTransport;
@@ -25,6 +25,7 @@ use modulo_runtime::{NodeName, ParameterSet as _, Parameters, Stop, SystemClock,
 use tracing_subscriber::EnvFilter;
 
 use mirror::Mirror;
+use plan::{BridgeParameters, BridgePlan};
 
 /// The variable that keeps the arguments of the command line, and what separates them there.
 const ARGUMENTS: &str = "MODULO_BRIDGE_ARGUMENTS";

@@ -9,7 +9,6 @@ use std::time::Duration;
 use anyhow::Context as _;
 use futures::StreamExt as _;
 use futures::executor::block_on;
-use modulo_middleware::bridge::{BridgePlan, Route, RouteDirection};
 use modulo_middleware::parameter::service::Service;
 use modulo_middleware::transport::zenoh::ZenohTransport;
 use modulo_msgs::cdr;
@@ -19,6 +18,7 @@ use r2r::rcl_interfaces::msg::SetParametersResult;
 use r2r::rcl_interfaces::srv;
 use r2r::{QosProfile, ServiceRequest, WrappedServiceTypeSupport};
 
+use crate::plan::{BridgePlan, Route, RouteDirection};
 use crate::topics;
 use crate::topics::Forwarding;
 

@@ -6,7 +6,6 @@ use std::thread;
 use anyhow::Context as _;
 use futures::StreamExt as _;
 use futures::executor::block_on;
-use modulo_middleware::bridge::{Route, RouteDirection};
 use modulo_middleware::transport::queue::{Keep, Lane, Limit, Next, Queue};
 use modulo_middleware::transport::zenoh::{ZenohTransport, gid as gid_of};
 use modulo_middleware::transport::{Guard, Payload, RawSample};
@@ -14,6 +13,8 @@ use modulo_runtime::wire::keys::{EntityKind, Token};
 use modulo_runtime::{NodeName, Qos, SystemClock};
 use r2r::QosProfile;
 use r2r::qos::ReliabilityPolicy;
+
+use crate::plan::{Route, RouteDirection};
 
 /// The number of results that wait for the other side.
 const RESULTS_WAITING: usize = 64;

@@ -137,10 +137,6 @@ impl Statuses {
         }
     }
 
-    pub fn get(&self, name: &str) -> Option<&StatusView> {
-        self.by_name.get(name)
-    }
-
     /// Returns those that have come since the last call.
     pub fn take_fresh(&mut self) -> Vec<StatusView> {
         let fresh = std::mem::take(&mut self.fresh);
@@ -177,15 +173,12 @@ impl GraphView {
             published(MessageKind::Diagnostics).map(|(_, topic)| topic).collect();
         let mut nodes = graph.nodes_with_parameters();
         nodes.remove(own);
-        let names = graph.nodes();
-        let sharing = names.chunk_by(|one, next| one == next).filter(|chunk| chunk.len() > 1);
         Self {
             detectors,
             truths: labels.into_iter().map(|labels| labels.topic).collect(),
             links: links(graph, own),
             statuses: statuses.into_iter().collect(),
             player: nodes.contains(PLAYER),
-            namesakes: sharing.map(|chunk| (chunk[0].clone(), chunk.len())).collect(),
             nodes: nodes.into_iter().collect(),
             images,
             first: Vec::new(),

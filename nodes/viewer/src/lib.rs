@@ -22,7 +22,6 @@ pub mod protocol;
 mod record;
 mod shown;
 pub mod streams;
-pub mod top;
 mod watch;
 
 use std::io;

@@ -120,9 +120,6 @@ pub struct GraphView {
     pub truths: Vec<String>,
     /// All nodes with parameters.
     pub nodes: Vec<String>,
-    /// The number of nodes of each name that several nodes have.
-    #[serde(skip)]
-    pub namesakes: BTreeMap<String, usize>,
     /// What mixes, as where a suite runs twice in the domain.
     #[serde(skip)]
     pub twins: Vec<String>,

@@ -3,6 +3,8 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, PoisonError};
 
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
 use modulo_middleware::parameter::client::ParameterClient;
 use tokio::task::spawn_blocking;
 
@@ -38,7 +40,7 @@ impl Recording {
     }
 
     fn note_images(&mut self, at_ms: f64, message: &[u8]) {
-        self.keep(at_ms, format!("\"{}\"", base64(message)));
+        self.keep(at_ms, format!("\"{}\"", STANDARD.encode(message)));
     }
 
     fn keep(&mut self, at_ms: f64, text: String) {
@@ -110,30 +112,9 @@ async fn parameters(session: Arc<Session>, nodes: Vec<String>) -> Vec<Event> {
     all.await.expect("reading parameters does not panic")
 }
 
-/// Returns `bytes` in base64 (RFC 4648), which a text can hold.
-fn base64(bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for three in bytes.chunks(3) {
-        let at = |index: usize| u32::from(three.get(index).copied().unwrap_or(0));
-        let bits = at(0) << 16 | at(1) << 8 | at(2);
-        for digit in 0..4 {
-            let six = (bits >> (18 - 6 * digit)) as usize & 63;
-            text.push(if digit > three.len() { '=' } else { DIGITS[six].into() });
-        }
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn base64_is_that_of_its_definition() {
-        let texts = ["", "f", "fo", "foo", "foob", "fooba", "foobar"].map(|text| base64(text.as_bytes()));
-        assert_eq!(texts, ["", "Zg==", "Zm8=", "Zm9v", "Zm9vYg==", "Zm9vYmE=", "Zm9vYmFy"]);
-    }
 
     #[test]
     fn a_minute_is_kept_and_what_lasts() {

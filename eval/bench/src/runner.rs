@@ -1,0 +1,343 @@
+//! What `simulate` and `unwrap` have in common: each image, taken by each sensor, goes through each method. That gives a
+//! picture and a [`Row`].
+
+use std::collections::HashSet;
+use std::path::PathBuf;
+use std::slice;
+use std::time::Instant;
+
+use clap::{Args, value_parser};
+use modulo_core::metric::{mse, psnr_db, quantile, ssim};
+use modulo_core::unwrap::{METHODS, Options, by_name, of_gains};
+use modulo_core::{
+    Exposure, Frame, Gains, MAX_THREADS, Range, Recovered, Samples, TwoGains, Unwrap, UnwrapError, tone,
+};
+use modulo_images::save_png;
+use modulo_runtime::SensorModel;
+use ndarray::Array3;
+use serde::Serialize;
+
+use crate::{BenchError, BenchEvent, Skipped, make_folder, write_json};
+
+/// Name of the list of results in the folder.
+pub const RESULTS: &str = "results.json";
+
+/// The word that stands for the names of all methods.
+const ALL: &str = "all";
+
+/// The options of both commands.
+#[derive(Clone, Debug, PartialEq, Args)]
+pub struct RunOptions {
+    /// Unwrapping methods, for a sensor with one gain; `all` stands for each of them [default: auto]
+    #[arg(long, value_delimiter = ',')]
+    pub method: Vec<String>,
+    /// Number of threads that a method may use
+    #[arg(long, default_value_t = 1, value_parser = value_parser!(u16).range(1..=MAX_THREADS as i64))]
+    pub threads: u16,
+    /// Number of calls of a method on an image, whose median is its time; where there are several, one more call before them is not
+    /// timed
+    #[arg(long, default_value_t = 1, value_parser = value_parser!(u32).range(1..))]
+    pub repeats: u32,
+    /// Folder for the images and results.json
+    #[arg(short, long, value_name = "FOLDER")]
+    pub out: PathBuf,
+}
+
+/// The result of one method on one image.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Row {
+    /// The file as it was given; of a video, with the number of the frame behind a blank.
+    pub file: String,
+    /// The sensor. The noise of a real one is not known, and has its default.
+    #[serde(flatten, with = "modulo_runtime::parameter::flat")]
+    pub sensor: SensorModel,
+    /// Name of the method, as in [`METHODS`], or that of the gains.
+    pub method: String,
+    /// The method that produced the result: `method` itself, or the one that `auto` selected.
+    pub method_used: String,
+    /// Whether the method trusts its result. `None` if it makes no statement.
+    pub trusted: Option<bool>,
+    /// The largest wrap count.
+    pub most_k: u8,
+    /// Median duration of a call, ms.
+    pub ms: f64,
+    /// What is known of a simulated image.
+    #[serde(flatten)]
+    pub simulated: Option<Simulated>,
+}
+
+/// The exposure of a simulated image, and how near to it the result is.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Simulated {
+    /// The radiance that became full scale, of a float image without a given white point.
+    pub white: Option<f32>,
+    /// Seed of the noise.
+    pub seed: u64,
+    /// `10 log10(255^2 / mse)` of the recovered against the ideal 8-bit image, over all samples. `None` (`null`) if they
+    /// are equal.
+    pub psnr_db: Option<f64>,
+    /// Mean SSIM of these two images, see [`modulo_core::metric::ssim`]. `None` if a side is shorter than 11 px.
+    pub ssim: Option<f64>,
+    /// Share of the samples with the true wrap count, 0 to 1; with two gains, of those of full gain.
+    pub exact_k: f64,
+}
+
+/// Result of a command.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RunOutcome {
+    /// One row for each image, sensor and method. Also in [`RESULTS`].
+    pub rows: Vec<Row>,
+    /// Files and frames that cannot be used.
+    pub skipped: Vec<Skipped>,
+}
+
+/// An image of the request.
+pub(crate) struct Picture<T> {
+    /// The name in the results, as [`Row::file`].
+    pub file: String,
+    /// What the names of the written images begin with.
+    pub name: String,
+    /// The image, or the reason why it cannot be read.
+    pub content: Result<T, BenchError>,
+}
+
+/// A modulo image.
+pub(crate) struct Capture<'a> {
+    pub y: Frame,
+    pub sensor: &'a SensorModel,
+    pub range: Range,
+    /// What the names of the written images begin with.
+    pub name: String,
+    /// Whether wrap counts and code units are written, too.
+    pub counts: bool,
+    /// The exposure with its white point and its seed, of a simulated image.
+    pub truth: Option<(Exposure, Option<f32>, u64)>,
+}
+
+/// The work of a command.
+pub(crate) struct Runner<'a> {
+    options: &'a RunOptions,
+    /// The methods for a sensor with one gain.
+    methods: Vec<Box<dyn Unwrap>>,
+    outcome: RunOutcome,
+}
+
+impl<'a> Runner<'a> {
+    /// Makes the methods for images of `sensor`.
+    ///
+    /// # Errors
+    /// [`BenchError`] for an unknown method, and for any method where the gains decide it.
+    pub fn new(options: &'a RunOptions, sensor: &SensorModel) -> Result<Self, BenchError> {
+        let methods = methods(options, sensor.gains)?;
+        Ok(Self { options, methods, outcome: RunOutcome::default() })
+    }
+
+    /// Takes the pictures of each of `files`, `total` in number, by each of `sensors` with `capture`, and unwraps them. After each
+    /// file it writes [`RESULTS`] with all rows so far.
+    ///
+    /// # Errors
+    /// [`BenchError`] of a result that cannot be written, or of a picture that cannot be used if it is the only one; otherwise
+    /// such a picture is skipped. A single picture that cannot be read leaves no folder behind.
+    pub fn run<'s, T, S>(
+        &mut self,
+        (files, total): (impl IntoIterator<Item = impl Iterator<Item = Picture<T>>>, usize),
+        sensors: &'s [S],
+        capture: impl Fn(&str, &T, &'s S) -> Result<Capture<'s>, BenchError>,
+        tell: &mut dyn FnMut(BenchEvent<'_>),
+    ) -> Result<RunOutcome, BenchError> {
+        let (mut done, steps) = (0, total * sensors.len());
+        for file in files {
+            for Picture { file, name, content } in file {
+                if done == 0 && (total > 1 || content.is_ok()) {
+                    make_folder(&self.options.out)?;
+                }
+                let rows = content.and_then(|content| {
+                    let mut rows = Vec::new();
+                    for (sensor, done) in sensors.iter().zip(done..) {
+                        tell(BenchEvent::Step { done, total: steps, next: &file });
+                        rows.extend(self.recover_all(&file, &capture(&name, &content, sensor)?)?);
+                    }
+                    Ok(rows)
+                });
+                done += sensors.len();
+                match rows {
+                    Ok(rows) => self.outcome.rows.extend(rows),
+                    Err(why) if total > 1 && is_of_a_picture(&why) => self.skip(file, &why, tell),
+                    Err(why) => return Err(why),
+                }
+            }
+            write_json(&self.options.out.join(RESULTS), &self.outcome.rows)?;
+        }
+        Ok(std::mem::take(&mut self.outcome))
+    }
+
+    fn skip(&mut self, file: String, why: &BenchError, tell: &mut dyn FnMut(BenchEvent<'_>)) {
+        let skipped = Skipped { file, why: why.to_string() };
+        tell(BenchEvent::Skipped(&skipped));
+        self.outcome.skipped.push(skipped);
+    }
+
+    /// Returns a row for each method.
+    fn recover_all(&mut self, file: &str, capture: &Capture<'_>) -> Result<Vec<Row>, BenchError> {
+        // The ratio of the gains depends on alpha, so that this method belongs to one sensor.
+        let mut of_gains = of_gains(capture.sensor.gains()?);
+        let methods = of_gains.as_mut().map_or(&mut self.methods[..], slice::from_mut);
+        methods.iter_mut().map(|method| recover(self.options, (file, capture), method.as_mut())).collect()
+    }
+}
+
+/// Whether an error is that of one picture. One of a method or of the disk would come back with every picture.
+fn is_of_a_picture(why: &BenchError) -> bool {
+    matches!(
+        why,
+        BenchError::Image(_) | BenchError::Sensor(_) | BenchError::Video(_) | BenchError::NotCodes(..)
+    )
+}
+
+fn method_options(options: &RunOptions) -> Options {
+    Options { threads: options.threads.into(), ..Options::default() }
+}
+
+/// Makes the methods that are asked for, or `auto`.
+fn methods(options: &RunOptions, has_two_gains: bool) -> Result<Vec<Box<dyn Unwrap>>, BenchError> {
+    let names: Vec<&str> = options.method.iter().map(String::as_str).collect();
+    let names = match &names[..] {
+        [] => vec!["auto"],
+        names if names.contains(&ALL) => METHODS.to_vec(),
+        _ => names,
+    };
+    if has_two_gains && !options.method.is_empty() {
+        return Err(BenchError::Option(format!(
+            "--method {} has no effect with --gains {}, whose images are unwrapped by {}: leave out one of these options",
+            options.method.join(","),
+            Gains::word(true),
+            TwoGains::NAME
+        )));
+    }
+    // The method of the scripts of the paper is none for y.
+    if names.contains(&"spud_as_published") {
+        return Err(BenchError::Option(
+            "spud_as_published needs the image before quantisation, which only modulo eval gives it; spud is the same \
+             method on the modulo image"
+                .to_owned(),
+        ));
+    }
+    names.iter().map(|name| Ok(by_name(name, &method_options(options))?)).collect()
+}
+
+/// Unwraps an image by one method, and writes the result.
+fn recover(
+    options: &RunOptions,
+    (file, capture): (&str, &Capture<'_>),
+    method: &mut dyn Unwrap,
+) -> Result<Row, BenchError> {
+    let Capture { y, sensor, range, truth, .. } = capture;
+    let mut recovered = Recovered::default();
+    let ms = median_time(options.repeats, || method.unwrap(y, *range, &mut recovered));
+    let ms = ms.map_err(|why| match truth {
+        Some(_) => why.into(),
+        // A file may hold codes that the sensor cannot have.
+        None => BenchError::NotCodes(file.into(), why.to_string()),
+    })?;
+    let path = |what: &str| options.out.join(format!("{}_{}{what}.png", capture.name, method.name()));
+    let colours = sensor.mosaic.map(|mosaic| mosaic.demosaic(recovered.x.view()));
+    let x = colours.as_ref().unwrap_or(&recovered.x);
+    let picture = tone::picture(x, *range, sensor.transfer).map_err(UnwrapError::from)?;
+    save_png(&path(""), &picture)?;
+    if capture.counts {
+        save_counts(|what| path(&format!("_{what}")), &recovered.k, &recovered.x, *range)?;
+    }
+    let truth = truth.as_ref();
+    Ok(Row {
+        file: file.to_owned(),
+        sensor: (*sensor).clone(),
+        method: method.name().to_owned(),
+        method_used: recovered.report.method.to_owned(),
+        trusted: recovered.report.trust.claim(),
+        most_k: recovered.k.iter().copied().max().unwrap_or_default(),
+        ms,
+        simulated: truth.map(|truth| compare(truth, &recovered.k, picture)).transpose()?,
+    })
+}
+
+/// Unwraps an image as often as it is asked for. Returns the median of the times, ms.
+fn median_time(
+    repeats: u32,
+    mut unwrap: impl FnMut() -> Result<(), UnwrapError>,
+) -> Result<f64, UnwrapError> {
+    let mut call = || {
+        let start = Instant::now();
+        unwrap().map(|()| start.elapsed().as_secs_f64() * 1e3)
+    };
+    // The first call allocates buffers and fills caches.
+    let first = call()?;
+    if repeats == 1 {
+        return Ok(first);
+    }
+    let mut times = (0..repeats).map(|_| call()).collect::<Result<Vec<f64>, UnwrapError>>()?;
+    times.sort_by(f64::total_cmp);
+    Ok(quantile(&times, 0.5).expect("there is at least one call"))
+}
+
+/// Compares a result with its exposure.
+fn compare(
+    (exposure, white, seed): &(Exposure, Option<f32>, u64),
+    k: &Array3<u8>,
+    picture: Frame,
+) -> Result<Simulated, BenchError> {
+    let (ideal, picture) = (samples8(exposure.ideal().demosaiced().into_owned()), samples8(picture));
+    Ok(Simulated {
+        white: *white,
+        seed: *seed,
+        psnr_db: psnr_db(mse(&picture, &ideal)?),
+        ssim: ssim(&picture, &ideal)?,
+        exact_k: exposure.exact_share(k).expect("a method keeps the shape of its image"),
+    })
+}
+
+/// The samples of an 8-bit image, which the metrics compare.
+fn samples8(frame: Frame) -> Array3<u8> {
+    match frame.into_samples() {
+        Samples::U8(samples) => samples,
+        Samples::U16(_) | Samples::F32(_) => unreachable!("ideal and toned pictures have 8 bits"),
+    }
+}
+
+/// The name of each file without extension, with `-2`, `-3` and so on if another file has it already.
+pub(crate) fn names(files: &[PathBuf]) -> Vec<String> {
+    // Files of two folders can have one name. A numbered name can exist as a file, too (`x-2.jpg`), so that each name
+    // is checked against all names before it.
+    let mut taken = HashSet::new();
+    let free = |file: &PathBuf| {
+        let stem = file.file_stem().unwrap_or(file.as_os_str()).to_string_lossy().into_owned();
+        let numbered = (2..).map(|n: u32| format!("{stem}-{n}"));
+        let mut names = std::iter::once(stem.clone()).chain(numbered);
+        names.find(|name| taken.insert(name.clone())).expect("there are more numbers than files")
+    };
+    files.iter().map(free).collect()
+}
+
+/// Writes the wrap counts `k` as a PNG of 8 bits at `path("k")`, and `x` in code units as one of 16 bits at `path("x")`.
+///
+/// # Errors
+/// [`BenchError`] if a file cannot be written, or the range of the sensor does not fit 16 bits.
+pub(crate) fn save_counts(
+    path: impl Fn(&str) -> PathBuf,
+    k: &Array3<u8>,
+    x: &Array3<f32>,
+    range: Range,
+) -> Result<(), BenchError> {
+    save_png(&path("k"), &Frame::from_u8(k.clone()).map_err(UnwrapError::from)?)?;
+    Ok(save_png(&path("x"), &tone::hdr(x, range).map_err(UnwrapError::from)?)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_stems_are_told_apart() {
+        let files = ["a/x.png", "b/x.png", "x-2.jpg", "x.exr", "y"].map(PathBuf::from);
+        assert_eq!(names(&files), ["x", "x-2", "x-2-2", "x-3", "y"]);
+    }
+}

@@ -1,0 +1,109 @@
+//! `modulo simulate` and `modulo unwrap`: the unwrapping methods on image files.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use modulo_bench::recover::{UnwrapRequest, unwrap_files};
+use modulo_bench::runner::{Row, RunOutcome};
+use modulo_bench::simulate::SimulationRequest;
+use modulo_bench::{BenchError, BenchEvent, below_100, simulate as simulation};
+use modulo_camera::CameraParameters;
+use modulo_core::metric::quantile;
+use modulo_images::WHITE_PERCENTILE;
+use modulo_runtime::sensor::options::CHIP;
+
+use super::bench::{STEPS, failure, progress_bar, tell};
+use super::usage;
+use crate::{Ended, Failure};
+
+/// `modulo simulate`
+#[derive(Args)]
+pub struct Simulate {
+    /// Parameter file of the camera with the values of the chip and the lens, such as sensors/mosaic.yaml
+    #[arg(long = "sensor", value_name = "FILE", conflicts_with = CHIP)]
+    sensor_file: Option<PathBuf>,
+    #[command(flatten)]
+    request: SimulationRequest,
+}
+
+/// Sends image files through the sensor and the methods.
+pub fn simulate(args: Simulate) -> Result<Ended, Failure> {
+    let Simulate { sensor_file, mut request } = args;
+    if let Some(file) = sensor_file {
+        request.sensor.take_chip(&CameraParameters::read_sensor(&file).map_err(usage)?);
+    }
+    run(|tell| simulation::simulate(&request, tell))
+}
+
+/// Unwraps modulo images.
+pub fn unwrap(request: &UnwrapRequest) -> Result<Ended, Failure> {
+    run(|tell| unwrap_files(request, tell))
+}
+
+/// Runs a command with a progress bar, and prints its results.
+fn run(
+    command: impl FnOnce(&mut dyn FnMut(BenchEvent<'_>)) -> Result<RunOutcome, BenchError>,
+) -> Result<Ended, Failure> {
+    let bar = progress_bar(STEPS);
+    let outcome = command(&mut |event| tell(&bar, event)).map_err(failure)?;
+    bar.finish_and_clear();
+    let white = |row: &Row| Some((row.file.clone(), row.simulated.as_ref()?.white?));
+    let mut whites: Vec<_> = outcome.rows.iter().filter_map(white).collect();
+    whites.dedup();
+    whites
+        .iter()
+        .for_each(|(file, white)| say!("white is {white}, the {WHITE_PERCENTILE}th percentile of {file}"));
+    print_rows(&outcome.rows);
+    print_methods(&outcome.rows);
+    Ok(if outcome.skipped.is_empty() { Ended::Done } else { Ended::WithLoss })
+}
+
+/// Prints a line for each image, sensor and method. Only a simulation knows the truth.
+fn print_rows(rows: &[Row]) {
+    let is_simulated = rows.iter().any(|row| row.simulated.is_some());
+    let titles = if is_simulated { "   exact k   PSNR dB     SSIM" } else { "" };
+    say!(
+        "file                         alpha method          {titles} method used    trusted largest k       ms"
+    );
+    for row in rows {
+        let file = Path::new(&row.file).file_name().unwrap_or_default().to_string_lossy();
+        let truth = row.simulated.as_ref().map_or_else(String::new, |simulated| {
+            let psnr = simulated.psnr_db.map_or("inf".to_owned(), |db| format!("{db:.2}"));
+            let ssim = simulated.ssim.map_or("-".to_owned(), |ssim| format!("{ssim:.4}"));
+            format!(" {:>8}% {psnr:>9} {ssim:>8}", below_100(simulated.exact_k, 3))
+        });
+        say!(
+            "{file:<28} {:>5} {:<16}{truth} {:<14} {:<7} {:>9} {:>8.2}",
+            row.sensor.alpha,
+            row.method,
+            row.method_used,
+            row.trusted.map_or("-", |trusted| if trusted { "yes" } else { "no" }),
+            row.most_k,
+            row.ms
+        );
+    }
+}
+
+/// Prints a line for each method and alpha over all images, where there are several.
+fn print_methods(rows: &[Row]) {
+    let mut groups: BTreeMap<_, Vec<&Row>> = BTreeMap::new();
+    for row in rows {
+        // The bits of positive numbers have the order of the numbers.
+        groups.entry((row.sensor.alpha.to_bits(), &row.method)).or_default().push(row);
+    }
+    if groups.values().all(|rows| rows.len() < 2) {
+        return;
+    }
+    say!("\nimages alpha method           mean exact k trusted ms median");
+    for ((alpha, method), rows) in groups {
+        let count = rows.len();
+        let exact: Option<f64> = rows.iter().map(|row| Some(row.simulated.as_ref()?.exact_k)).sum();
+        let exact = exact.map_or("-".to_owned(), |sum| format!("{}%", below_100(sum / count as f64, 3)));
+        let trusted = rows.iter().filter(|row| row.trusted == Some(true)).count();
+        let mut times: Vec<f64> = rows.iter().map(|row| row.ms).collect();
+        times.sort_by(f64::total_cmp);
+        let ms = quantile(&times, 0.5).unwrap_or_default();
+        say!("{count:>6} {:>5} {method:<16} {exact:>12} {trusted:>7} {ms:>9.2}", f64::from_bits(alpha));
+    }
+}
