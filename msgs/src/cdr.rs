@@ -8,92 +8,58 @@
 //! Source: OMG DDS-RTPS 2.5, 10.2 and DDS-XTypes 1.3, 7.4.1 (XCDR version 1).
 
 mod decode;
-mod encode;
 
-use std::fmt::Display;
+use std::marker::PhantomData;
 
+use re_cdr::{BigEndian, ByteOrder, CdrSerializer, LittleEndian};
 use serde::Serialize;
 use serde::de::{DeserializeOwned, DeserializeSeed};
 
-/// Error of bytes that are not a message, or of a message that cannot be written as CDR. Offsets count from the first byte
-/// of the encapsulation.
+use decode::Decoder;
+
+/// Error of bytes that are not a message, or of a message that cannot be written as CDR.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CdrError {
-    /// The message ends too early, or a length in it is too large.
-    #[error("CDR ends too early: at byte {offset}, {expected} bytes expected, got {got}")]
-    Short {
-        /// Offset at which the bytes are needed.
+    /// The bytes are not a message of the expected type.
+    #[error("CDR, read up to byte {offset} of {length}: {why}")]
+    Read {
+        /// Number of bytes before the error, with the encapsulation.
         offset: usize,
-        /// Number of bytes needed.
-        expected: usize,
-        /// Number of remaining bytes.
-        got: usize,
+        /// Number of all bytes.
+        length: usize,
+        /// What is wrong there.
+        why: String,
     },
-    /// The bytes do not encode a value of the expected type.
-    #[error("CDR at byte {offset}: expected {expected}, got {got}")]
-    Value {
-        /// Offset of the value.
-        offset: usize,
-        /// The possible values.
-        expected: &'static str,
-        /// The value found.
-        got: String,
-    },
-    /// A string or sequence is too long to be written.
-    #[error("CDR at byte {offset}: length of at most {max} expected, got {got}", max = u32::MAX)]
-    Long {
-        /// Offset of the length.
-        offset: usize,
-        /// Length of the string or sequence.
-        got: usize,
-    },
+    /// The message is too long to be written.
+    #[error("a message of {0} bytes cannot be written as CDR, which has at most {max}", max = u32::MAX)]
+    Long(usize),
     /// The Rust type is not one of a ROS message.
-    #[error("CDR messages cannot hold {0}; use numbers, bool, String, Vec, arrays and structs of these")]
-    Unsupported(&'static str),
-    /// An error of serde or of the code of a type.
-    #[error("CDR: {0}")]
-    Message(String),
-}
-
-impl serde::ser::Error for CdrError {
-    fn custom<T: Display>(message: T) -> Self {
-        Self::Message(message.to_string())
-    }
-}
-
-impl serde::de::Error for CdrError {
-    fn custom<T: Display>(message: T) -> Self {
-        Self::Message(message.to_string())
-    }
-}
-
-/// Byte order of numbers.
-#[derive(Clone, Copy)]
-pub(crate) enum ByteOrder {
-    Big,
-    Little,
+    #[error("CDR: {0}; use numbers, bool, String, Vec, arrays and structs of these")]
+    Unsupported(String),
 }
 
 /// Bytes before the message: representation identifier and options.
-pub(crate) const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
+const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
 
 /// Returns `message` as little-endian CDR with its encapsulation.
 ///
 /// # Errors
-/// [`CdrError`] when a length does not fit in 32 bits, or the type contains an option, a map, or an enum with data,
-/// which CDR messages cannot hold.
+/// [`CdrError`] when the message has more bytes than 32 bits can count, or its type is not one of a ROS message.
 pub fn to_vec<T: Serialize + ?Sized>(message: &T) -> Result<Vec<u8>, CdrError> {
-    let mut encoder = encode::Encoder::new();
-    message.serialize(&mut encoder)?;
-    Ok(encoder.finish())
+    let mut out = ENCAPSULATION.to_vec();
+    let written = message.serialize(&mut CdrSerializer::<LittleEndian>::new(&mut out));
+    written.map_err(|why| CdrError::Unsupported(why.to_string()))?;
+    // Lengths are cut to 32 bits as they are written. No length is cut in a message that is shorter itself.
+    u32::try_from(out.len()).map_err(|_| CdrError::Long(out.len()))?;
+    Ok(out)
 }
 
 /// Reads the message in `bytes`, which begin with the encapsulation.
 ///
 /// # Errors
-/// [`CdrError`] with the offset, the expected value and the found value.
+/// [`CdrError`] with the offset and the reason.
 pub fn from_slice<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, CdrError> {
-    T::deserialize(&mut decode::Decoder::new(bytes)?)
+    from_slice_seed(PhantomData, bytes)
 }
 
 /// Reads the message in `bytes`, which begin with the encapsulation, with `seed`.
@@ -101,7 +67,25 @@ pub(crate) fn from_slice_seed<'b, S: DeserializeSeed<'b>>(
     seed: S,
     bytes: &'b [u8],
 ) -> Result<S::Value, CdrError> {
-    seed.deserialize(&mut decode::Decoder::new(bytes)?)
+    match bytes {
+        [0, 0, _, _, body @ ..] => read(seed, Decoder::<BigEndian>::new(body)),
+        [0, 1, _, _, body @ ..] => read(seed, Decoder::<LittleEndian>::new(body)),
+        _ => {
+            let why =
+                "an encapsulation of 4 bytes is needed, 00 00 (CDR_BE) or 00 01 (CDR_LE) first".to_owned();
+            Err(CdrError::Read { offset: 0, length: bytes.len(), why })
+        }
+    }
+}
+
+fn read<'b, S: DeserializeSeed<'b>, O: ByteOrder>(
+    seed: S,
+    mut decoder: Decoder<'b, O>,
+) -> Result<S::Value, CdrError> {
+    seed.deserialize(&mut decoder).map_err(|why| {
+        let [offset, length] = [decoder.at(), decoder.length].map(|count| ENCAPSULATION.len() + count);
+        CdrError::Read { offset, length, why: why.to_string() }
+    })
 }
 
 /// `#[serde(with = "crate::cdr::bytes")]`: byte sequences as one copy instead of one call for each byte. This makes image
@@ -109,7 +93,7 @@ pub(crate) fn from_slice_seed<'b, S: DeserializeSeed<'b>>(
 pub(crate) mod bytes {
     use std::fmt;
 
-    use serde::de::{Error, Visitor};
+    use serde::de::Visitor;
     use serde::{Deserializer, Serializer};
 
     pub(crate) fn serialize<S: Serializer>(bytes: &[u8], serializer: S) -> Result<S::Ok, S::Error> {
@@ -129,8 +113,8 @@ pub(crate) mod bytes {
             f.write_str("a sequence of bytes")
         }
 
-        fn visit_bytes<E: Error>(self, bytes: &[u8]) -> Result<Self::Value, E> {
-            Ok(bytes.to_vec())
+        fn visit_byte_buf<E>(self, bytes: Vec<u8>) -> Result<Self::Value, E> {
+            Ok(bytes)
         }
     }
 }

@@ -9,7 +9,7 @@ use std::borrow::Cow;
 use modulo_core::{Frame, FrameError, Mosaic, Samples};
 use ndarray::Array3;
 
-use crate::cdr::{self, ByteOrder, CdrError};
+use crate::cdr::{self, CdrError};
 use crate::sensor_msgs::Image;
 use crate::std_msgs::Header;
 use crate::yuv::YuvLayout;
@@ -212,7 +212,7 @@ struct PixelLayout {
     /// Bytes of a row's pixels, at most `step`.
     row: usize,
     step: usize,
-    order: ByteOrder,
+    big_endian: bool,
 }
 
 impl PixelLayout {
@@ -236,8 +236,8 @@ impl PixelLayout {
             return Err(ImageMessageError::Short { expected, got: image.data.len() });
         }
         // More bytes than these are no error, because the pixels are known all the same.
-        let order = if image.is_bigendian == 0 { ByteOrder::Little } else { ByteOrder::Big };
-        Ok(Self { encoding, height: h, width: w, row: row as usize, step: step as usize, order })
+        let big_endian = image.is_bigendian != 0;
+        Ok(Self { encoding, height: h, width: w, row: row as usize, step: step as usize, big_endian })
     }
 }
 
@@ -253,11 +253,11 @@ fn decode(layout: PixelLayout, data: Cow<'_, [u8]>) -> Result<Frame, ImageMessag
     let frame = match layout.encoding.depth {
         Depth::U8 => Frame::from_u8(array(layout, red_first(channels, packed))),
         Depth::U16 => {
-            let samples = wide(layout.order, &packed, u16::from_be_bytes, u16::from_le_bytes);
+            let samples = wide(layout.big_endian, &packed, u16::from_be_bytes, u16::from_le_bytes);
             Frame::from_u16(array(layout, red_first(channels, samples.into())))
         }
         Depth::F32 => {
-            let samples = wide(layout.order, &packed, f32::from_be_bytes, f32::from_le_bytes);
+            let samples = wide(layout.big_endian, &packed, f32::from_be_bytes, f32::from_le_bytes);
             Frame::from_f32(array(layout, red_first(channels, samples.into())))
         }
     }?;
@@ -285,15 +285,16 @@ fn without_padding(layout: PixelLayout, data: Cow<'_, [u8]>) -> Cow<'_, [u8]> {
 
 /// Samples of `N` bytes each.
 fn wide<T, const N: usize>(
-    order: ByteOrder,
+    big_endian: bool,
     bytes: &[u8],
     big: impl Fn([u8; N]) -> T,
     little: impl Fn([u8; N]) -> T,
 ) -> Vec<T> {
     let (samples, _) = bytes.as_chunks();
-    match order {
-        ByteOrder::Big => samples.iter().map(|bytes| big(*bytes)).collect(),
-        ByteOrder::Little => samples.iter().map(|bytes| little(*bytes)).collect(),
+    if big_endian {
+        samples.iter().map(|bytes| big(*bytes)).collect()
+    } else {
+        samples.iter().map(|bytes| little(*bytes)).collect()
     }
 }
 
@@ -337,7 +338,7 @@ pub fn encode_frame(header: &Header, frame: &Frame) -> Result<Vec<u8>, CdrError>
     let mut out = cdr::to_vec(&without_pixels(header.clone(), frame))?;
     out.truncate(out.len() - size_of::<u32>());
     let got = size(frame);
-    let length = u32::try_from(got).map_err(|_| CdrError::Long { offset: out.len(), got })?;
+    let length = u32::try_from(got).map_err(|_| CdrError::Long(got))?;
     out.reserve_exact(size_of::<u32>() + got);
     out.extend_from_slice(&length.to_le_bytes());
     append(frame, &mut out);

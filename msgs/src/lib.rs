@@ -10,7 +10,21 @@ macro_rules! messages {
         #[doc = concat!("`", $name, "`")]
         $(#[$about])*
         #[derive(Clone, Debug, Default, PartialEq, ::serde::Serialize, ::serde::Deserialize)]
+        // ROS gives a message without fields one byte: the field `structure_needs_at_least_one_member`.
+        #[serde(from = "u8", into = "u8")]
         pub struct $message;
+
+        impl From<u8> for $message {
+            fn from(_: u8) -> Self {
+                Self
+            }
+        }
+
+        impl From<$message> for u8 {
+            fn from(_: $message) -> Self {
+                0
+            }
+        }
     };
     (@struct $(#[$about:meta])* $message:ident $name:literal
         $($(#[$help:meta])+ $field:ident: $type:ty),+ $(,)?

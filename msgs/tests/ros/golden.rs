@@ -213,7 +213,7 @@ fn every_truncation_is_an_error() {
         let needed = reread(&bytes).expect("a golden").len();
         for length in 0..needed {
             let Err(error) = reread(&bytes[..length]) else { panic!("{name} cut to {length} bytes is read") };
-            assert!(matches!(error, CdrError::Short { .. }), "{name} cut to {length} bytes: {error}");
+            assert!(matches!(error, CdrError::Read { .. }), "{name} cut to {length} bytes: {error}");
         }
     }
 }
@@ -238,20 +238,29 @@ fn errors_say_where_and_what() {
     let mut long = good.clone();
     long[length_at..length_at + 4].fill(0xff);
     let error = cdr::from_slice::<Image>(&long).expect_err("4 GiB are not there");
-    assert_eq!(error, CdrError::Short { offset: length_at + 4, expected: u32::MAX as usize, got: 10 });
+    let why = "unexpected end of input".to_owned();
+    assert_eq!(error, CdrError::Read { offset: length_at + 4, length: long.len(), why });
 
     let header = cdr::to_vec(&Header { frame_id: "ab".into(), ..Default::default() }).expect("a header");
     for (at, value, message) in [
-        (1, 3, "byte 0: expected encapsulation 00 00 (CDR_BE) or 00 01 (CDR_LE), got 00 03"),
-        (16, 0xff, "byte 12: expected UTF-8 text, got invalid utf-8"),
-        (18, b'c', "byte 12: expected a string that ends with NUL, got 0x63"),
-        (12, 9, "at byte 16, 9 bytes expected, got 3"),
+        (1, 3, "byte 0 of 19: an encapsulation of 4 bytes is needed, 00 00 (CDR_BE) or 00 01 (CDR_LE) first"),
+        (16, 0xff, "byte 19 of 19: invalid utf-8"),
+        (12, 9, "byte 16 of 19: unexpected end of input"),
     ] {
         let mut bad = header.clone();
         bad[at] = value;
         let error = cdr::from_slice::<Header>(&bad).expect_err(message).to_string();
         assert!(error.contains(message), "{error}");
     }
+}
+
+#[test]
+fn a_length_beyond_the_rest_is_refused_before_its_elements_are_read() {
+    let mut bytes = cdr::to_vec(&GetParametersRequest { names: vec!["a".into()] }).expect("short");
+    bytes[4] = 200;
+    let error =
+        cdr::from_slice::<GetParametersRequest>(&bytes).expect_err("200 elements are not there").to_string();
+    assert!(error.contains("byte 8 of 14: 200 elements expected, but only 6 bytes are left"), "{error}");
 }
 
 /// 10^4 unless `MODULO_MUTATIONS` says otherwise.
