@@ -112,14 +112,18 @@ impl GradientTree {
 
     /// Writes the result of the last image, which was `y`, anew, at the offset that the outliers of `range` allow.
     pub(super) fn place(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
-        let samples = Integers::checked(y, range)?;
         out.prepare(y.dim(), self.name());
+        self.place_codes(Integers::of(y)?, range, out);
+        Ok(())
+    }
+
+    /// Writes the result for the last `samples` anew into `out`, which must be prepared, at the offset that the outliers of `range` allow.
+    pub(super) fn place_codes(&mut self, samples: Integers<'_>, range: Range, out: &mut Recovered) {
         if self.grown {
             place(&mut self.forest, samples, range, out);
         } else {
             self.sums.place(samples, range, out);
         }
-        Ok(())
     }
 }
 

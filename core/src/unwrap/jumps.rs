@@ -31,26 +31,6 @@ pub(super) fn share_above(x: &Array3<f32>, limit: f32) -> f32 {
     count as f32 / x.len() as f32
 }
 
-/// Returns the share of the spikes of `x`: the samples that are more than half a peak above all neighbours along rows and columns, or below
-/// all of them.
-pub(super) fn spikes(x: &Array3<f32>, range: Range) -> f32 {
-    let ((height, width, channels), half) = (x.dim(), range.peak() / 2.0);
-    let (samples, stride) = (in_order(x.view()), width * channels);
-    let is_spike = |&at: &usize| {
-        let (row, column) = (at / stride, at % stride);
-        let neighbours = [
-            (row > 0).then(|| at - stride),
-            (row + 1 < height).then(|| at + stride),
-            (column >= channels).then(|| at - channels),
-            (column + channels < stride).then(|| at + channels),
-        ];
-        let rise = |next: usize| samples[at] - samples[next];
-        neighbours.into_iter().flatten().all(|next| rise(next) > half)
-            || neighbours.into_iter().flatten().all(|next| rise(next) < -half)
-    };
-    (0..samples.len()).filter(is_spike).count() as f32 / samples.len() as f32
-}
-
 /// Returns the sum of the magnitudes of the second differences along the rows and columns of `x`, each counted for at most one peak, in
 /// peaks per sample. Of two results for one image, the one with the lesser sum is right more often.
 pub(super) fn bends(x: &Array3<f32>, range: Range) -> f64 {
@@ -142,7 +122,7 @@ impl Recovered {
         let (height, width, _) = self.x.dim();
         let cell = if mosaic.is_some() { 2 } else { 1 };
         let (rows, columns) = (height.div_ceil(cell), width.div_ceil(cell));
-        let region = largest_region(&self.free(cell, range), columns);
+        let region = largest_region(&free_of_jumps(&self.x, cell, range), columns);
         let mut vouched = Array3::zeros((height, width, 1));
         // In a divided image, no region can be told to be the right one.
         if region.iter().map(Indices::len).sum::<usize>() as f64 >= LARGEST * (rows * columns) as f64 {
@@ -157,33 +137,33 @@ impl Recovered {
         }
         Frame::from_u8(vouched).expect("the result has the shape of an image")
     }
+}
 
-    /// Returns for each cell of `cell` x `cell` pixels whether no second difference is above the barrier.
-    fn free(&self, cell: usize, range: Range) -> Vec<bool> {
-        let (height, width, channels) = self.x.dim();
-        let (columns, limit, stride) = (width.div_ceil(cell), BARRIER * range.peak(), width * channels);
-        let x = self.x.as_standard_layout();
-        let samples = in_order(x.view());
-        let at = |row: usize| &samples[row * stride..][..stride];
-        let mut free = vec![true; height.div_ceil(cell) * columns];
-        // In a mosaic, the next pixel of the same colour is two pixels away.
-        let step = cell * channels;
-        let mut barred = vec![false; stride];
-        for row in 0..height {
-            barred.fill(false);
-            if width > 2 * cell {
-                bar(&mut barred[step..stride - step], at(row), &at(row)[step..], &at(row)[2 * step..], limit);
-            }
-            if row >= cell && row + cell < height {
-                bar(&mut barred, at(row - cell), at(row), at(row + cell), limit);
-            }
-            let line = &mut free[row / cell * columns..][..columns];
-            widest!(for (free, barred) in line.iter_mut().zip(barred.chunks(step)) {
-                *free &= !barred.iter().fold(false, |any, barred| any | barred);
-            });
+/// Returns for each cell of `cell` x `cell` pixels of `x` whether no second difference is above the barrier.
+pub(super) fn free_of_jumps(x: &Array3<f32>, cell: usize, range: Range) -> Vec<bool> {
+    let (height, width, channels) = x.dim();
+    let (columns, limit, stride) = (width.div_ceil(cell), BARRIER * range.peak(), width * channels);
+    let x = x.as_standard_layout();
+    let samples = in_order(x.view());
+    let at = |row: usize| &samples[row * stride..][..stride];
+    let mut free = vec![true; height.div_ceil(cell) * columns];
+    // In a mosaic, the next pixel of the same colour is two pixels away.
+    let step = cell * channels;
+    let mut barred = vec![false; stride];
+    for row in 0..height {
+        barred.fill(false);
+        if width > 2 * cell {
+            bar(&mut barred[step..stride - step], at(row), &at(row)[step..], &at(row)[2 * step..], limit);
         }
-        free
+        if row >= cell && row + cell < height {
+            bar(&mut barred, at(row - cell), at(row), at(row + cell), limit);
+        }
+        let line = &mut free[row / cell * columns..][..columns];
+        widest!(for (free, barred) in line.iter_mut().zip(barred.chunks(step)) {
+            *free &= !barred.iter().fold(false, |any, barred| any | barred);
+        });
     }
+    free
 }
 
 /// Marks in `barred` where a second difference is above `limit`.
@@ -195,7 +175,7 @@ fn bar(barred: &mut [bool], before: &[f32], here: &[f32], after: &[f32], limit: 
 
 /// Returns the largest region of free places, which are neighbours along rows and columns of `columns` places, as the runs of its rows.
 /// If several regions have this size, the one that begins first is returned.
-fn largest_region(free: &[bool], columns: usize) -> Vec<Indices<usize>> {
+pub(super) fn largest_region(free: &[bool], columns: usize) -> Vec<Indices<usize>> {
     let mut runs: Vec<Indices<usize>> = Vec::new();
     // For each run an earlier run of its region; the first run of a region has itself.
     let mut earlier = Vec::new();

@@ -9,6 +9,7 @@ pub(crate) mod edges;
 mod gradient_sums;
 mod gradient_tree;
 mod green_sums;
+mod growth;
 mod itoh;
 mod jumps;
 mod lines;
@@ -139,7 +140,7 @@ pub struct Recovered {
 /// The report of a method on its own result.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Report {
-    /// The name of the method used, as in [`METHODS`], [`PASS_THROUGH`], [`SMOOTHED_TREE`], [`GRADIENT_SUMS`] or
+    /// The name of the method used, as in [`METHODS`], [`PASS_THROUGH`], [`SMOOTHED_TREE`], [`GROWTH`], [`GRADIENT_SUMS`] or
     /// [`TwoGains::NAME`](crate::TwoGains::NAME); empty before the first image.
     pub method: &'static str,
     /// The quality metrics of y, if the method computes them.
@@ -193,6 +194,9 @@ pub const PASS_THROUGH: &str = "pass_through";
 
 /// The name for a result of `auto` by `gradient_tree` on a smoothed modulo image.
 pub const SMOOTHED_TREE: &str = "smoothed_tree";
+
+/// The name for a result of `auto` whose largest part without a contradiction has grown over the rest.
+pub const GROWTH: &str = "growth";
 
 /// The name for a result of `auto` on a mosaic, whose gradients of green have the least sums of costs along paths.
 pub const GRADIENT_SUMS: &str = "gradient_sums";

@@ -3,8 +3,9 @@
 //! With the smoothed codes s of [`Smoothing`], and their result `s + k_s 2^b`, the radiance is `s + k_s 2^b + M_b(y - s)`, which is congruent
 //! with y. It is exact where the noise of y is below half a peak and `gradient_tree` is exact on s.
 
+use super::growth::{Growth, Predictability};
 use super::smoothing::{Smoothing, noise};
-use super::{GradientTree, Integers, Range, Recovered, SMOOTHED_TREE, UnwrapError};
+use super::{GROWTH, GradientTree, Integers, Range, Recovered, SMOOTHED_TREE, UnwrapError};
 use crate::frame::Frame;
 use crate::simd::widest;
 
@@ -15,6 +16,9 @@ pub(super) struct SmoothedTree {
     codes: Vec<u16>,
     noise: f32,
     smoothed: Vec<u16>,
+    growth: Growth,
+    /// The result for the smoothed codes.
+    smooth: Recovered,
 }
 
 impl SmoothedTree {
@@ -41,22 +45,43 @@ impl SmoothedTree {
         range: Range,
         out: &mut Recovered,
     ) {
-        let Self { smoothing, codes, noise, smoothed } = self;
+        let Self { smoothing, codes, noise, smoothed, smooth, .. } = self;
         smoothing.apply(codes, dim, *noise, smoothed);
         // The tree reads codes of the range; the last half of a code rounds up to the next peak.
         let shift = 16 - range.bits();
         let half = (1 << shift) >> 1;
         smoothed.iter_mut().for_each(|code| *code = code.wrapping_add(half) >> shift);
-        out.prepare(dim, SMOOTHED_TREE);
-        tree.unwrap_codes(Integers::U16(smoothed), dim, range, out);
-        let (most, peak) = (i32::from(range.max_wraps()), range.peak());
+        smooth.prepare(dim, SMOOTHED_TREE);
+        tree.unwrap_codes(Integers::U16(smoothed), dim, range, smooth);
+        self.lift(SMOOTHED_TREE, range, out);
+    }
+
+    /// Writes the last result of `tree` anew, at the offset that the outliers of `range` allow.
+    pub fn place(&mut self, tree: &mut GradientTree, range: Range, out: &mut Recovered) {
+        tree.place_codes(Integers::U16(&self.smoothed), range, &mut self.smooth);
+        self.lift(SMOOTHED_TREE, range, out);
+    }
+
+    /// Grows the last result from its largest part without a contradiction, if it can be predicted; returns what the image is for that.
+    pub fn grow(&mut self, range: Range, out: &mut Recovered) -> Predictability {
+        let found = self.growth.read(&self.smooth.x, range);
+        if found == Predictability::Predictable {
+            self.growth.grow(&mut self.smooth.x, range);
+            self.lift(GROWTH, range, out);
+        }
+        found
+    }
+
+    /// Writes the radiance that is congruent with the codes and nearest to the result for the smoothed ones.
+    fn lift(&self, method: &'static str, range: Range, out: &mut Recovered) {
+        let (shift, most, peak) = (16 - range.bits(), i32::from(range.max_wraps()), range.peak());
+        let smooth = self.smooth.x.as_slice().expect("prepare has made the layout standard");
+        out.prepare(self.smooth.x.dim(), method);
         let (x, k) = out.buffers();
-        widest!(for (((x, k), code), smoothed) in x.iter_mut().zip(k).zip(&*codes).zip(&*smoothed) {
-            let smoothed = smoothed << shift;
-            let change = i32::from(code.wrapping_sub(smoothed).cast_signed());
-            // The smoothed code plus the change is y, or y plus or minus one peak.
-            let turns = (i32::from(smoothed) + change) >> 16;
-            *k = (i32::from(*k) + turns).clamp(0, most) as u8;
+        widest!(for (((x, k), code), smooth) in x.iter_mut().zip(k).zip(&self.codes).zip(smooth) {
+            let smooth = (*smooth as i32) << shift;
+            let change = i32::from(code.wrapping_sub(smooth as u16).cast_signed());
+            *k = ((smooth + change) >> 16).clamp(0, most) as u8;
             *x = f32::from(code >> shift) + f32::from(*k) * peak;
         });
     }

@@ -79,7 +79,6 @@ impl UnwrapParameters {
             threads: self.threads,
             trust: TrustLimits {
                 lines: self.trust_lines,
-                consensus: self.trust_consensus,
                 jumps: self.trust_jumps,
             },
             successive: true,

@@ -1,0 +1,338 @@
+//! Growth: the largest part of a result that does not contradict itself grows over the rest, the best predicted pixel first (Xu and
+//! Cumming, "A region-growing algorithm for InSAR phase unwrapping", IEEE TGRS 37(1), 1999).
+//!
+//! The part is the largest region of [`Recovered::confidence`](super::Recovered::confidence): connected pixels at which no second
+//! difference is above 3/8 of the peak P. From each of the four sides u from which a pixel p has a known neighbour, known pixels predict it by
+//! ```text
+//!     x(p+u) + a (x(p+u) - x(p+2u)) + b (x(p+2u) - x(p+3u)) + c mean_v (x(p+v) - x(p+u+v)),   v across u
+//! ```
+//! Least squares over the part give a, b and c for each of the nine sets of neighbours that may be known. So the predictor follows the lens and
+//! the noise of the frame. Its weight w is the variance of `x(p) - x(p+u)` over that of its error; the sides are averaged by their weights.
+//! With `r = M(y - prediction) / P` by channel, the next pixel is the one with the least doubt
+//! ```text
+//!     sum_c |r_c| + 2 (max_c r_c - min_c r_c) + disagreement of the sides + 3 / sqrt(sum of w)
+//! ```
+//! and its count is the one nearest to its prediction. The last term prefers the pixels that many known ones predict.
+
+use ndarray::Array3;
+
+use super::Range;
+use super::jumps::{free_of_jumps, largest_region};
+
+/// The least weight of the best predictor with which a frame can be predicted. Strong noise and the contours of a perfect lens have less.
+const LEAST_WEIGHT: f32 = 2.5;
+
+/// The greatest weight of the best predictor of an image that is noise: there no neighbour says more than the nearest one.
+const WEIGHT_OF_NOISE: f32 = 1.3;
+
+/// The least share of the pixels that the part needs: in a more divided image, it may be a wrong one.
+const LEAST_SHARE: f64 = 0.2;
+
+/// The number of pixels beyond the border that are never known.
+const MARGIN: usize = 3;
+
+/// The levels of doubt in the queue, and those of a doubt of 1.
+const LEVELS: usize = 2048;
+const LEVELS_PER_DOUBT: f32 = 128.0;
+
+/// One pixel of so many is used for the fit.
+const SAMPLED: usize = 3;
+
+/// What an image is for growth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Predictability {
+    /// Its neighbours predict a pixel.
+    Predictable,
+    /// They do not, or too little of the image is known.
+    Divided,
+    /// A pixel says hardly anything about the next one.
+    Noise,
+}
+
+/// The method with its buffers.
+#[derive(Default)]
+pub(super) struct Growth {
+    /// The known pixels, with a margin around the image.
+    known: Vec<bool>,
+    /// The level of each pixel in the queue, and the pixels that have entered each level.
+    levels: Vec<u16>,
+    queue: Vec<Vec<u32>>,
+    /// By the known pixels along a side after the nearest, 0 to 2, and by those across it, 0 to 2.
+    predictors: [[Predictor; 3]; 3],
+}
+
+/// The coefficients a, b and c, and the weight.
+#[derive(Clone, Copy, Default)]
+struct Predictor {
+    of: [f32; 3],
+    weight: f32,
+}
+
+/// Where the pixels of an image of this width are.
+#[derive(Clone, Copy)]
+struct Layout {
+    width: usize,
+}
+
+impl Layout {
+    /// Returns the place of a pixel in an image with a margin.
+    #[inline(always)]
+    fn padded(self, at: usize) -> usize {
+        at + (2 * (at / self.width) + self.width + 2 * MARGIN) * MARGIN + MARGIN
+    }
+
+    /// Returns for each side the ways to its next pixel and to the one across it.
+    #[inline(always)]
+    fn sides(self) -> [[Step; 2]; 4] {
+        let (width, padded) = (self.width.cast_signed(), (self.width + 2 * MARGIN).cast_signed());
+        let [right, down] = [Step { image: 1, padded: 1 }, Step { image: width, padded }];
+        [[right, down], [right.back(), down], [down, right], [down.back(), right]]
+    }
+}
+
+/// The way to another pixel: in the image and in one with a margin.
+#[derive(Clone, Copy)]
+struct Step {
+    image: isize,
+    padded: isize,
+}
+
+impl Step {
+    #[inline(always)]
+    fn back(self) -> Self {
+        Self { image: -self.image, padded: -self.padded }
+    }
+}
+
+/// A pixel: its places in the image and in one with a margin.
+#[derive(Clone, Copy)]
+struct Pixel {
+    image: usize,
+    padded: usize,
+}
+
+impl Pixel {
+    /// Returns the pixel there, which may be beyond the border.
+    #[inline(always)]
+    fn to(self, step: Step) -> Self {
+        Self {
+            image: self.image.wrapping_add_signed(step.image),
+            padded: self.padded.wrapping_add_signed(step.padded),
+        }
+    }
+}
+
+impl Growth {
+    /// Finds the part of the result `x` (code units) from which it can grow, and fits the predictors to it.
+    pub fn read(&mut self, x: &Array3<f32>, range: Range) -> Predictability {
+        let (height, width, channels) = x.dim();
+        let layout = Layout { width };
+        self.known.clear();
+        self.known.resize((height + 2 * MARGIN) * (width + 2 * MARGIN), false);
+        let mut size = 0;
+        for run in largest_region(&free_of_jumps(x, 1, range), width) {
+            size += run.len();
+            self.known[layout.padded(run.start)..][..run.len()].fill(true);
+        }
+        let samples = x.as_slice().expect("prepare has made the layout standard");
+        match channels {
+            1 => self.fit(samples.as_chunks::<1>().0, layout),
+            _ => self.fit(samples.as_chunks::<3>().0, layout),
+        }
+        let weight = self.predictors[2][2].weight;
+        if weight < WEIGHT_OF_NOISE {
+            Predictability::Noise
+        } else if weight < LEAST_WEIGHT || (size as f64) < LEAST_SHARE * (height * width) as f64 {
+            Predictability::Divided
+        } else {
+            Predictability::Predictable
+        }
+    }
+
+    /// Grows the part of `x` that was read over the rest.
+    pub fn grow(&mut self, x: &mut Array3<f32>, range: Range) {
+        let (_, width, channels) = x.dim();
+        let layout = Layout { width };
+        let samples = x.as_slice_mut().expect("prepare has made the layout standard");
+        match channels {
+            1 => self.spread(samples.as_chunks_mut::<1>().0, layout, range),
+            _ => self.spread(samples.as_chunks_mut::<3>().0, layout, range),
+        }
+    }
+
+    fn spread<const C: usize>(&mut self, x: &mut [[f32; C]], layout: Layout, range: Range) {
+        self.levels.clear();
+        self.levels.resize(x.len(), u16::MAX);
+        self.queue.resize_with(LEVELS, Vec::new);
+        for at in 0..x.len() {
+            self.offer(x, at, layout, range);
+        }
+        let mut lowest = 0;
+        while lowest < LEVELS {
+            let Some(at) = self.queue[lowest].pop() else {
+                lowest += 1;
+                continue;
+            };
+            let (at, pixel) = (at as usize, layout.padded(at as usize));
+            // Only the last entry of a pixel counts.
+            if self.known[pixel] || usize::from(self.levels[at]) != lowest {
+                continue;
+            }
+            let Some((predicted, _)) = self.predict(x, at, layout, range) else { continue };
+            for (x, predicted) in x[at].iter_mut().zip(predicted) {
+                *x = range.nearest(*x % range.peak(), predicted).0;
+            }
+            self.known[pixel] = true;
+            for [step, _] in layout.sides() {
+                let next = Pixel { image: at, padded: pixel }.to(step);
+                // A pixel of the margin has no place in the image.
+                let column = (next.padded % (layout.width + 2 * MARGIN)).wrapping_sub(MARGIN);
+                if column < layout.width && next.image < x.len() {
+                    lowest = lowest.min(self.offer(x, next.image, layout, range));
+                }
+            }
+        }
+    }
+
+    /// Puts a pixel into the queue if it is not known but can be predicted; returns its level.
+    #[inline(always)]
+    fn offer<const C: usize>(&mut self, x: &[[f32; C]], at: usize, layout: Layout, range: Range) -> usize {
+        if self.known[layout.padded(at)] {
+            return LEVELS;
+        }
+        let Some((_, doubt)) = self.predict(x, at, layout, range) else { return LEVELS };
+        let level = ((doubt * LEVELS_PER_DOUBT) as usize).min(LEVELS - 1);
+        if usize::from(self.levels[at]) != level {
+            self.levels[at] = level as u16;
+            self.queue[level].push(at as u32);
+        }
+        level
+    }
+
+    /// Returns the prediction of a pixel and its doubt; `None` if no neighbour is known.
+    #[inline(always)]
+    fn predict<const C: usize>(
+        &self,
+        x: &[[f32; C]],
+        at: usize,
+        layout: Layout,
+        range: Range,
+    ) -> Option<([f32; C], f32)> {
+        let here = Pixel { image: at, padded: layout.padded(at) };
+        let (mut sum, mut total, mut count) = ([0.0; C], 0.0, 0);
+        let mut sides = [([0.0; C], 0.0); 4];
+        for [along, across] in layout.sides() {
+            if let Some((value, weight)) = self.predict_from(x, here, along, across) {
+                (0..C).for_each(|c| sum[c] += weight * value[c]);
+                total += weight;
+                sides[count] = (value, weight);
+                count += 1;
+            }
+        }
+        if count == 0 {
+            return None;
+        }
+        let per_peak = range.peak().recip();
+        let mean = sum.map(|sum| sum / total);
+        let errors: [f32; C] = std::array::from_fn(|c| {
+            let error = (x[at][c] - mean[c]) * per_peak;
+            error - error.round_ties_even()
+        });
+        let spread = errors.iter().fold(f32::MIN, |most, &error| error.max(most))
+            - errors.iter().fold(f32::MAX, |least, &error| error.min(least));
+        let differ = |(value, weight): &([f32; C], f32)| {
+            weight * (0..C).map(|c| (value[c] - mean[c]).abs()).sum::<f32>()
+        };
+        let differ: f32 = sides[..count].iter().map(differ).sum();
+        let size: f32 = errors.iter().map(|error| error.abs()).sum();
+        Some((mean, size + 2.0 * spread + differ * per_peak / total + 3.0 / total.sqrt()))
+    }
+
+    /// Returns the prediction from the side that `along` leads to, and its weight; `None` if the neighbour there is not known.
+    #[inline(always)]
+    fn predict_from<const C: usize>(
+        &self,
+        x: &[[f32; C]],
+        here: Pixel,
+        along: Step,
+        across: Step,
+    ) -> Option<([f32; C], f32)> {
+        let is_known = |pixel: Pixel| self.known[pixel.padded];
+        let near = here.to(along);
+        if !is_known(near) {
+            return None;
+        }
+        let (far, last) = (near.to(along), near.to(along).to(along));
+        let known_along = if is_known(far) { 1 + usize::from(is_known(last)) } else { 0 };
+        let (mut slope, mut known_across) = ([0.0; C], 0);
+        for across in [across, across.back()] {
+            let (side, beside) = (here.to(across), near.to(across));
+            if is_known(side) && is_known(beside) {
+                known_across += 1;
+                (0..C).for_each(|c| slope[c] += x[side.image][c] - x[beside.image][c]);
+            }
+        }
+        let Predictor { of: [a, b, of_slope], weight } = self.predictors[known_along][known_across];
+        let of_slope = of_slope / known_across.max(1) as f32;
+        let mut value: [f32; C] = std::array::from_fn(|c| x[near.image][c] + of_slope * slope[c]);
+        if known_along > 0 {
+            (0..C).for_each(|c| value[c] += a * (x[near.image][c] - x[far.image][c]));
+        }
+        if known_along > 1 {
+            (0..C).for_each(|c| value[c] += b * (x[far.image][c] - x[last.image][c]));
+        }
+        Some((value, weight))
+    }
+
+    /// Fits the predictors to the known pixels of `x`.
+    fn fit<const C: usize>(&mut self, x: &[[f32; C]], layout: Layout) {
+        let mut sums = [[0.0f64; 4]; 4];
+        for at in (0..x.len()).step_by(SAMPLED) {
+            let here = Pixel { image: at, padded: layout.padded(at) };
+            for [along, across] in layout.sides() {
+                let near = here.to(along);
+                let far = near.to(along);
+                let pixels = [here, near, far, far.to(along), here.to(across), near.to(across)];
+                if !pixels.iter().all(|pixel| self.known[pixel.padded]) {
+                    continue;
+                }
+                let pixels = pixels.map(|pixel| x[pixel.image]);
+                for channel in 0..C {
+                    let [here, near, far, last, side, beside] = pixels.map(|pixel| pixel[channel]);
+                    let terms = [near - far, far - last, side - beside, here - near].map(f64::from);
+                    for (sums, term) in sums.iter_mut().zip(terms) {
+                        sums.iter_mut().zip(terms).for_each(|(sum, other)| *sum += term * other);
+                    }
+                }
+            }
+        }
+        for (along, across) in (0..3).flat_map(|along| (0..3).map(move |across| (along, across))) {
+            self.predictors[along][across] = Predictor::fitted(&sums, [along > 0, along > 1, across > 0]);
+        }
+    }
+}
+
+impl Predictor {
+    /// Returns the predictor by the `used` terms, from the sums of the products of all three terms and of the value to predict.
+    fn fitted(sums: &[[f64; 4]; 4], used: [bool; 3]) -> Self {
+        let mut equations = *sums;
+        let (mut of, mut rest) = ([0.0; 3], sums[3][3]);
+        let used = || (0..3).filter(|&term| used[term]);
+        for pivot in used() {
+            let row = equations[pivot];
+            for other in used().filter(|&other| other != pivot) {
+                let factor = equations[other][pivot] / row[pivot];
+                equations[other].iter_mut().zip(row).for_each(|(value, of)| *value -= factor * of);
+            }
+        }
+        for term in used() {
+            let value = equations[term][3] / equations[term][term];
+            // Of a flat image, nothing can be learned.
+            if value.is_finite() {
+                of[term] = value as f32;
+                rest -= value * sums[term][3];
+            }
+        }
+        Self { of, weight: if rest > 0.0 { (sums[3][3] / rest) as f32 } else { 1.0 } }
+    }
+}
