@@ -254,10 +254,7 @@ async fn supervise(
     let mut running = JoinSet::new();
     for job in jobs {
         let (print, told) = (how.print.clone(), told.clone());
-        running.spawn(async move {
-            let on_exit = job.process.on_exit;
-            (on_exit, job.keep(told, print).await)
-        });
+        running.spawn(async move { (job.process.on_exit, job.keep(told, print).await) });
     }
     let (mut ending, mut ended) = (Ending::Completed, Vec::new());
     tokio::pin!(stop);

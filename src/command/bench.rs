@@ -83,10 +83,16 @@ fn bench_pipeline(request: &pipeline::PipelineRequest) -> Result<Ended, Failure>
     let bar = progress_bar(STEPS);
     let rows = pipeline::pipeline(request, &mut bench, &mut |event| tell(&bar, event)).map_err(failure)?;
     bar.finish_and_clear();
+    print_pipeline(&rows);
+    Ok(Ended::Done)
+}
+
+/// Prints a line for each way to run the suite, and its stages.
+fn print_pipeline(rows: &[pipeline::PipelineRow]) {
     say!(
         "mode      engine   frames    p50 ms    p99 ms   bare ms    ratio  frames/s  first box s  cpu s/frame    rss MB"
     );
-    for row in &rows {
+    for row in rows {
         say!(
             "{:<9} {:<8} {:>6} {:>9.2} {:>9.2} {:>9.2} {:>8.3} {:>9.2} {:>12} {:>12.3} {:>9.1}",
             format!("{:?}", row.mode).to_lowercase(),
@@ -104,7 +110,6 @@ fn bench_pipeline(request: &pipeline::PipelineRequest) -> Result<Ended, Failure>
         let stages = row.stage_ms.iter().map(|(name, ms)| format!("{name} {ms:.2}"));
         say!("          {}", stages.collect::<Vec<_>>().join(", "));
     }
-    Ok(Ended::Done)
 }
 
 /// Returns the path of this program, which a benchmark runs.

@@ -65,8 +65,13 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
     if let Some(argument) = own.first() {
         return Err(usage(anyhow::anyhow!("{}: '{argument}' is unknown; try --help", kind.name)));
     }
+    start(kind, &ros)
+}
+
+/// Makes the node and steps it.
+fn start(kind: &NodeKind, ros: &RosArgs) -> Result<Ended, Failure> {
     let node_name = ros.node_name(kind.name).map_err(usage)?;
-    let (log, logger) = start_log(&ros, &node_name);
+    let (log, logger) = start_log(ros, &node_name);
     let stop = stop_on_signals()?;
     // A launcher that was killed cannot tell its nodes to end, so each one watches it by itself.
     end_with_launcher(&stop).context("watch of the launcher")?;

@@ -137,6 +137,22 @@ pub fn engines(
         return Err(BenchError::Number { what: "count", value: 0, possible: "at least 1" });
     }
     make_folder(&request.out)?;
+    let rows = rows(request, source, program, tell)?;
+    write_json(&request.out.join(RESULTS), &rows)?;
+    let chart = chart(&rows, request, processor);
+    let files = ["engines.svg", "engines.png"].map(|name| request.out.join(name));
+    write(&files[0], chart.svg(PageWidth::Wide)?.as_bytes())?;
+    write(&files[1], &chart.png()?)?;
+    Ok((rows, files))
+}
+
+/// Measures each engine with each model; at least one of them runs.
+fn rows(
+    request: &EnginesRequest,
+    source: &[OsString],
+    program: &Path,
+    tell: &mut dyn FnMut(BenchEvent<'_>),
+) -> Result<Vec<EngineRow>, BenchError> {
     let mut rows: Vec<EngineRow> = Vec::new();
     for model in &request.model {
         for (engine, device) in ENGINES {
@@ -168,12 +184,7 @@ pub fn engines(
         };
         return Err(BenchError::Run(why));
     }
-    write_json(&request.out.join(RESULTS), &rows)?;
-    let chart = chart(&rows, request, processor);
-    let files = ["engines.svg", "engines.png"].map(|name| request.out.join(name));
-    write(&files[0], chart.svg(PageWidth::Wide)?.as_bytes())?;
-    write(&files[1], &chart.png()?)?;
-    Ok((rows, files))
+    Ok(rows)
 }
 
 /// Returns the fastest engine that loses less than [`MOST_LOSS`] of AP50 in each group.

@@ -276,13 +276,8 @@ fn run(
     let errors = log.try_clone().map_err(|why| BenchError::Io(folder.into(), why))?;
     let mode = settings.mode;
     let mut command = Command::new(program.path);
-    command
-        .arg(command_of(mode))
-        .arg(program.launch_file)
-        .args(arguments(settings, frames, folder))
-        .stdin(Stdio::null())
-        .stdout(log)
-        .stderr(errors);
+    command.arg(command_of(mode)).arg(program.launch_file).args(arguments(settings, frames, folder));
+    command.stdin(Stdio::null()).stdout(log).stderr(errors);
     command.env("MODULO_TRACE_DIR", folder).env("ROS_DOMAIN_ID", DOMAIN);
     command.env("ZENOH_CONFIG_OVERRIDE", "transport/shared_memory/enabled=true");
     let start_ms = (program.now_ns)() as f64 / 1e6;

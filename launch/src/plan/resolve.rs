@@ -114,43 +114,33 @@ impl Resolver {
                 self.scope.variables.insert(name, value);
             }
             ActionKind::Let { name, value } => {
-                let (name, value) = (view.string(name)?, view.string(value)?);
-                self.scope.variables.insert(name, value);
+                self.scope.variables.insert(view.string(name)?, view.string(value)?);
             }
             ActionKind::SetEnvironment { name, value } => {
-                let (name, value) = (variable_name(view, name)?, view.string(value)?);
-                self.scope.environment.insert(name, value);
+                self.scope.environment.insert(variable_name(view, name)?, view.string(value)?);
             }
             ActionKind::UnsetEnvironment { name } => {
-                let name = view.string(name)?;
-                self.scope.environment.remove(&name);
+                self.scope.environment.remove(&view.string(name)?);
             }
             ActionKind::PushNamespace(namespace) => {
-                let pushed = view.string(namespace)?;
-                self.scope.namespace = self.scope.joined(&pushed);
+                self.scope.namespace = self.scope.joined(&view.string(namespace)?);
             }
             ActionKind::SetParameter { name, value } => {
-                let pair = (view.string(name)?, shared_value(name, value, view)?);
-                self.scope.parameters.push(pair);
+                self.scope.parameters.push((view.string(name)?, shared_value(name, value, view)?));
             }
             ActionKind::SetRemap { from, to } => {
-                let pair = (view.string(from)?, view.string(to)?);
-                self.scope.remaps.push(pair);
+                self.scope.remaps.push((view.string(from)?, view.string(to)?));
             }
-            ActionKind::Log(message) => {
-                let message = view.string(message)?;
-                self.plan.messages.push(message);
-            }
+            ActionKind::Log(message) => self.plan.messages.push(view.string(message)?),
             ActionKind::Group { scoped, children } => self.group(file, scoped.as_ref(), children)?,
             ActionKind::Timer { period, children } => self.timer(file, period, children)?,
             ActionKind::Include(include) => self.include(file, action.line, include)?,
             ActionKind::Node(node) => {
-                let plan = process::node(node, &self.site(file, action.line))?;
-                self.plan.nodes.push(plan);
+                self.plan.nodes.push(process::node(node, &self.site(file, action.line))?);
             }
             ActionKind::Executable(executable) => {
-                let plan = process::executable(executable, &self.site(file, action.line))?;
-                self.plan.executables.push(plan);
+                let site = self.site(file, action.line);
+                self.plan.executables.push(process::executable(executable, &site)?);
             }
         }
         Ok(())

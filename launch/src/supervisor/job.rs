@@ -252,36 +252,19 @@ impl Job {
         }
         loop {
             let start = Instant::now();
-            let mut running = match Running::start(&self.command, &self.process, &print) {
+            let running = match Running::start(&self.command, &self.process, &print) {
                 Ok(running) => running,
                 Err(error) => {
                     self.say(&print, &error.to_string());
                     return done(&restarts, ProcessEnd::NotStarted(error.to_string()));
                 }
             };
-            let id = running.id();
-            // A process that has ended by itself is not called shut down, even if the order to end comes at
-            // the same moment: the first branch is looked at first.
-            let end = tokio::select! {
-                biased;
-                status = running.wait() => self.ended(status, restarts.count),
-                why = hang(self.life_signs.as_ref(), id) => {
-                    self.say(&print, &format!("{why}; it is killed"));
-                    running.kill();
-                    // What it returns says only that it was killed.
-                    let _ = running.wait().await;
-                    ProcessEnd::Crashed(why)
-                }
-                () = told_to_end(&mut told) => {
-                    // The user who interrupts a run does not want to wait for the step at hand.
-                    let is_patient = || self.origin == Origin::Suite && *told.borrow() == Some(Ending::Completed);
-                    let status = running.shut_down(&self.process, is_patient).await;
-                    let last_line = running.finish().await;
-                    return done(&restarts, after_shutdown(self.origin, &status, last_line));
-                }
-            };
             // The last lines of this life are shown before the first ones of the next.
-            let last_line = running.finish().await;
+            let (end, last_line) = self.live(running, &mut told, restarts.count, &print).await;
+            let end = match end {
+                Ok(end) => end,
+                Err(status) => return done(&restarts, after_shutdown(self.origin, &status, last_line)),
+            };
             let delay = match self.after_end(&end, &last_line, start.elapsed(), &mut restarts, &print) {
                 Ok(delay) => delay,
                 Err(end) => return done(&restarts, end),
@@ -290,6 +273,37 @@ impl Job {
                 return done(&restarts, end);
             }
         }
+    }
+
+    /// Returns how a life ended, after the last line of standard error was shown, and that line. `Err` has the exit status of a
+    /// process that was told to end.
+    async fn live(
+        &self,
+        mut running: Running,
+        told: &mut watch::Receiver<Option<Ending>>,
+        restarts: u32,
+        print: &Print,
+    ) -> (Result<ProcessEnd, io::Result<ExitStatus>>, String) {
+        let id = running.id();
+        // A process that has ended by itself is not called shut down, even if the order to end comes at
+        // the same moment: the first branch is looked at first.
+        let end = tokio::select! {
+            biased;
+            status = running.wait() => Ok(self.ended(status, restarts)),
+            why = hang(self.life_signs.as_ref(), id) => {
+                self.say(print, &format!("{why}; it is killed"));
+                running.kill();
+                // What it returns says only that it was killed.
+                let _ = running.wait().await;
+                Ok(ProcessEnd::Crashed(why))
+            }
+            () = told_to_end(told) => {
+                // The user who interrupts a run does not want to wait for the step at hand.
+                let is_patient = || self.origin == Origin::Suite && *told.borrow() == Some(Ending::Completed);
+                Err(running.shut_down(&self.process, is_patient).await)
+            }
+        };
+        (end, running.finish().await)
     }
 
     /// Returns the pause before the next start after a life of `lived` that ended with `end`; or how the process ended

@@ -49,30 +49,14 @@ pub fn forward(
     let waiting = ForwardQueue::new(route.qos);
     let source = match route.direction {
         RouteDirection::DdsToZenoh => {
-            let publisher = transport.advertise_raw(bridge, &route.endpoint())?;
-            let messages = node
-                .subscribe_raw(&route.topic, &route.ros_type, profile(route.qos, reliability(route, node)?))
-                .with_context(|| format!("subscription of {} on DDS", route.topic))?;
-            waiting.send_with(&route.topic, move |bytes| Ok(publisher.put(bytes.to_vec())?));
-            // Ends with the node, which closes the stream. It only moves messages, so that the short stream of r2r, which
-            // would lose the newest message, is never full.
-            let waiting = waiting.clone();
-            thread::spawn(move || {
-                block_on(messages.for_each(|bytes| {
-                    waiting.push(bytes);
-                    futures::future::ready(())
-                }))
-            });
+            from_dds(route, bridge, transport, node, &waiting)?;
             None
         }
         RouteDirection::ZenohToDds => {
             // A reliable publisher serves readers of both kinds.
+            let profile = profile(route.qos, ReliabilityPolicy::Reliable);
             let publisher = node
-                .create_publisher_untyped(
-                    &route.topic,
-                    &route.ros_type,
-                    profile(route.qos, ReliabilityPolicy::Reliable),
-                )
+                .create_publisher_untyped(&route.topic, &route.ros_type, profile)
                 .with_context(|| format!("publisher of {} on DDS", route.topic))?;
             waiting.send_with(&route.topic, move |bytes| Ok(publisher.publish_raw(bytes)?));
             let (queue, lane) = (waiting.queue.clone(), waiting.lane);
@@ -86,6 +70,31 @@ pub fn forward(
         }
     };
     Ok(Forwarding { _source: source, waiting })
+}
+
+/// Forwards `route` from DDS through `waiting` until `node` ends.
+fn from_dds(
+    route: &Route,
+    bridge: &NodeName,
+    transport: &ZenohTransport,
+    node: &mut r2r::Node,
+    waiting: &ForwardQueue,
+) -> anyhow::Result<()> {
+    let publisher = transport.advertise_raw(bridge, &route.endpoint())?;
+    let messages = node
+        .subscribe_raw(&route.topic, &route.ros_type, profile(route.qos, reliability(route, node)?))
+        .with_context(|| format!("subscription of {} on DDS", route.topic))?;
+    waiting.send_with(&route.topic, move |bytes| Ok(publisher.put(bytes.to_vec())?));
+    // Ends with the node, which closes the stream. It only moves messages, so that the short stream of r2r, which would lose
+    // the newest message, is never full.
+    let waiting = waiting.clone();
+    thread::spawn(move || {
+        block_on(messages.for_each(|bytes| {
+            waiting.push(bytes);
+            futures::future::ready(())
+        }))
+    });
+    Ok(())
 }
 
 impl Drop for Forwarding {

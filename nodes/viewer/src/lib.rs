@@ -26,7 +26,7 @@ mod watch;
 
 use std::io;
 use std::net::{SocketAddr, TcpListener};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use axum::Router;
@@ -146,13 +146,15 @@ pub fn run(
     })?;
     // A call that still waits for its node must not hold up the end.
     runtime.shutdown_background();
-    if let Some(file) = &options.record {
-        let recording = recording.lock().unwrap_or_else(PoisonError::into_inner);
-        let written = std::fs::write(file, recording.page());
-        written.map_err(|why| ViewError::Record { file: file.clone(), why })?;
-        return Ok(recording.too_large);
-    }
-    Ok(0)
+    options.record.as_ref().map_or(Ok(0), |file| write(file, &recording))
+}
+
+/// Writes a recording. Returns the number of moments that were too large for it.
+fn write(file: &Path, recording: &Mutex<Recording>) -> Result<usize, ViewError> {
+    let recording = recording.lock().unwrap_or_else(PoisonError::into_inner);
+    let written = std::fs::write(file, recording.page());
+    written.map_err(|why| ViewError::Record { file: file.to_owned(), why })?;
+    Ok(recording.too_large)
 }
 
 /// Serves Foxglove in the background. Returns its port.

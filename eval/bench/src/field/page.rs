@@ -31,13 +31,8 @@ pub fn html(
     let of_method = |method: &String| -> Vec<&FieldCell> {
         results.cells.iter().filter(|cell| cell.method == *method).collect()
     };
-    let summary: Vec<(String, Figures)> = methods(results.cells.iter())
-        .into_iter()
-        .map(|method| {
-            let figures = Figures::of(&of_method(&method));
-            (method, figures)
-        })
-        .collect();
+    let with_figures = |method: String| (method.clone(), Figures::of(&of_method(&method)));
+    let summary: Vec<_> = methods(results.cells.iter()).into_iter().map(with_figures).collect();
     let body = html! {
         h1 { (title) }
         @for fact in &results.facts { p { (fact) } }
