@@ -48,20 +48,7 @@ pub fn forward(
     let waiting = ForwardQueue::new(route.qos);
     let source = match route.direction {
         RouteDirection::DdsToZenoh => {
-            let publisher = transport.advertise_raw(bridge, &route.endpoint())?;
-            let messages = node
-                .subscribe_raw(&route.topic, &route.ros_type, profile(route.qos, reliability(route, node)?))
-                .with_context(|| format!("subscription of {} on DDS", route.topic))?;
-            waiting.send_with(&route.topic, move |bytes| Ok(publisher.put(bytes.to_vec())?));
-            // Ends with the node, which closes the stream. It only moves messages, so that the short stream of r2r, which
-            // would lose the newest message, is never full.
-            let waiting = waiting.clone();
-            thread::spawn(move || {
-                block_on(messages.for_each(|bytes| {
-                    waiting.push(bytes);
-                    futures::future::ready(())
-                }))
-            });
+            to_zenoh(route, bridge, transport, node, &waiting)?;
             None
         }
         RouteDirection::ZenohToDds => {
@@ -85,6 +72,31 @@ pub fn forward(
         }
     };
     Ok(Forwarding { _source: source, waiting })
+}
+
+/// Forwards `route` from DDS through `waiting`.
+fn to_zenoh(
+    route: &Route,
+    bridge: &NodeName,
+    transport: &ZenohTransport,
+    node: &mut r2r::Node,
+    waiting: &ForwardQueue,
+) -> anyhow::Result<()> {
+    let publisher = transport.advertise_raw(bridge, &route.endpoint())?;
+    let messages = node
+        .subscribe_raw(&route.topic, &route.ros_type, profile(route.qos, reliability(route, node)?))
+        .with_context(|| format!("subscription of {} on DDS", route.topic))?;
+    waiting.send_with(&route.topic, move |bytes| Ok(publisher.put(bytes.to_vec())?));
+    // Ends with the node, which closes the stream. It only moves messages, so that the short stream of r2r, which would
+    // lose the newest message, is never full.
+    let waiting = waiting.clone();
+    thread::spawn(move || {
+        block_on(messages.for_each(|bytes| {
+            waiting.push(bytes);
+            futures::future::ready(())
+        }))
+    });
+    Ok(())
 }
 
 impl Drop for Forwarding {
