@@ -118,10 +118,7 @@ pub fn run(
     stop: &Stop,
     ready: impl FnOnce(&ViewAddresses),
 ) -> Result<usize, ViewError> {
-    let token = match &options.token {
-        Some(token) => token.clone(),
-        None => random_token().map_err(ViewError::Random)?,
-    };
+    let token = options.token.clone().map_or_else(random_token, Ok).map_err(ViewError::Random)?;
     let taken = |why| ViewError::Listen(options.address, why);
     let listener = TcpListener::bind(options.address).map_err(taken)?;
     let address = listener.local_addr().map_err(taken)?;
@@ -147,13 +144,11 @@ pub fn run(
     })?;
     // A call that still waits for its node must not hold up the end.
     runtime.shutdown_background();
-    if let Some(file) = &options.record {
-        let recording = recording.lock().unwrap_or_else(PoisonError::into_inner);
-        let written = std::fs::write(file, recording.page());
-        written.map_err(|why| ViewError::Record { file: file.clone(), why })?;
-        return Ok(recording.too_large);
-    }
-    Ok(0)
+    let Some(file) = &options.record else { return Ok(0) };
+    let recording = recording.lock().unwrap_or_else(PoisonError::into_inner);
+    let written = std::fs::write(file, recording.page());
+    written.map_err(|why| ViewError::Record { file: file.clone(), why })?;
+    Ok(recording.too_large)
 }
 
 /// Serves Foxglove in the background. Returns its port.

@@ -24,47 +24,36 @@ pub(super) enum Change {
 impl Change {
     pub const ALL: [Self; 4] = [Self::Input, Self::Method, Self::MoreAlpha, Self::LessAlpha];
 
-    /// Returns the key of `~/state` that a node has only when it can be asked for this.
-    pub fn sign(self) -> &'static str {
+    /// Returns the key of `~/state` that a node has only when it can be asked for this, the kind of such a node, and its parameter.
+    pub fn target(self) -> (&'static str, &'static str, &'static str) {
         match self {
-            Self::Input => "model",
-            Self::Method => "method",
+            Self::Input => ("model", "detector", "input"),
+            Self::Method => ("method", "unwrap node", "method"),
             // Only the camera's alpha changes the image.
-            Self::MoreAlpha | Self::LessAlpha => "source",
-        }
-    }
-
-    /// Returns the kind of node that can be asked for this.
-    pub fn target(self) -> &'static str {
-        match self {
-            Self::Input => "detector",
-            Self::Method => "unwrap node",
-            Self::MoreAlpha | Self::LessAlpha => "camera",
-        }
-    }
-
-    fn parameter(self) -> &'static str {
-        match self {
-            Self::Input => "input",
-            Self::Method => "method",
-            Self::MoreAlpha | Self::LessAlpha => "alpha",
+            Self::MoreAlpha | Self::LessAlpha => ("source", "camera", "alpha"),
         }
     }
 
     /// Asks `node` for the change. Returns the result in words.
     pub fn ask(self, transport: &ZenohTransport, graph: &GraphView, node: &str) -> String {
-        match self.set(transport, graph, node) {
-            Ok(value) => format!("{node} {} = {value}", self.parameter()),
-            Err(why) => format!("{node} {}: {why}", self.parameter()),
+        let (.., parameter) = self.target();
+        match self.set(parameter, transport, graph, node) {
+            Ok(value) => format!("{node} {parameter} = {value}"),
+            Err(why) => format!("{node} {parameter}: {why}"),
         }
     }
 
-    fn set(self, transport: &ZenohTransport, graph: &GraphView, node: &str) -> Result<String, ClientError> {
+    fn set(
+        self,
+        parameter: &str,
+        transport: &ZenohTransport,
+        graph: &GraphView,
+        node: &str,
+    ) -> Result<String, ClientError> {
         let client = ParameterClient::new(transport, node);
-        let present = ParameterView::read(&client, &[self.parameter().to_owned()])?;
-        let next = present.first().map(|present| self.next(present, graph, node));
-        let next = next.unwrap_or_default();
-        client.set(self.parameter(), &next).map(|()| next)
+        let present = ParameterView::read(&client, &[parameter.to_owned()])?;
+        let next = present.first().map(|present| self.next(present, graph, node)).unwrap_or_default();
+        client.set(parameter, &next).map(|()| next)
     }
 
     /// Returns the value after `present`.

@@ -148,7 +148,7 @@ impl NodeTable {
         let state = self.statuses.get(&format!("{name}: state"));
         let told = |key: &str| status.and_then(|status| status.value(key)).map(str::to_owned);
         let used = |key: &str| state.and_then(|state| state.value(key)).map(str::to_owned);
-        let changes = Change::ALL.into_iter().filter(|change| used(change.sign()).is_some());
+        let changes = Change::ALL.into_iter().filter(|change| used(change.target().0).is_some());
         let number = |key: &str| told(key).and_then(|text| text.parse::<f64>().ok());
         NodeRow {
             node: node.to_owned(),

@@ -139,20 +139,20 @@ impl Screen {
         };
         let can = |row: &&NodeRow| row.changes.contains(&change);
         let Some(node) = rows.get(self.selected).filter(can).or_else(|| rows.iter().find(can)) else {
-            self.say(format!("no {} is running", change.target()));
+            self.show(format!("no {} is running", change.target().1));
             return None;
         };
         Some(KeyCommand::Ask(change, node.node.clone()))
     }
 
     fn ask(&self, requests: &SyncSender<ChangeRequest>, change: Change, node: String, graph: &GraphView) {
-        self.say(format!("{node} is asked"));
+        self.show(format!("{node} is asked"));
         if requests.try_send(ChangeRequest { change, node, graph: graph.clone() }).is_err() {
-            self.say("too many changes wait for their nodes; press the key again later".to_owned());
+            self.show("too many changes wait for their nodes; press the key again later".to_owned());
         }
     }
 
-    fn say(&self, text: String) {
+    fn show(&self, text: String) {
         *lock(&self.message) = text;
     }
 
