@@ -75,11 +75,7 @@ fn push(out: &mut String, shape: &Shape) {
         // `image` writes it, because that can fail.
         Shape::Picture { .. } => Ok(()),
         Shape::Text { position: (x, y), text, size, colour, anchor, rotation, width } => {
-            let anchor = match anchor {
-                Anchor::Start => "start",
-                Anchor::Middle => "middle",
-                Anchor::End => "end",
-            };
+            let anchor = anchor_word(*anchor);
             let rotation = match rotation {
                 Rotation::Horizontal => String::new(),
                 Rotation::Upwards => format!(" transform=\"rotate(-90 {x:.1} {y:.1})\""),
@@ -95,6 +91,14 @@ fn push(out: &mut String, shape: &Shape) {
             )
         }
     };
+}
+
+fn anchor_word(anchor: Anchor) -> &'static str {
+    match anchor {
+        Anchor::Start => "start",
+        Anchor::Middle => "middle",
+        Anchor::End => "end",
+    }
 }
 
 fn coordinates(points: &[Position]) -> String {

@@ -17,8 +17,7 @@ use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
 use image::error::{LimitError, LimitErrorKind, UnsupportedError, UnsupportedErrorKind};
 use image::{
-    ColorType, DynamicImage, ExtendedColorType, ImageBuffer, ImageDecoder, ImageEncoder, ImageFormat,
-    ImageReader, Limits, Luma, LumaA, Rgb, Rgba,
+    ColorType, DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat, ImageReader, Limits,
 };
 use modulo_core::{Frame, Samples};
 use ndarray::Array3;
@@ -140,21 +139,19 @@ pub fn sample_depth(mut image: impl BufRead + Seek) -> Option<SampleDepth> {
 /// The errors of [`read_image`].
 pub fn decode(bytes: &[u8], origin: &str) -> Result<Frame, ImageError> {
     let bad = |why: String| ImageError::Undecodable(origin.to_owned(), why);
-    let frame = match picture(bytes).map_err(bad)? {
-        DynamicImage::ImageLuma8(i) => Frame::from_u8(samples(&i, |p: &Luma<u8>| p.0)),
-        DynamicImage::ImageLumaA8(i) => Frame::from_u8(samples(&i, |p: &LumaA<u8>| [p.0[0]])),
-        DynamicImage::ImageRgb8(i) => Frame::from_u8(samples(&i, |p: &Rgb<u8>| p.0)),
-        DynamicImage::ImageRgba8(i) => Frame::from_u8(samples(&i, |p: &Rgba<u8>| [p.0[0], p.0[1], p.0[2]])),
-        DynamicImage::ImageLuma16(i) => Frame::from_u16(samples(&i, |p: &Luma<u16>| p.0)),
-        DynamicImage::ImageLumaA16(i) => Frame::from_u16(samples(&i, |p: &LumaA<u16>| [p.0[0]])),
-        DynamicImage::ImageRgb16(i) => Frame::from_u16(samples(&i, |p: &Rgb<u16>| p.0)),
-        DynamicImage::ImageRgba16(i) => {
-            Frame::from_u16(samples(&i, |p: &Rgba<u16>| [p.0[0], p.0[1], p.0[2]]))
-        }
-        DynamicImage::ImageRgb32F(i) => Frame::from_f32(samples(&i, |p: &Rgb<f32>| p.0)),
-        DynamicImage::ImageRgba32F(i) => {
-            Frame::from_f32(samples(&i, |p: &Rgba<f32>| [p.0[0], p.0[1], p.0[2]]))
-        }
+    let picture = picture(bytes).map_err(bad)?;
+    let (height, width) = (picture.height() as usize, picture.width() as usize);
+    let frame = match picture {
+        DynamicImage::ImageLuma8(i) => Frame::from_u8(samples((height, width, 1), 1, i.into_raw())),
+        DynamicImage::ImageLumaA8(i) => Frame::from_u8(samples((height, width, 1), 2, i.into_raw())),
+        DynamicImage::ImageRgb8(i) => Frame::from_u8(samples((height, width, 3), 3, i.into_raw())),
+        DynamicImage::ImageRgba8(i) => Frame::from_u8(samples((height, width, 3), 4, i.into_raw())),
+        DynamicImage::ImageLuma16(i) => Frame::from_u16(samples((height, width, 1), 1, i.into_raw())),
+        DynamicImage::ImageLumaA16(i) => Frame::from_u16(samples((height, width, 1), 2, i.into_raw())),
+        DynamicImage::ImageRgb16(i) => Frame::from_u16(samples((height, width, 3), 3, i.into_raw())),
+        DynamicImage::ImageRgba16(i) => Frame::from_u16(samples((height, width, 3), 4, i.into_raw())),
+        DynamicImage::ImageRgb32F(i) => Frame::from_f32(samples((height, width, 3), 3, i.into_raw())),
+        DynamicImage::ImageRgba32F(i) => Frame::from_f32(samples((height, width, 3), 4, i.into_raw())),
         other => return Err(bad(format!("colour type {:?} is not supported", other.color()))),
     };
     frame.map_err(|e| bad(e.to_string()))
@@ -187,18 +184,12 @@ fn upright(reader: ImageReader<Cursor<&[u8]>>) -> Result<DynamicImage, image::Im
     Ok(image)
 }
 
-/// Returns the first `N` channels of every pixel, `H x W x N`.
-fn samples<P, T, const N: usize>(image: &ImageBuffer<P, Vec<T>>, pick: impl Fn(&P) -> [T; N]) -> Array3<T>
-where
-    P: image::Pixel<Subpixel = T>,
-    T: image::Primitive,
-{
-    let shape = (image.height() as usize, image.width() as usize, N);
-    let mut pixels = Array3::from_elem(shape, T::zero());
-    for (to, from) in pixels.iter_mut().zip(image.pixels().flat_map(pick)) {
-        *to = from;
+/// Returns the pixels, `H x W x C`, of an image with so many `channels`: alpha, the last one of them, is dropped.
+fn samples<T: Copy>(shape: (usize, usize, usize), channels: usize, mut samples: Vec<T>) -> Array3<T> {
+    if channels > shape.2 {
+        samples = samples.chunks_exact(channels).flat_map(|pixel| &pixel[..shape.2]).copied().collect();
     }
-    pixels
+    Array3::from_shape_vec(shape, samples).expect("the decoder gives as many samples as its size needs")
 }
 
 /// Error of a frame that could not be written.
@@ -236,10 +227,7 @@ impl FileFormat {
 
     /// Returns its name.
     pub fn word(self) -> &'static str {
-        match self {
-            Self::Jpeg => "jpeg",
-            Self::Png => "png",
-        }
+        if self == Self::Jpeg { "jpeg" } else { "png" }
     }
 }
 

@@ -10,7 +10,7 @@
 
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
-use std::sync::mpsc::channel;
+use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use modulo_core::Frame;
@@ -143,20 +143,7 @@ fn receive(frames: usize, carrier: &str) {
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
     let (transport, node_name, address) = ours();
     let session = raw("listen/endpoints");
-    let raw = session.declare_subscriber(RAW_KEY).wait().expect("a subscriber");
-    let (sender, arrived) = channel();
-    std::thread::spawn({
-        let clock = clock.clone();
-        move || {
-            while let Ok(sample) = raw.recv() {
-                let bytes = sample.payload().to_bytes();
-                let sent = u64::from_le_bytes(bytes[..8].try_into().expect("8 bytes"));
-                if sender.send((clock.now_ns() - sent) as f64 / 1e6).is_err() {
-                    return;
-                }
-            }
-        }
-    });
+    let arrived = raw_latencies(&session, clock.clone());
     let queue = Arc::new(Queue::new(clock.clone(), Limit { messages: 0, bytes: 0 }));
     let (waiting, lane) = (queue.clone(), queue.open(Keep::Last(30)));
     let deliver = Box::new(move |incoming| drop(waiting.push(lane, incoming)));
@@ -180,8 +167,31 @@ fn receive(frames: usize, carrier: &str) {
     }
     let late = resident_mib();
     std::thread::sleep(Duration::from_millis(200));
-    let raw: Vec<f64> = arrived.try_iter().collect();
     let lost = frames - bytes.len();
+    print(frames, carrier, arrived.try_iter().collect(), bytes, pixels);
+    println!("{carrier:<8} reader's memory {early:.1} MiB -> {late:.1} MiB");
+    assert_eq!(lost as u64 + queue.counts(lane).lost(), 0, "frames of ours were lost");
+    assert!(late <= 1.2 * early, "memory grew from {early} to {late} MiB");
+}
+
+/// Returns the latencies in ms of the frames that zenoh alone brings, as they come.
+fn raw_latencies(session: &zenoh::Session, clock: Arc<dyn Clock>) -> Receiver<f64> {
+    let raw = session.declare_subscriber(RAW_KEY).wait().expect("a subscriber");
+    let (sender, arrived) = channel();
+    std::thread::spawn(move || {
+        while let Ok(sample) = raw.recv() {
+            let bytes = sample.payload().to_bytes();
+            let sent = u64::from_le_bytes(bytes[..8].try_into().expect("8 bytes"));
+            if sender.send((clock.now_ns() - sent) as f64 / 1e6).is_err() {
+                return;
+            }
+        }
+    });
+    arrived
+}
+
+/// Prints a row for each way to carry the frames, with latencies in ms.
+fn print(frames: usize, carrier: &str, raw: Vec<f64>, bytes: Vec<f64>, pixels: Vec<f64>) {
     let base = quantiles(raw.clone()).0;
     for (what, latencies) in [("raw", raw), ("ours", bytes), ("as Frame", pixels)] {
         let (got, (p50, p99)) = (latencies.len(), quantiles(latencies));
@@ -191,9 +201,6 @@ fn receive(frames: usize, carrier: &str) {
             p50 / base
         );
     }
-    println!("{carrier:<8} reader's memory {early:.1} MiB -> {late:.1} MiB");
-    assert_eq!(lost as u64 + queue.counts(lane).lost(), 0, "frames of ours were lost");
-    assert!(late <= 1.2 * early, "memory grew from {early} to {late} MiB");
 }
 
 /// Median and 99 % of all but the first.

@@ -130,7 +130,8 @@ fn member(
     on_exit: composed::MemberExit,
 ) -> composed::Member {
     let (parameters, node_name) = (waiting_for(wait_for), node_name(name));
-    composed::Member { node, parameters, node_name, on_exit, report_file: None }
+    let setup = NodeSetup { node, parameters, node_name, saved: None, report_file: None };
+    composed::Member { setup, on_exit }
 }
 
 /// Runs a source of `period` before a fast node, which skips a frame, and a slow one: each takes all that there is.

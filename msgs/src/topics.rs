@@ -330,6 +330,21 @@ pub mod diagnostic_msgs {
         }
     }
 
+    impl KeyValue {
+        /// Returns the measurements `pairs` of (name, value).
+        pub fn all<K: Into<String>>(pairs: impl IntoIterator<Item = (K, String)>) -> Vec<Self> {
+            pairs.into_iter().map(|(key, value)| Self { key: key.into(), value }).collect()
+        }
+    }
+
+    impl DiagnosticArray {
+        /// Returns the first measurement called `key`.
+        pub fn value(&self, key: &str) -> Option<&str> {
+            let mut values = self.status.iter().flat_map(|status| &status.values);
+            values.find(|value| value.key == key).map(|value| value.value.as_str())
+        }
+    }
+
     impl DiagnosticStatus {
         /// The component works.
         pub const OK: u8 = 0;

@@ -1,9 +1,9 @@
-//! Files that a user names: regular ones of a bounded size. To open a pipe would wait for its writer, and a device may have no
-//! end.
+//! Files that a user names: regular ones of a bounded size.
 
-use std::fs::{File, metadata};
 use std::io::{Error, ErrorKind, Read as _, Result};
 use std::path::Path;
+
+use modulo_images::open_regular;
 
 /// The largest text that a person writes, such as a launch file, bytes.
 pub const LARGEST_TEXT: u64 = 16 << 20;
@@ -13,18 +13,12 @@ pub const LARGEST_TEXT: u64 = 16 << 20;
 /// # Errors
 /// The error of the system, or one that says what the file is not.
 pub fn read_bytes(path: &Path, most: u64) -> Result<Vec<u8>> {
-    if !metadata(path)?.is_file() {
-        let why = "is not a regular file but a pipe, a device or a folder; copy its content to a file";
-        return Err(Error::new(ErrorKind::InvalidInput, why));
-    }
     let mut bytes = Vec::new();
     // The size that the system tells may change while the file is read.
-    File::open(path)?.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
+    open_regular(path)?.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > most {
-        return Err(Error::new(
-            ErrorKind::InvalidData,
-            format!("is larger than {most} bytes, the most that is read"),
-        ));
+        let why = format!("is larger than {most} bytes, the most that is read");
+        return Err(Error::new(ErrorKind::InvalidData, why));
     }
     Ok(bytes)
 }

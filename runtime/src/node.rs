@@ -42,8 +42,8 @@ impl Trigger {
 pub enum Flow {
     /// Further steps may follow.
     Continue,
-    /// The message at hand is kept; a later step answers it.
-    Kept,
+    /// The message is deferred to a later step.
+    Deferred,
     /// Further steps may follow, and [`Node::inputs`] has changed with this one.
     NewInputs,
     /// The source is exhausted: this node ends, and with it those that only read from it.
@@ -143,8 +143,8 @@ pub trait Node: Send {
     /// [`StepError::Skip`] for a bad input, [`StepError::Fatal`] when the node cannot go on.
     fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError>;
 
-    /// Gives the message up that a step has kept ([`Flow::Kept`]), since what it waits for has not come within about a second.
-    /// Returns the reason, with which it counts as skipped; `None` when no message is kept.
+    /// Discards the message that a step has deferred ([`Flow::Deferred`]), since what it waits for has not come within about a second.
+    /// Returns the reason, with which it counts as skipped; `None` when no message is deferred.
     fn give_up(&mut self) -> Option<String> {
         None
     }

@@ -128,7 +128,7 @@ impl Drop for TraceFile {
 }
 
 fn write_all(spans: &Receiver<Span>, out: &mut impl Write, lost: &AtomicU64, offset: u64) -> io::Result<()> {
-    let (mut told, mut flushed) = (0, true);
+    let (mut reported, mut flushed) = (0, true);
     loop {
         // A node without work has no span, and must not wake for its trace.
         let next = if flushed {
@@ -141,7 +141,7 @@ fn write_all(spans: &Receiver<Span>, out: &mut impl Write, lost: &AtomicU64, off
             Ok(span) => write_span(out, span, offset)?,
             Err(_) => {
                 let lost = lost.load(Ordering::Relaxed);
-                if lost != std::mem::replace(&mut told, lost) {
+                if lost != std::mem::replace(&mut reported, lost) {
                     line(out, &json!({ "lost": lost }))?;
                 }
                 out.flush()?;

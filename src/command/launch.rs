@@ -14,6 +14,7 @@ use modulo_launch::{
     reports_so_far,
 };
 use modulo_middleware::driver::composed::{self, Member};
+use modulo_middleware::driver::live::NodeSetup;
 use modulo_middleware::process::node_files::ReportFile;
 use modulo_middleware::process::signals::end_on_signals;
 use modulo_runtime::output::prepare_file;
@@ -317,7 +318,7 @@ fn run_composed(plan: &Plan) -> Result<LaunchResult, Failure> {
     end_on_signals(&stop).context("signal handlers")?;
     end_on_signals(&asked).context("signal handlers")?;
     let members = members(plan)?;
-    let names: Vec<&str> = members.iter().map(|member| member.node_name.name.as_str()).collect();
+    let names: Vec<&str> = members.iter().map(|member| member.setup.node_name.name.as_str()).collect();
     eprintln!("[launch] running {} in one process; Ctrl-C ends the run", names.join(", "));
     let reports = run_members(members, &stop)?;
     let completed = asked.urgency() == Urgency::None;
@@ -333,8 +334,8 @@ fn run_members(mut members: Vec<Member>, stop: &Stop) -> Result<Vec<NodeReport>,
     }
     let folder = tempfile::tempdir().context("folder of reports")?;
     for member in &mut members {
-        let file = ReportFile::create(folder.path(), &member.node_name.fully_qualified());
-        member.report_file = Some(file.context("file of a report")?);
+        let file = ReportFile::create(folder.path(), &member.setup.node_name.fully_qualified());
+        member.setup.report_file = Some(file.context("file of a report")?);
     }
     let (end, ended) = mpsc::channel::<()>();
     std::thread::scope(|scope| {
@@ -361,7 +362,8 @@ fn members(plan: &Plan) -> Result<Vec<Member>, Failure> {
             OnExit::Shutdown => composed::MemberExit::Shutdown,
             OnExit::Continue => composed::MemberExit::Continue,
         };
-        Ok(Member { node: step, parameters, node_name, on_exit, report_file: None })
+        let setup = NodeSetup { node: step, parameters, node_name, saved: None, report_file: None };
+        Ok(Member { setup, on_exit })
     };
     let on_exits = plan.nodes.iter().map(|node| node.process.on_exit);
     nodes.iter().zip(on_exits).map(member).collect::<anyhow::Result<_>>().map_err(usage)

@@ -6,7 +6,7 @@ use std::process::{Child, ChildStdin, Stdio};
 use std::thread::JoinHandle;
 
 use crate::VideoError;
-use crate::program::{Told, command, needed_version, next_line};
+use crate::program::{Reports, command, needed_version, next_line};
 
 /// Filters that make the sides even, as most encoders need them, and luma and chroma by BT.709, as players read them.
 const FILTERS: &str =
@@ -18,7 +18,7 @@ pub struct Encoder {
     path: PathBuf,
     child: Child,
     pixels: Option<ChildStdin>,
-    told: Option<JoinHandle<Told>>,
+    reports: Option<JoinHandle<Reports>>,
     /// Bytes of a picture.
     size: usize,
 }
@@ -36,16 +36,7 @@ impl Encoder {
         let size = format!("{width}x{height}");
         let mut child = command("ffmpeg")
             .args(["-y", "-hide_banner", "-loglevel", "level+error"])
-            .args([
-                "-f",
-                "rawvideo",
-                "-pixel_format",
-                "rgb24",
-                "-video_size",
-                &size,
-                "-framerate",
-                &rate.to_string(),
-            ])
+            .args(format!("-f rawvideo -pixel_format rgb24 -video_size {size} -framerate {rate}").split(' '))
             .args(["-i", "pipe:0", "-vf", FILTERS])
             .args(COLOURS)
             .arg(file)
@@ -55,15 +46,15 @@ impl Encoder {
             .spawn()
             .map_err(|why| VideoError::failed(path.display(), why))?;
         let mut lines = BufReader::new(child.stderr.take().expect("it is piped"));
-        let told = std::thread::spawn(move || {
-            let mut told = Told::default();
+        let reports = std::thread::spawn(move || {
+            let mut reports = Reports::default();
             while let Some(line) = next_line(&mut lines) {
-                told.take(&line);
+                reports.take(&line);
             }
-            told
+            reports
         });
         let (pixels, size) = (child.stdin.take(), width as usize * height as usize * 3);
-        Ok(Self { path: path.to_owned(), child, pixels, told: Some(told), size })
+        Ok(Self { path: path.to_owned(), child, pixels, reports: Some(reports), size })
     }
 
     /// Adds a picture, row by row with red, green and blue of each pixel.
@@ -95,12 +86,12 @@ impl Encoder {
     /// Waits for ffmpeg to complete the file.
     fn end(&mut self) -> Result<(), VideoError> {
         drop(self.pixels.take());
-        let told = self.told.take().and_then(|told| told.join().ok()).unwrap_or_default();
+        let reports = self.reports.take().and_then(|reports| reports.join().ok()).unwrap_or_default();
         let status = self.child.wait().map_err(|why| VideoError::failed(self.path.display(), why))?;
         if status.success() {
             return Ok(());
         }
-        let why = told.first.unwrap_or_else(|| status.to_string());
+        let why = reports.first.unwrap_or_else(|| status.to_string());
         Err(VideoError::failed(self.path.display(), format!("the video cannot be written (ffmpeg: {why})")))
     }
 }

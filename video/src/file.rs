@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use modulo_core::Frame;
 use modulo_images::check_regular;
 
-use crate::program::{Decoding, FrameInfo, TimeBase, Told, command, needed_version};
+use crate::program::{Decoding, FrameInfo, Reports, TimeBase, command, needed_version};
 use crate::{Pixels, VideoError};
 
 /// The containers of video files. Playlists, lists of images and whatever else names other files are none of them.
@@ -53,7 +53,7 @@ struct FrameIndex {
     missing: u64,
     /// The time of the container at which a seek begins to count, ns; `None` where a seek is not exact.
     seek_from: Option<i64>,
-    told: Told,
+    reports: Reports,
     /// The transfer function of an HDR video.
     hdr: Option<&'static str>,
 }
@@ -71,16 +71,8 @@ impl VideoFile {
         }
         let version = needed_version(&name)?;
         let index = FrameIndex::read(path).map_err(|why| VideoError::failed(&name, why))?;
-        Ok(Self {
-            path: path.to_owned(),
-            version,
-            index,
-            next: 0,
-            decoding: None,
-            early: None,
-            over: None,
-            begin: 0,
-        })
+        let path = path.to_owned();
+        Ok(Self { path, version, index, next: 0, decoding: None, early: None, over: None, begin: 0 })
     }
 
     /// Returns the number of frames, those that are missing included.
@@ -145,19 +137,16 @@ impl VideoFile {
     }
 
     fn missing(&self, number: u64) -> VideoError {
-        let said = self.over.iter().chain(&self.index.told.first).next();
-        let said = said.map(|said| format!(" ({said})")).unwrap_or_default();
+        let cause = self.over.iter().chain(&self.index.reports.first).next();
+        let cause = cause.map(|cause| format!(" ({cause})")).unwrap_or_default();
         let of = format!("frame {} of {}", number + 1, self.frames());
-        VideoError::failed(self.path.display(), format!("{of} is missing or cannot be decoded{said}"))
+        VideoError::failed(self.path.display(), format!("{of} is missing or cannot be decoded{cause}"))
     }
 
     /// Decodes the next frame; `None` when there are no more.
     fn decode(&mut self) -> Result<Option<(Frame, FrameInfo)>, VideoError> {
         loop {
-            let mut decoding = match self.decoding.take() {
-                Some(decoding) => decoding,
-                None => self.start()?,
-            };
+            let mut decoding = self.decoding.take().map_or_else(|| self.start(), Ok)?;
             let is_first = self.begin == self.next;
             match decoding.next() {
                 Ok(Some((_, info))) if is_first && self.next > 0 && self.index.is_behind(self.next, info) => {
@@ -172,7 +161,7 @@ impl VideoFile {
                     return Ok(Some(frame));
                 }
                 ended => {
-                    let (told, signal) = decoding.end();
+                    let (reports, signal) = decoding.end();
                     // A process that was killed before its first frame would be killed again.
                     if signal.is_some() && !is_first {
                         tracing::warn!("{}: ffmpeg was killed, and is started again", self.path.display());
@@ -180,7 +169,7 @@ impl VideoFile {
                     }
                     let why = ended.err().map(|why| why.to_string());
                     self.over =
-                        Some(told.first.or(why).unwrap_or_else(|| "the video ends before it".to_owned()));
+                        Some(reports.first.or(why).unwrap_or_else(|| "the video ends before it".to_owned()));
                     return Ok(None);
                 }
             }
@@ -213,43 +202,31 @@ fn input(path: &Path) -> Vec<OsString> {
 impl FrameIndex {
     /// Lists the frames of the video at `path`. An error is a reason.
     fn read(path: &Path) -> Result<Self, String> {
-        let entries =
-            "stream=nb_frames,time_base,color_transfer:format=format_name,start_time:packet=pts,flags";
         let output = command("ffprobe")
-            .args([
-                "-loglevel",
-                "level+error",
-                "-select_streams",
-                "V:0",
-                "-show_entries",
-                entries,
-                "-of",
-                "compact",
-            ])
+            .args(["-loglevel", "level+error", "-select_streams", "V:0", "-of", "compact", "-show_entries"])
+            .arg("stream=nb_frames,time_base,color_transfer:format=format_name,start_time:packet=pts,flags")
             .args(input(path))
             .output()
             .map_err(|why| format!("ffprobe: {why}"))?;
-        let mut told = Told::default();
-        let said = String::from_utf8_lossy(&output.stderr);
-        said.lines().for_each(|line| {
-            told.take(line);
-        });
+        let mut reports = Reports::default();
+        let text = String::from_utf8_lossy(&output.stderr);
+        for line in text.lines() {
+            reports.take(line);
+        }
         if !output.status.success() {
-            return Err(match told.first {
-                _ if said.contains("not on whitelist") => {
-                    format!(
-                        "is a playlist, which may name other files, or another form that is not read; possible are {FORMATS}"
-                    )
-                }
-                Some(told) => format!("is no video, or is truncated (ffprobe: {told})"),
+            return Err(match reports.first {
+                _ if text.contains("not on whitelist") => format!(
+                    "is a playlist, which may name other files, or another form that is not read; possible are {FORMATS}"
+                ),
+                Some(reports) => format!("is no video, or is truncated (ffprobe: {reports})"),
                 None => format!("is no video (ffprobe: {})", output.status),
             });
         }
-        Self::parse(&String::from_utf8_lossy(&output.stdout), told)
+        Self::parse(&String::from_utf8_lossy(&output.stdout), reports)
     }
 
     /// Reads the `compact` output of ffprobe.
-    fn parse(text: &str, told: Told) -> Result<Self, String> {
+    fn parse(text: &str, reports: Reports) -> Result<Self, String> {
         let value = |line: &str, key: &str| {
             let found = line
                 .split('|')
@@ -272,7 +249,7 @@ impl FrameIndex {
         let name = value(format, "format_name").unwrap_or_default();
         let promised =
             value(stream, "nb_frames").and_then(|n| n.parse().ok()).filter(|_| name.starts_with("mov"));
-        let breaks_off = told.first.as_ref().is_some_and(|told| told.contains("ended prematurely"));
+        let breaks_off = reports.first.as_ref().is_some_and(|reports| reports.contains("ended prematurely"));
         let missing =
             promised.map_or(u64::from(breaks_off), |promised: u64| promised.saturating_sub(packets));
         let found = shown.len() as u64;
@@ -287,7 +264,7 @@ impl FrameIndex {
             Some("arib-std-b67") => Some("HLG"),
             _ => None,
         };
-        Ok(Self { times, found, missing, seek_from, told, hdr })
+        Ok(Self { times, found, missing, seek_from, reports, hdr })
     }
 
     /// Returns whether a decoded frame comes later than that of this number.
@@ -315,7 +292,7 @@ mod tests {
     use super::*;
 
     fn index(text: &str) -> Result<FrameIndex, String> {
-        FrameIndex::parse(text, Told::default())
+        FrameIndex::parse(text, Reports::default())
     }
 
     #[test]
@@ -332,13 +309,13 @@ mod tests {
 
     #[test]
     fn what_has_no_frames_says_so() {
-        for (text, told) in [
+        for (text, reports) in [
             ("format|format_name=mov,mp4|start_time=0\n", "no video stream"),
             ("stream|time_base=1/10|nb_frames=N/A\nformat|format_name=avi\n", "without a frame"),
             ("stream|time_base=0/0\n", "time base"),
         ] {
             let why = index(text).expect_err("no frame");
-            assert!(why.contains(told), "{why}");
+            assert!(why.contains(reports), "{why}");
         }
     }
 }

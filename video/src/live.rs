@@ -21,18 +21,8 @@ const LATEST_NS: i64 = 1_500_000_000;
 /// The fastest frame is found anew in this time, since the clocks of camera and machine drift apart, ns.
 const DRIFT_NS: u64 = 600_000_000_000;
 /// Options of ffmpeg that keep no frame back: it waits for no other frame, and little is read before the first one.
-const PROMPT: [&str; 10] = [
-    "-fflags",
-    "nobuffer",
-    "-flags",
-    "low_delay",
-    "-probesize",
-    "1000000",
-    "-analyzeduration",
-    "500000",
-    "-fpsprobesize",
-    "0",
-];
+const PROMPT: &str =
+    "-fflags nobuffer -flags low_delay -probesize 1000000 -analyzeduration 500000 -fpsprobesize 0";
 
 /// A live camera. Its frames are read on a thread of its own, and each one replaces the one before.
 pub struct LiveVideo {
@@ -125,11 +115,10 @@ impl LiveVideo {
 
 impl Drop for LiveVideo {
     fn drop(&mut self) {
-        let child = {
-            let mut state = self.shared.state();
-            state.ends = true;
-            state.child.take()
-        };
+        let mut state = self.shared.state();
+        state.ends = true;
+        let child = state.child.take();
+        drop(state);
         self.shared.changed.notify_all();
         if let Some((child, _)) = child {
             kill(&child);
@@ -168,31 +157,25 @@ impl Shared {
 
     /// Reads frames until the connection ends. Returns their number and the reason of the end.
     fn read_connection(&self) -> (u64, String) {
-        let options = PROMPT.into_iter().map(str::to_owned).chain(self.address.input());
-        let decoding = Decoding::start(&options.collect::<Vec<_>>(), "null", &self.version, 1);
-        let mut decoding = match decoding {
+        let options = PROMPT.split(' ').map(str::to_owned).chain(self.address.input());
+        let mut decoding = match Decoding::start(&options.collect::<Vec<_>>(), "null", &self.version, 1) {
             Ok(decoding) => decoding,
             Err(why) => return (0, format!("ffmpeg cannot be started: {why}")),
         };
-        {
-            let mut state = self.state();
-            if state.ends {
-                return (0, String::new());
-            }
-            state.child = Some((decoding.child(), self.clock.ticks_ns()));
+        let mut state = self.state();
+        if state.ends {
+            return (0, String::new());
         }
+        state.child = Some((decoding.child(), self.clock.ticks_ns()));
+        drop(state);
         let (mut frames, mut lateness, mut whole) = (0, Lateness::default(), self.clock.ticks_ns());
         while let Ok(Some((frame, info))) = decoding.next() {
             let ticks = self.clock.ticks_ns();
             let late = info.pts_ns.map_or(0, |pts| lateness.of(ticks, pts));
             if late > LATEST_NS {
                 let ms = late / 1_000_000;
-                return (
-                    frames,
-                    format!(
-                        "frames come {ms} ms late, as from a machine with too much to do, and are left out"
-                    ),
-                );
+                let why = "late, as from a machine with too much to do, and are left out";
+                return (frames, format!("frames come {ms} ms {why}"));
             }
             frames += 1;
             if !info.is_damaged {
@@ -202,13 +185,9 @@ impl Shared {
             }
             self.put(self.stamped(frame, info), ticks, frames == 1);
         }
-        let (told, signal) = decoding.end();
-        let why = match (told.first, signal) {
-            (_, Some(_)) => "ffmpeg was killed".to_owned(),
-            (Some(told), _) => told,
-            (None, None) => "the stream has ended".to_owned(),
-        };
-        (frames, why)
+        let (reported, signal) = decoding.end();
+        let why = if signal.is_some() { Some("ffmpeg was killed".to_owned()) } else { reported.first };
+        (frames, why.unwrap_or_else(|| "the stream has ended".to_owned()))
     }
 
     /// Returns a frame with its stamp; the error is a damaged one.

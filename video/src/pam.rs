@@ -4,7 +4,7 @@
 
 use std::io::{self, BufRead, Read};
 
-use modulo_core::Frame;
+use modulo_core::{Frame, FrameError};
 use ndarray::Array3;
 
 /// The most bytes of a frame: 16384 x 8192 px of three colours at 16 bits.
@@ -38,26 +38,28 @@ pub fn read(input: &mut impl BufRead, bits: impl FnOnce() -> u32) -> io::Result<
             _ => {}
         }
     }
-    let bytes = if largest > 255 { 2 } else { 1 };
-    let size =
-        [width, height, depth, bytes].into_iter().try_fold(1_usize, |size, side| size.checked_mul(side));
+    let bytes: usize = if largest > 255 { 2 } else { 1 };
+    let size = [width, height, depth].into_iter().try_fold(bytes, |size, side| size.checked_mul(side));
     let size = size.filter(|size| (1..=LARGEST).contains(size));
     let size = size.ok_or_else(|| bad(format!("frame of {width} x {height} pixels, {depth} channels")))?;
     let mut samples = vec![0; size];
     input.read_exact(&mut samples)?;
-    let dim = (height, width, depth);
-    let frame = if bytes == 1 {
-        Frame::from_u8(Array3::from_shape_vec(dim, samples).expect("as many as were read"))
-    } else {
-        let most = (1_u32 << bits) - 1;
-        let code = |pair: &[u8; 2]| {
-            let code = u32::from(u16::from_be_bytes(*pair));
-            ((code * most + 32_767) / 65_535) as u16
-        };
-        let codes = samples.as_chunks().0.iter().map(code).collect();
-        Frame::from_u16(Array3::from_shape_vec(dim, codes).expect("as many as were read"))
-    };
+    let frame = frame((height, width, depth), samples, (bytes == 2).then_some(bits));
     frame.map(Some).map_err(|why| bad(why.to_string()))
+}
+
+/// Returns the frame of `dim` with these samples: codes of `bits` bits that were spread over 16, or codes of 8 bits.
+fn frame(dim: (usize, usize, usize), samples: Vec<u8>, bits: Option<u32>) -> Result<Frame, FrameError> {
+    let Some(bits) = bits else {
+        return Frame::from_u8(Array3::from_shape_vec(dim, samples).expect("as many as were read"));
+    };
+    let most = (1_u32 << bits) - 1;
+    let code = |pair: &[u8; 2]| {
+        let code = u32::from(u16::from_be_bytes(*pair));
+        ((code * most + 32_767) / 65_535) as u16
+    };
+    let codes = samples.as_chunks().0.iter().map(code).collect();
+    Frame::from_u16(Array3::from_shape_vec(dim, codes).expect("as many as were read"))
 }
 
 /// Reads a line of the header; `None` at the end of the input.

@@ -118,16 +118,16 @@ impl Damage {
     }
 }
 
-/// The errors that a program has told.
+/// The errors that a program has reported.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Told {
+pub(crate) struct Reports {
     /// The first one; later ones often follow from it.
     pub first: Option<String>,
     /// Their number.
     pub count: u64,
 }
 
-impl Told {
+impl Reports {
     /// Takes a line of a program at the log level `level+...`. Returns what it says and whether that is an error.
     pub fn take<'a>(&mut self, line: &'a str) -> (&'a str, bool) {
         // Only names such as `[h264 @ 0x5581]` may stand before the level.
@@ -150,7 +150,7 @@ pub(crate) struct Decoding {
     child: Arc<Mutex<Child>>,
     frames: BufReader<ChildStdout>,
     infos: Receiver<FrameInfo>,
-    told: Option<JoinHandle<Told>>,
+    reports: Option<JoinHandle<Reports>>,
 }
 
 impl Decoding {
@@ -181,8 +181,8 @@ impl Decoding {
         let frames = BufReader::new(child.stdout.take().expect("it is piped"));
         let lines = child.stderr.take().expect("it is piped");
         let (sender, infos) = sync_channel(AHEAD);
-        let told = std::thread::spawn(move || listen(lines, &sender, keys));
-        Ok(Self { child: Arc::new(Mutex::new(child)), frames, infos, told: Some(told) })
+        let reports = std::thread::spawn(move || listen(lines, &sender, keys));
+        Ok(Self { child: Arc::new(Mutex::new(child)), frames, infos, reports: Some(reports) })
     }
 
     /// Returns the process, for somebody who may have to end it.
@@ -207,13 +207,13 @@ impl Decoding {
         }
     }
 
-    /// Returns what the process told, and the signal that ended it if one did; for a process whose frames are over.
-    pub fn end(mut self) -> (Told, Option<i32>) {
+    /// Returns what the process has reported, and the signal that ended it if one did; for a process whose frames are over.
+    pub fn end(mut self) -> (Reports, Option<i32>) {
         // Nobody waits for a place in the channel any more.
         self.infos = sync_channel(0).1;
-        let told = self.told.take().and_then(|told| told.join().ok()).unwrap_or_default();
+        let reports = self.reports.take().and_then(|reports| reports.join().ok()).unwrap_or_default();
         let status = self.child.lock().unwrap_or_else(PoisonError::into_inner).wait();
-        (told, status.ok().and_then(|status| status.signal()))
+        (reports, status.ok().and_then(|status| status.signal()))
     }
 }
 
@@ -232,8 +232,8 @@ pub(crate) fn kill(child: &Mutex<Child>) {
 }
 
 /// Reads what ffmpeg says until it ends.
-fn listen(lines: ChildStderr, infos: &SyncSender<FrameInfo>, keys: u32) -> Told {
-    let (mut lines, mut told, mut base) = (BufReader::new(lines), Told::default(), TimeBase(1, 1));
+fn listen(lines: ChildStderr, infos: &SyncSender<FrameInfo>, keys: u32) -> Reports {
+    let (mut lines, mut reports, mut base) = (BufReader::new(lines), Reports::default(), TimeBase(1, 1));
     let mut damage = Damage { keys: 0, most: keys, is_next: false, is_predicting: false };
     let mut decoder = String::new();
     while let Some(line) = next_line(&mut lines) {
@@ -249,7 +249,7 @@ fn listen(lines: ChildStderr, infos: &SyncSender<FrameInfo>, keys: u32) -> Told 
             }
             Some(_) => {}
             None => {
-                let (said, is_error) = told.take(&line);
+                let (said, is_error) = reports.take(&line);
                 // `Stream #0:0 -> #0:0 (h264 (native) -> pam (native))`
                 if let Some((_, codecs)) = said.trim().split_once(" -> #0:0 (") {
                     decoder = codecs.split(" -> ").next().unwrap_or_default().to_owned();
@@ -258,7 +258,7 @@ fn listen(lines: ChildStderr, infos: &SyncSender<FrameInfo>, keys: u32) -> Told 
             }
         }
     }
-    told
+    reports
 }
 
 /// Returns whether a line comes from `decoder`, such as `h264 (native)`, or from ffmpeg itself, and not from what reads the container.
@@ -369,10 +369,10 @@ mod tests {
     #[test]
     fn frames_are_damaged_up_to_the_next_key_frame() {
         let mut damage = Damage { keys: 0, most: 2, is_next: false, is_predicting: false };
-        let mut told = Told::default();
+        let mut reports = Reports::default();
         let decoder = "h264 (native)";
         let mut shown = |line: &str| {
-            let (said, is_error) = told.take(line);
+            let (said, is_error) = reports.take(line);
             if let "K" | "P" = said {
                 return Some(damage.of_frame(said == "K"));
             }
@@ -399,14 +399,14 @@ mod tests {
 
     #[test]
     fn errors_are_told_without_passwords() {
-        let mut told = Told::default();
-        told.take("[info] Input #0, mov, from '[error] no'");
-        told.take("[mov @ 0x55] [warning] [error] no");
-        told.take("[rtsp @ 0x55] [error] method DESCRIBE failed: 401");
-        told.take("[error] rtsp://a:secret@cam/1: Unauthorized");
-        assert_eq!((told.first.as_deref(), told.count), (Some("method DESCRIBE failed: 401"), 2));
-        let mut told = Told::default();
-        told.take("[fatal] rtsp://a:secret@cam/1: Unauthorized");
-        assert_eq!(told.first.as_deref(), Some("rtsp://***@cam/1: Unauthorized"));
+        let mut reports = Reports::default();
+        reports.take("[info] Input #0, mov, from '[error] no'");
+        reports.take("[mov @ 0x55] [warning] [error] no");
+        reports.take("[rtsp @ 0x55] [error] method DESCRIBE failed: 401");
+        reports.take("[error] rtsp://a:secret@cam/1: Unauthorized");
+        assert_eq!((reports.first.as_deref(), reports.count), (Some("method DESCRIBE failed: 401"), 2));
+        let mut reports = Reports::default();
+        reports.take("[fatal] rtsp://a:secret@cam/1: Unauthorized");
+        assert_eq!(reports.first.as_deref(), Some("rtsp://***@cam/1: Unauthorized"));
     }
 }

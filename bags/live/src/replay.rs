@@ -6,7 +6,8 @@ use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 
-use modulo_middleware::driver::pacing::{Pacing, taken_topic};
+use modulo_middleware::driver::pacing::{Pacing, ack_topic};
+use modulo_middleware::graph::qos_overrides;
 use modulo_middleware::parameter::events::ParameterEvents;
 use modulo_middleware::transport::queue::{Keep, Limit, Queue, Queued};
 use modulo_middleware::transport::zenoh::{RawPublisher, RawService, ZenohTransport};
@@ -20,7 +21,7 @@ use modulo_runtime::wire::attachment::Attachment;
 use modulo_runtime::wire::keys::{self, Endpoint, Hashes};
 use modulo_runtime::{
     Address, Allowed, Clock, Descriptor, Message, MessageKind, NodeName, NodeReport, Parameters, Qos, Stop,
-    Urgency, Value, sensor_info,
+    Topic, Urgency, Value, sensor_info,
 };
 
 use crate::control::{PlayerAction, PlayerCommand, PlayerReply, Service};
@@ -39,15 +40,15 @@ const COMMANDS: usize = 64;
 enum PlayerEvent {
     /// A call of one of its services.
     Command(PlayerCommand),
-    /// A reader has taken a frame.
-    Taken(Incoming),
+    /// A reader has acknowledged a frame.
+    Ack(Incoming),
 }
 
 impl Queued for PlayerEvent {
     fn attachment(&self) -> Option<&Attachment> {
         match self {
             Self::Command(_) => None,
-            Self::Taken(incoming) => incoming.attachment(),
+            Self::Ack(incoming) => incoming.attachment(),
         }
     }
 }
@@ -98,8 +99,7 @@ pub fn replay(
     stop: &Stop,
 ) -> Result<Replayed, ReplayError> {
     let node_name = NodeName { name: NODE.into(), namespace: "/".into(), remaps: Vec::new() };
-    let remaps = &options.remaps;
-    let clock_hz = options.clock_hz;
+    let ReplayOptions { remaps, clock_hz } = options;
     let time = clock_hz.map(|hz| ClockPublisher::declare(transport, &node_name, remaps, hz)).transpose()?;
     let mut unheard = Vec::new();
     let publishers =
@@ -113,21 +113,11 @@ pub fn replay(
     let clock = &**clock;
     // After the announcement, because tools wait for the node before they subscribe.
     wait_until_heard(&publishers, clock, stop);
-    let _told =
+    let _acks =
         (pace.rate() == 0.0).then(|| listen_to_readers(transport, &node_name, &events)).transpose()?;
-    let pacing = Pacing::default();
-    let mut replay = Replay {
-        transport,
-        clock,
-        player,
-        pace,
-        pacing,
-        ahead: None,
-        publishers,
-        time,
-        events,
-        stopped: false,
-    };
+    let (pacing, ahead, stopped) = (Pacing::default(), None, false);
+    let mut replay =
+        Replay { transport, clock, player, pace, pacing, ahead, publishers, time, events, stopped };
     // The timeline starts here, so that the wait for readers is no part of it.
     replay.pace.jump(clock.ticks_ns(), 0);
     let done = replay.run(stop);
@@ -161,12 +151,12 @@ fn listen_to_readers(
     events: &Arc<Queue<PlayerEvent>>,
 ) -> Result<Guard, TransportError> {
     let (events, lane) = (events.clone(), events.open(Keep::Last(COMMANDS)));
-    let deliver = Box::new(move |incoming| drop(events.push(lane, PlayerEvent::Taken(incoming))));
-    let address = Address::resolve(node_name, &taken_topic())
+    let deliver = Box::new(move |incoming| drop(events.push(lane, PlayerEvent::Ack(incoming))));
+    let address = Address::resolve(node_name, &ack_topic())
         .map_err(|why| TransportError::new("subscription to the readers", why))?;
-    let told = transport.subscribe(node_name, &address, deliver)?;
+    let acks = transport.subscribe(node_name, &address, deliver)?;
     thread::sleep(transport.settling());
-    Ok(told)
+    Ok(acks)
 }
 
 /// Offers the parameters that the player of ROS 2 Jazzy has. All of them are fixed: the player makes the time of the bag.
@@ -175,27 +165,19 @@ fn serve_parameters(
     node_name: &NodeName,
     clock: &dyn Clock,
 ) -> Result<(Guard, ParameterEvents), TransportError> {
-    const OVERRIDES: &str = "Quality of service of /parameter_events.";
-    let parameters = [
-        ("qos_overrides./parameter_events.publisher.depth", Value::Integer(1000), OVERRIDES),
-        ("qos_overrides./parameter_events.publisher.durability", Value::String("volatile".into()), OVERRIDES),
-        ("qos_overrides./parameter_events.publisher.history", Value::String("keep_last".into()), OVERRIDES),
-        (
-            "qos_overrides./parameter_events.publisher.reliability",
-            Value::String("reliable".into()),
-            OVERRIDES,
-        ),
-        ("start_type_description_service", Value::Bool(true), "Serves ~/get_type_description."),
-        ("use_sim_time", Value::Bool(false), "Takes stamps from the topic /clock."),
+    let own = [
+        ("start_type_description_service", true, "Serves ~/get_type_description."),
+        ("use_sim_time", false, "Takes stamps from the topic /clock."),
     ];
-    let declared = parameters.map(|(name, default, description)| Descriptor {
-        name,
-        default,
-        allowed: Allowed::Any,
-        read_only: true,
-        description,
+    let own = own.map(|(name, default, description)| {
+        let (default, allowed) = (Value::Bool(default), Allowed::Any);
+        Descriptor { name, default, allowed, read_only: true, description }
     });
-    let parameters = Parameters::declare(declared.into());
+    let mut declared =
+        qos_overrides(node_name, &[Topic::new("/parameter_events", MessageKind::ParameterEvent)])
+            .map_err(|why| TransportError::new("parameters of the player", why))?;
+    declared.extend(own);
+    let parameters = Parameters::declare(declared);
     let events = ParameterEvents::new(node_name, transport)
         .map_err(|why| TransportError::new("publisher of /parameter_events", why))?;
     events.started(clock.now_ns(), &parameters);
@@ -272,9 +254,9 @@ impl Replay<'_> {
                     // Fails only when the caller has gone.
                     let _ = command.answer.send(answer);
                 }
-                Some(PlayerEvent::Taken(incoming)) => {
-                    if let Ok(Message::Diagnostics(taken)) = incoming.open(MessageKind::Diagnostics) {
-                        self.pacing.note(&taken);
+                Some(PlayerEvent::Ack(incoming)) => {
+                    if let Ok(Message::Diagnostics(ack)) = incoming.open(MessageKind::Diagnostics) {
+                        self.pacing.note(&ack);
                     }
                 }
                 None => {}
@@ -343,11 +325,8 @@ impl Replay<'_> {
             PlayerAction::Tell => {}
             PlayerAction::Stop => self.stopped = true,
             PlayerAction::Move(state) => {
-                let other = if self.pace.state() == PlaybackState::Paused {
-                    PlaybackState::Running
-                } else {
-                    PlaybackState::Paused
-                };
+                let is_paused = self.pace.state() == PlaybackState::Paused;
+                let other = if is_paused { PlaybackState::Running } else { PlaybackState::Paused };
                 self.pace.set_state(now, state.unwrap_or(other));
             }
             // An impossible rate is refused in the response, and the replay goes on.
@@ -525,10 +504,8 @@ fn endpoint(topic: &BagTopic, remaps: &TopicRemaps) -> Result<Endpoint, String> 
     let latched = is_status && sensor_info::is_topic(name);
     let is_word = |word: &str| NodeName::new(word, "/", &[]).is_ok();
     if topic.type_name.split('/').count() != 3 || !topic.type_name.split('/').all(is_word) {
-        return Err(format!(
-            "its type '{}' is none of ROS 2, such as sensor_msgs/msg/Image",
-            topic.type_name
-        ));
+        let type_name = &topic.type_name;
+        return Err(format!("its type '{type_name}' is none of ROS 2, such as sensor_msgs/msg/Image"));
     }
     // A token needs some text in place of the hash, and rmw_zenoh has one for this.
     let type_hash = if topic.type_hash.is_empty() { keys::NO_HASH } else { &topic.type_hash };

@@ -23,11 +23,11 @@ const CRC: std::ops::Range<usize> = 33..37;
 
 /// Returns the report of the chunk at `byte`, `messages` of which cannot be read.
 pub(super) fn left_out(path: &Path, byte: u64, messages: Option<u64>, why: &McapError) -> LeftOut {
-    LeftOut { path: path.to_owned(), place: format!("the chunk at byte {byte}"), messages, why: told(why) }
+    LeftOut { path: path.to_owned(), place: format!("the chunk at byte {byte}"), messages, why: text_of(why) }
 }
 
 /// Returns the text of an error, with its cause where the library leaves that out.
-pub(super) fn told(why: &McapError) -> String {
+pub(super) fn text_of(why: &McapError) -> String {
     match why {
         McapError::Io(why) => why.to_string(),
         McapError::Parse(why) => format!("it cannot be parsed: {}", why.root_cause()),

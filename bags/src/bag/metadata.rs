@@ -2,7 +2,6 @@
 //!
 //! The files take precedence: reading a bag takes only the list of its files and their form from here.
 
-use std::fmt::Write;
 use std::path::Path;
 
 use modulo_runtime::input::read_text;
@@ -142,26 +141,18 @@ fn file(file: &FileContents) -> String {
 
 fn topic(counted: &TopicCount) -> String {
     let topic = &counted.topic;
-    let mut text = String::new();
-    // Writing to a String cannot fail.
-    let _ = write!(
-        text,
-        "  - topic_metadata:\n      name: {}\n      type: {}\n      serialization_format: cdr\n      \
-         offered_qos_profiles:",
-        quoted(&topic.name),
-        quoted(&topic.type_name)
-    );
     // The policies stand here as YAML itself, where older versions have a string with YAML in it.
     let profiles = qos::in_words(&topic.qos);
-    text += if profiles.trim().is_empty() { " []\n" } else { "\n" };
-    text += &indented(&profiles, 8);
-    let _ = write!(
-        text,
-        "      type_description_hash: {}\n    message_count: {}\n",
+    let list = if profiles.trim().is_empty() { " []\n" } else { "\n" };
+    format!(
+        "  - topic_metadata:\n      name: {}\n      type: {}\n      serialization_format: cdr\n      \
+         offered_qos_profiles:{list}{}      type_description_hash: {}\n    message_count: {}\n",
+        quoted(&topic.name),
+        quoted(&topic.type_name),
+        indented(&profiles, 8),
         quoted(&topic.type_hash),
         counted.messages
-    );
-    text
+    )
 }
 
 fn indented(text: &str, columns: usize) -> String {

@@ -2,6 +2,8 @@
 //! numbers of `rmw` before.
 
 use modulo_runtime::Qos;
+use modulo_runtime::topic::{Durability, Profile, Reliability};
+use modulo_runtime::wire::keys::qos_string;
 
 const INFINITE: &str = "sec: 9223372036\n    nsec: 854775807";
 
@@ -15,14 +17,9 @@ const WORDS: [(&str, &[&str]); 4] = [
 
 /// Returns the profile of `qos` as a YAML list of one.
 pub fn yaml(qos: Qos) -> String {
-    let (depth, reliability, durability) = match qos {
-        Qos::Images => (5, "best_effort", "volatile"),
-        Qos::Results => (10, "reliable", "volatile"),
-        Qos::Latched => (1, "reliable", "transient_local"),
-        Qos::Clock => (1, "best_effort", "volatile"),
-        Qos::Events => (1000, "reliable", "volatile"),
-        Qos::Logs => (1000, "reliable", "transient_local"),
-    };
+    let Profile { reliability, durability, depth } = Profile::parse(qos_string(qos));
+    let reliability = if reliability == Reliability::Reliable { "reliable" } else { "best_effort" };
+    let durability = if durability == Durability::Volatile { "volatile" } else { "transient_local" };
     let lifespan = if qos == Qos::Logs { "sec: 10\n    nsec: 0" } else { INFINITE };
     format!(
         "- history: keep_last\n  depth: {depth}\n  reliability: {reliability}\n  durability: {durability}\n  \

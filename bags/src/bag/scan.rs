@@ -201,7 +201,7 @@ impl<'a> Walk<'a> {
                 let left_out = chunk::left_out(self.path, self.offset, None, &why);
                 self.warnings.push(BagWarning::LeftOut(left_out));
             }
-            Err(why) => self.skip(chunk::told(&why)),
+            Err(why) => self.skip(chunk::text_of(&why)),
         }
         // A record that is skipped still has its length, so the scan continues behind it.
         self.offset += RECORD_HEAD + length;

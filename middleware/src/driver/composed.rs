@@ -4,12 +4,11 @@
 use std::sync::Arc;
 use std::thread;
 
-use modulo_runtime::{Clock, Node, NodeName, NodeReport, ParameterError, Parameters, Stop, Urgency};
+use modulo_runtime::{Clock, NodeReport, ParameterError, Stop, Urgency};
 
 use super::RunError;
 use super::live::{self, NodeSetup};
 use crate::graph::node_time::is_simulated;
-use crate::process::node_files::ReportFile;
 use crate::transport::local::LocalTransport;
 
 /// The effect of the end of a node on the other nodes.
@@ -24,15 +23,9 @@ pub enum MemberExit {
 /// One node of a composed process.
 pub struct Member {
     /// The node.
-    pub node: Box<dyn Node>,
-    /// Parameters of the node.
-    pub parameters: Parameters,
-    /// Its name and remaps.
-    pub node_name: NodeName,
+    pub setup: NodeSetup,
     /// Effect of its end on the other nodes.
     pub on_exit: MemberExit,
-    /// File that shows the report of the node while it runs.
-    pub report_file: Option<ReportFile>,
 }
 
 /// Asks the other members to end, also when this one panics.
@@ -52,7 +45,7 @@ impl Drop for AskOnDrop {
 /// # Errors
 /// The first member's [`RunError`].
 pub fn run(members: Vec<Member>, clock: &Arc<dyn Clock>, stop: &Stop) -> Result<Vec<NodeReport>, RunError> {
-    if members.iter().any(|member| is_simulated(&member.parameters)) {
+    if members.iter().any(|member| is_simulated(&member.setup.parameters)) {
         let why = "no node of a composed process publishes /clock; start the nodes as processes";
         return Err(ParameterError::new("use_sim_time", true, why).into());
     }
@@ -64,8 +57,7 @@ pub fn run(members: Vec<Member>, clock: &Arc<dyn Clock>, stop: &Stop) -> Result<
             .map(|member| {
                 let (transport, stop) = (&transport, stop.clone());
                 scope.spawn(move || {
-                    let Member { node, parameters, node_name, on_exit, report_file } = member;
-                    let setup = NodeSetup { node, parameters, node_name, saved: None, report_file };
+                    let Member { setup, on_exit } = member;
                     // A panic leaves the urgency as it is here, so that the other members end as well.
                     let mut end = AskOnDrop { stop: stop.clone(), urgency: Urgency::Now };
                     let result = live::run(setup, transport, clock, stop);

@@ -15,30 +15,26 @@ const READER_LIMIT_NS: u64 = 60_000_000_000;
 /// The same where another node publishes on the same topics: its frame may have replaced this one, so that no reader takes it.
 const SHARED_LIMIT_NS: u64 = 300_000_000;
 
-/// Where nodes tell which frame they have taken; `ros2 topic list` hides it, as every name with a leading underscore.
+/// Where nodes acknowledge the frames that they have taken; `ros2 topic list` hides it, as every name with a leading underscore.
 const TOPIC: &str = "/_modulo/taken";
 
 /// Returns the topic, as publishers and subscribers declare it.
-pub fn taken_topic() -> Topic {
+pub fn ack_topic() -> Topic {
     Topic::new(TOPIC, MessageKind::Diagnostics)
 }
 
-/// Returns whether there is a node that does not publish [`taken_topic`], as each live node of the suite does. A recorder or a viewer
+/// Returns whether there is a node that does not publish [`ack_topic`], as each live node of the suite does. A recorder or a viewer
 /// looks for publishers in the graph and subscribes some time after they have come.
 pub(super) fn has_watcher(transport: &dyn Transport) -> bool {
-    let telling = transport.endpoints(EntityKind::Publisher, TOPIC);
-    transport.nodes().iter().any(|node| !telling.contains(node))
+    let acknowledging = transport.endpoints(EntityKind::Publisher, TOPIC);
+    transport.nodes().iter().any(|node| !acknowledging.contains(node))
 }
 
 /// Returns the message that `node` has taken the frame of `stamp`, and published what came of it on `topics`.
-pub(super) fn taken_message(node: NodeId, stamp: Time, topics: &[String]) -> Message {
-    let values = topics.iter().map(|topic| KeyValue { key: topic.clone(), value: String::new() }).collect();
-    let status = DiagnosticStatus {
-        name: node.name,
-        hardware_id: node.session,
-        values,
-        ..DiagnosticStatus::default()
-    };
+pub(super) fn ack_message(node: NodeId, stamp: Time, topics: &[String]) -> Message {
+    let NodeId { name, session: hardware_id } = node;
+    let values = KeyValue::all(topics.iter().map(|topic| (topic, String::new())));
+    let status = DiagnosticStatus { name, hardware_id, values, ..DiagnosticStatus::default() };
     let header = Header { stamp, frame_id: String::new() };
     Message::Diagnostics(Arc::new(DiagnosticArray { header, status: vec![status] }))
 }
@@ -46,17 +42,17 @@ pub(super) fn taken_message(node: NodeId, stamp: Time, topics: &[String]) -> Mes
 /// The last frame of a source of rate 0, and the nodes that have taken it. Such a source sends its next frame when the
 /// slowest reader has taken the last one, so that no frame is replaced by a newer one.
 ///
-/// Each live node tells on [`taken_topic`] which frame it has taken. A node that passes images on tells it when its step is
-/// over, and names the topics on which it has published, so that the source also waits for the readers of those; any
-/// other node tells it before its step, so that the source can make the next frame meanwhile. The messages are only
+/// Each live node acknowledges on [`ack_topic`] the frame that it has taken. A node that passes images on does it when its step
+/// is over, and names the topics on which it has published, so that the source also waits for the readers of those; any
+/// other node does it before its step, so that the source can make the next frame meanwhile. The messages are only
 /// sent while a source listens.
 #[derive(Default)]
 pub struct Pacing {
     stamp: Option<Time>,
     /// Topics on which the frame, or what came of it, was published.
     topics: BTreeSet<String>,
-    /// Nodes that have taken it.
-    taken: BTreeSet<NodeId>,
+    /// Nodes that have acknowledged it.
+    acknowledged: BTreeSet<NodeId>,
     /// When [`Pacing::holds`] was asked first, in ticks of the clock.
     waiting_since: Option<u64>,
 }
@@ -73,12 +69,12 @@ impl Pacing {
         self.stamp == Some(stamp) && self.topics.insert(topic.to_owned())
     }
 
-    /// Takes a message of [`taken_topic`]. Those of earlier frames are ignored.
+    /// Takes a message of [`ack_topic`]. Those of earlier frames are ignored.
     pub fn note(&mut self, message: &DiagnosticArray) {
         if Some(message.header.stamp) == self.stamp {
             for status in &message.status {
                 let (name, session) = (status.name.clone(), status.hardware_id.clone());
-                self.taken.insert(NodeId { name, session });
+                self.acknowledged.insert(NodeId { name, session });
                 // What this node published comes from the frame, so the readers of that are waited for, too.
                 self.topics.extend(status.values.iter().map(|value| value.key.clone()));
             }
@@ -106,15 +102,15 @@ impl Pacing {
         false
     }
 
-    /// Returns the nodes that have not taken the frame yet. Only those are waited for that publish [`taken_topic`]: other
+    /// Returns the nodes that have not taken the frame yet. Only those are waited for that publish [`ack_topic`]: other
     /// readers, such as a viewer, set no pace. A node that leaves the graph is not waited for any longer.
     fn waits_for(&self, transport: &dyn Transport) -> Vec<NodeId> {
         let nodes = |kind, topic| transport.endpoints(kind, topic).into_iter();
-        let telling: BTreeSet<NodeId> = nodes(EntityKind::Publisher, TOPIC).collect();
+        let acknowledging: BTreeSet<NodeId> = nodes(EntityKind::Publisher, TOPIC).collect();
         let readers = self.topics.iter().flat_map(|topic| nodes(EntityKind::Subscription, topic));
-        // A viewer or a recorder tells nothing, and waiting for it would never end.
-        let readers: BTreeSet<NodeId> = readers.filter(|reader| telling.contains(reader)).collect();
-        readers.difference(&self.taken).cloned().collect()
+        // A viewer or a recorder acknowledges nothing, and waiting for it would never end.
+        let readers: BTreeSet<NodeId> = readers.filter(|reader| acknowledging.contains(reader)).collect();
+        readers.difference(&self.acknowledged).cloned().collect()
     }
 }
 
@@ -133,9 +129,9 @@ mod tests {
     fn reader(transport: &LocalTransport, name: &str, topic: &str) -> (Guard, Box<dyn Publisher>) {
         let node_name = node_name(name);
         let input = Address::resolve(&node_name, &Topic::new(topic, MessageKind::Image)).expect("a name");
-        let telling = Address::resolve(&node_name, &taken_topic()).expect("a name");
+        let acknowledging = Address::resolve(&node_name, &ack_topic()).expect("a name");
         let subscription = transport.subscribe(&node_name, &input, Box::new(|_| ())).expect("local");
-        (subscription, transport.advertise(&node_name, &telling).expect("local"))
+        (subscription, transport.advertise(&node_name, &acknowledging).expect("local"))
     }
 
     fn note(pacing: &mut Pacing, node: &str, ns: u64, topics: &[String]) {
@@ -143,7 +139,7 @@ mod tests {
     }
 
     fn note_of(pacing: &mut Pacing, node: NodeId, ns: u64, topics: &[String]) {
-        let Message::Diagnostics(message) = taken_message(node, Time::from_ns(ns), topics) else {
+        let Message::Diagnostics(message) = ack_message(node, Time::from_ns(ns), topics) else {
             unreachable!()
         };
         pacing.note(&message);

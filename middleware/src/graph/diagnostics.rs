@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
+use modulo_runtime::node::status_of;
 use modulo_runtime::report::quantile;
 use modulo_runtime::{Clock, Message, MessageKind, Node, NodeReport, Qos, Topic};
 
@@ -106,14 +107,8 @@ impl Diagnostics {
         values.push(("dropped_frames".to_owned(), dropped.to_string()));
         let bad = report.bad.values().sum();
         let skipped = bad - std::mem::replace(&mut self.bad, bad);
-        let message = Message::Diagnostics(Arc::new(describe(
-            clock.now_ns(),
-            report,
-            node,
-            values,
-            (skipped, condition),
-        )));
-        if let Err(why) = self.publisher.put(&message) {
+        let message = describe(clock.now_ns(), report, node, values, (skipped, condition));
+        if let Err(why) = self.publisher.put(&Message::Diagnostics(Arc::new(message))) {
             // A warning each second about the same fault would hide all others.
             tracing::debug!("{why}");
         }
@@ -141,13 +136,8 @@ fn describe(
     recent: Vec<(String, String)>,
     (skipped, condition): (u64, &NodeCondition<'_>),
 ) -> DiagnosticArray {
-    let mut values = Vec::new();
     // Viewers of diagnostics show these pairs as they are, so the units stand in the keys.
-    let mut say = |key: String, value: String| values.push(KeyValue { key, value });
-    for (key, value) in node.status() {
-        say(key.to_owned(), value);
-    }
-    recent.into_iter().for_each(|(key, value)| say(key, value));
+    let mut values: Vec<(String, String)> = status_of(node).chain(recent).collect();
     for (what, counts) in [
         ("received", &report.received),
         ("published", &report.published),
@@ -156,18 +146,19 @@ fn describe(
         ("bad", &report.bad),
     ] {
         for (topic, count) in counts {
-            say(format!("{what} {topic}"), count.to_string());
+            values.push((format!("{what} {topic}"), count.to_string()));
         }
     }
     for (stage, histogram) in &report.stages {
         for (name, q) in [("p50", 0.5), ("p99", 0.99)] {
             if let Some(us) = quantile(histogram, q) {
-                say(format!("{stage} {name} ms"), format!("{:.3}", us as f64 / 1000.0));
+                values.push((format!("{stage} {name} ms"), format!("{:.3}", us as f64 / 1000.0)));
             }
         }
     }
     let (level, text) = level_of(condition, skipped);
-    array(Time::from_ns(now_ns), report.node.trim_start_matches('/').to_owned(), level, text, values)
+    let name = report.node.trim_start_matches('/').to_owned();
+    array(Time::from_ns(now_ns), name, level, text, KeyValue::all(values))
 }
 
 /// Returns the level and the text of the status of a node in this condition.
@@ -209,7 +200,13 @@ impl StateTopic {
 
     /// Publishes the values that `node`, which is called `name`, uses from the frame of `stamp` on, if they have changed.
     /// `of_driver` are the values that the node itself does not know, such as the name of the stream that it answers.
-    pub fn tell(&mut self, stamp: Time, name: &str, node: &dyn Node, of_driver: Vec<(&'static str, String)>) {
+    pub fn publish(
+        &mut self,
+        stamp: Time,
+        name: &str,
+        node: &dyn Node,
+        of_driver: Vec<(&'static str, String)>,
+    ) {
         let state = [node.state(), of_driver].concat();
         if self.last.as_ref() != Some(&state) {
             self.put(stamp, name, &state);
@@ -218,16 +215,15 @@ impl StateTopic {
     }
 
     /// Publishes that the node, which is called `name`, ends because its frames are over ([`ENDED`]), beside the last values.
-    pub fn tell_end(&mut self, stamp: Time, name: &str) {
+    pub fn publish_end(&mut self, stamp: Time, name: &str) {
         let mut state = self.last.take().unwrap_or_default();
         state.push((ENDED, "true".to_owned()));
         self.put(stamp, name, &state);
     }
 
     fn put(&self, stamp: Time, name: &str, state: &[(&'static str, String)]) {
-        let value = |(key, value): &(&str, String)| KeyValue { key: (*key).to_owned(), value: value.clone() };
         let (name, values) =
-            (format!("{}: state", name.trim_start_matches('/')), state.iter().map(value).collect());
+            (format!("{}: state", name.trim_start_matches('/')), KeyValue::all(state.iter().cloned()));
         let message = array(stamp, name, DiagnosticStatus::OK, "in use".to_owned(), values);
         if let Err(why) = self.publisher.put(&Message::Diagnostics(Arc::new(message))) {
             tracing::warn!("{why}");

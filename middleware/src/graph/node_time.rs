@@ -20,7 +20,7 @@ pub fn is_simulated(parameters: &Parameters) -> bool {
 pub struct NodeTime<'a> {
     machine: &'a dyn Clock,
     /// The latest time that was on `/clock`, ns.
-    told: Arc<AtomicU64>,
+    simulated_ns: Arc<AtomicU64>,
     /// The subscription of `/clock`.
     simulation: Option<Guard>,
 }
@@ -31,7 +31,7 @@ pub struct ClockChange(Option<Option<Guard>>);
 impl<'a> NodeTime<'a> {
     /// Returns a clock with the time of `machine`.
     pub fn new(machine: &'a dyn Clock) -> Self {
-        Self { machine, told: Arc::default(), simulation: None }
+        Self { machine, simulated_ns: Arc::default(), simulation: None }
     }
 
     /// Returns the time of the machine, ns since the epoch, whatever `/clock` shows.
@@ -67,9 +67,9 @@ impl<'a> NodeTime<'a> {
     /// Subscribes to `/clock`; each message sets the time.
     fn simulate(&self, node_name: &NodeName, transport: &dyn Transport) -> Result<Guard, RunError> {
         let address = Address::resolve(node_name, &Topic::new("/clock", MessageKind::Clock))?;
-        let told = self.told.clone();
+        let simulated_ns = self.simulated_ns.clone();
         let deliver = move |incoming: Incoming| match incoming.open(MessageKind::Clock) {
-            Ok(Message::Clock(clock)) => told.store(clock.clock.as_ns(), Ordering::Relaxed),
+            Ok(Message::Clock(clock)) => simulated_ns.store(clock.clock.as_ns(), Ordering::Relaxed),
             Ok(other) => tracing::warn!("/clock: carries {:?}", other.kind()),
             Err(why) => tracing::warn!("/clock: {why}"),
         };
@@ -80,7 +80,7 @@ impl<'a> NodeTime<'a> {
 impl Clock for NodeTime<'_> {
     fn now_ns(&self) -> u64 {
         match self.simulation {
-            Some(_) => self.told.load(Ordering::Relaxed),
+            Some(_) => self.simulated_ns.load(Ordering::Relaxed),
             None => self.machine.now_ns(),
         }
     }

@@ -27,12 +27,12 @@ impl Queued for Log {}
 
 /// Takes log lines off the threads that write them.
 pub struct RosoutLayer {
-    queue: Arc<Queue<Log>>,
-    lane: Lane,
+    lines: LogQueue,
     clock: Arc<dyn Clock>,
 }
 
 /// The lines that [`RosoutLayer`] took.
+#[derive(Clone)]
 pub struct LogQueue {
     queue: Arc<Queue<Log>>,
     lane: Lane,
@@ -41,8 +41,8 @@ pub struct LogQueue {
 /// Returns a layer for `tracing_subscriber`, and the queue in which its lines wait, stamped with the time of `clock`.
 pub fn layer(clock: Arc<dyn Clock>) -> (RosoutLayer, LogQueue) {
     let queue = Arc::new(Queue::new(clock.clone(), Limit { messages: WAITING, bytes: usize::MAX }));
-    let lane = queue.open(Keep::All);
-    (RosoutLayer { queue: queue.clone(), lane, clock }, LogQueue { queue, lane })
+    let lines = LogQueue { lane: queue.open(Keep::All), queue };
+    (RosoutLayer { lines: lines.clone(), clock }, lines)
 }
 
 impl<S: Subscriber> Layer<S> for RosoutLayer {
@@ -63,7 +63,7 @@ impl<S: Subscriber> Layer<S> for RosoutLayer {
             line: metadata.line().unwrap_or_default(),
         };
         // A line for which there is no room is counted by the queue.
-        self.queue.push(self.lane, line);
+        self.lines.queue.push(self.lines.lane, line);
     }
 }
 
@@ -112,13 +112,13 @@ impl LogQueue {
     }
 
     fn publish_until_end(&self, logger: &str, publisher: &dyn Publisher) {
-        let mut told = 0;
+        let mut reported = 0;
         while let Next::Item(arrived) = self.queue.take(None) {
             let lost = self.queue.counts(self.lane).overflowed;
-            // Told before the next line, which is where the lines are missing.
-            if lost > told {
-                put(publisher, logger, about_lost(lost - told, &arrived.item));
-                told = lost;
+            // Reported before the next line, which is where the lines are missing.
+            if lost > reported {
+                put(publisher, logger, about_lost(lost - reported, &arrived.item));
+                reported = lost;
             }
             put(publisher, logger, arrived.item);
         }

@@ -35,9 +35,7 @@ impl ParameterEvents {
 
     /// Publishes the difference between `before` and `now`, if there is one.
     pub fn changed(&self, now_ns: u64, before: &Parameters, now: &Parameters) {
-        let names = now.descriptors().iter().map(|d| d.name);
-        let changed: Vec<_> =
-            names.filter(|name| before.get(name) != now.get(name)).map(|name| parameter(now, name)).collect();
+        let changed: Vec<_> = before.changed(now).map(|(name, _)| parameter(now, name)).collect();
         if !changed.is_empty() {
             self.put(now_ns, |event| event.changed_parameters = changed);
         }

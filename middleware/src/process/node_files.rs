@@ -108,10 +108,8 @@ impl SavedState {
             Ok(Some(changes)) => changes,
             Ok(None) => return launched,
             Err(why) => {
-                tracing::warn!(
-                    "{}: {why}; the parameters are those of the launch again",
-                    self.parameters.display()
-                );
+                let file = self.parameters.display();
+                tracing::warn!("{file}: {why}; the parameters are those of the launch again");
                 return launched;
             }
         };
@@ -148,10 +146,8 @@ impl SavedState {
     /// Keeps the position of a source, to be called before the frame that leads to it is sent.
     pub fn keep_position(&self, position: u64) {
         if let Err(why) = launcher::replace(&self.position, position.to_string().as_bytes()) {
-            tracing::warn!(
-                "{}: {why}; after a crash the source would send frames again",
-                self.position.display()
-            );
+            let file = self.position.display();
+            tracing::warn!("{file}: {why}; after a crash the source would send frames again");
         }
     }
 

@@ -27,15 +27,38 @@ use crate::post::detections;
 use crate::pre::Preprocessor;
 use crate::trust::TrustFollower;
 
-/// Indices of the outputs of a camera; those of the next camera follow. The outputs of the model come last.
-const DETECTIONS: usize = 0;
-const ANNOTATED: usize = 1;
-const OF_A_CAMERA: usize = 2;
-const VISION_INFO: usize = 0;
-const LABEL_INFO: usize = 1;
+/// What an input carries of its camera.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Role {
+    Image,
+    Sensor,
+    /// The statuses of the recovered frames.
+    Recovery,
+}
 
-/// Index of the statuses of the recovered frames in the inputs of a camera with `input: auto`.
-const RECOVERY: usize = 2;
+impl Role {
+    /// Returns the inputs of each camera where the parameters ask for `input`, in their order.
+    fn all(input: &StreamChoice) -> &'static [Self] {
+        match input {
+            StreamChoice::Stream(_) => &[Self::Image, Self::Sensor],
+            StreamChoice::Auto { .. } => &[Self::Image, Self::Sensor, Self::Recovery],
+        }
+    }
+
+    fn topic(self, stream: &str) -> Topic {
+        match self {
+            Self::Image => Topic::new(stream, MessageKind::Image),
+            Self::Sensor => sensor_info::topic_beside(stream),
+            Self::Recovery => Topic::new(RECOVERY_TOPIC, MessageKind::Diagnostics),
+        }
+    }
+}
+
+/// Returns the indices of the boxes and of the annotated images of a camera; behind the last camera, those of the two outputs of
+/// the model.
+fn outputs_at(camera: usize) -> [usize; 2] {
+    [2 * camera, 2 * camera + 1]
+}
 
 /// The stream that `input: auto` reads while it is trusted.
 const TRUSTED: &str = "recovered";
@@ -67,7 +90,7 @@ pub struct Detector {
     /// The cameras in the order of the inputs and outputs; at least one.
     cameras: Vec<Camera>,
     /// Whether a parameter that contradicts a camera was reported.
-    contradiction_told: bool,
+    contradiction_reported: bool,
     /// Number of the version of the published classes and their threshold.
     version: i32,
     /// Whether this version has not been published yet.
@@ -101,22 +124,18 @@ impl Camera {
     }
 
     /// Returns the topics to read for `stream`, where the parameters ask for `input`.
-    fn inputs(&self, input: &StreamChoice, stream: &str) -> Vec<Topic> {
-        let mut topics = vec![Topic::new(stream, MessageKind::Image), sensor_info::topic_beside(stream)];
-        if let StreamChoice::Auto { .. } = input {
-            topics.push(Topic::new(RECOVERY_TOPIC, MessageKind::Diagnostics));
-        }
-        topics.into_iter().map(|topic| self.topic(topic)).collect()
-    }
-
-    /// Returns the topic with the descriptions of the sensor behind `stream`.
-    fn description(&self, stream: &str) -> Topic {
-        self.topic(sensor_info::topic_beside(stream))
+    fn inputs(&self, input: &StreamChoice, stream: &str) -> impl Iterator<Item = Topic> {
+        Role::all(input).iter().map(move |role| self.topic(role.topic(stream)))
     }
 
     /// Returns the descriptions of the sensor behind `stream`.
     fn described(&self, stream: &str) -> Option<&SensorHistory> {
-        self.described.get(&self.description(stream).name)
+        self.described.get(&self.topic(Role::Sensor.topic(stream)).name)
+    }
+
+    /// Returns the topic of the images to read now, where the parameters ask for `input`.
+    fn image_topic(&self, input: &StreamChoice) -> String {
+        self.topic(Role::Image.topic(self.stream(input))).name
     }
 
     /// Returns the stream to read now, where the parameters ask for `input`.
@@ -201,7 +220,7 @@ impl Detector {
             loaded: Loaded::new(parameters, FIRST_RUN)?,
             pre: Preprocessor::default(),
             cameras: cameras(parameters),
-            contradiction_told: false,
+            contradiction_reported: false,
             version: 1,
             labels_due: true,
         })
@@ -247,18 +266,26 @@ impl Detector {
                 (camera.trust, camera.codes) = Default::default();
                 // The last images of the stream before may still come.
                 let kept = [&input, &self.loaded.settings.input]
-                    .map(|input| camera.description(camera.stream(input)).name);
+                    .map(|input| camera.topic(Role::Sensor.topic(camera.stream(input))).name);
                 camera.described.retain(|topic, _| kept.contains(topic));
             }
         }
         if labels(&self.loaded) != before {
             (self.version, self.labels_due) = (self.version.saturating_add(1), true);
         }
-        self.contradiction_told = false;
+        self.contradiction_reported = false;
+    }
+
+    /// Returns the camera and the role of the input with this index.
+    fn source(&self, input: usize) -> Option<(usize, Role)> {
+        let roles = Role::all(&self.loaded.settings.input);
+        let sources =
+            (0..self.cameras.len()).flat_map(|camera| roles.iter().map(move |role| (camera, *role)));
+        { sources }.nth(input)
     }
 
     /// Publishes the meaning of the class ids, once for each version.
-    fn tell_labels(&mut self, header: &Header, cx: &mut Context<'_>) {
+    fn publish_labels(&mut self, header: &Header, cx: &mut Context<'_>) {
         if !std::mem::take(&mut self.labels_due) {
             return;
         }
@@ -271,9 +298,9 @@ impl Detector {
         let Settings { classes, score_threshold, .. } = &self.loaded.settings;
         let labels =
             LabelInfo { header: header.clone(), class_map: classes.labels(), threshold: *score_threshold };
-        let first = OF_A_CAMERA * self.cameras.len();
-        cx.emit(first + VISION_INFO, Message::VisionInfo(Arc::new(info)));
-        cx.emit(first + LABEL_INFO, Message::LabelInfo(Arc::new(labels)));
+        let [vision_info, label_info] = outputs_at(self.cameras.len());
+        cx.emit(vision_info, Message::VisionInfo(Arc::new(info)));
+        cx.emit(label_info, Message::LabelInfo(Arc::new(labels)));
     }
 
     /// Finds the objects in an image of `stream` of the camera with this index.
@@ -284,7 +311,7 @@ impl Detector {
         cx: &mut Context<'_>,
     ) -> Result<(), String> {
         let scale = self.scale((camera, stream), image)?;
-        let first = OF_A_CAMERA * camera;
+        let [boxes_out, annotated_out] = outputs_at(camera);
         let Self { loaded: Loaded { settings, engine, .. }, pre, cameras, .. } = self;
         let (frame, letterbox) = cx.stage("pre", || {
             let frame = image.frame.demosaiced();
@@ -294,17 +321,17 @@ impl Detector {
         let tensor = pre.tensor().expect("it was filled");
         let rows = cx.stage("infer", || engine.engine.run(tensor)).map_err(|error| error.to_string())?;
         let found = cx.stage("post", || detections(&rows, &letterbox, settings));
-        if cx.wanted(first + ANNOTATED) {
+        if cx.wanted(annotated_out) {
             let frame = cx.stage("draw", || annotated(&frame, scale, &found))?;
             let image = StampedFrame { header: image.header.clone(), frame };
-            cx.emit(first + ANNOTATED, Message::Image(Arc::new(image)));
+            cx.emit(annotated_out, Message::Image(Arc::new(image)));
         }
         let header = &image.header;
         tracing::debug!("{}", line(image.header.stamp, &found));
         let detections =
             found.iter().map(|detection| Detection2D::from_detection(detection, header)).collect();
         let array = Detection2DArray { header: header.clone(), detections };
-        cx.emit(first + DETECTIONS, Message::Detections(Arc::new(array)));
+        cx.emit(boxes_out, Message::Detections(Arc::new(array)));
         Ok(())
     }
 
@@ -329,7 +356,7 @@ impl Detector {
         }
         if let (Some(described), Some(sensor)) = (of(0).filter(|described| *described != scale), sensor)
             && described.light().is_some()
-            && !std::mem::replace(&mut self.contradiction_told, true)
+            && !std::mem::replace(&mut self.contradiction_reported, true)
         {
             tracing::warn!("the parameter bits {bits} overrides the camera's {} bits", sensor.bits);
         }
@@ -339,21 +366,19 @@ impl Detector {
     /// Takes a description of the sensor, or the status of a recovered frame; both may lead to another stream.
     fn note(
         &mut self,
-        (camera, input, stream): (usize, usize, String),
+        (camera, role, stream): (usize, Role, String),
         info: &DiagnosticArray,
         now_ns: u64,
     ) -> Result<Flow, String> {
         let (camera, wanted) = (&mut self.cameras[camera], &self.loaded.settings.input);
         let before = camera.stream(wanted).to_owned();
-        if input == RECOVERY {
-            let mut values = info.status.iter().flat_map(|status| &status.values);
+        if role == Role::Recovery {
             // A method without a claim is no reason to leave its image.
-            let claim = values.find(|value| value.key == "trusted");
-            camera.trust.note(claim.is_none_or(|trusted| trusted.value == "true"), now_ns);
+            camera.trust.note(info.value("trusted").is_none_or(|trusted| trusted == "true"), now_ns);
         } else {
             camera.described.entry(stream).or_default().note(info).map_err(|why| why.to_string())?;
         }
-        let stream = camera.topic(Topic::new(camera.stream(wanted), MessageKind::Image)).name;
+        let stream = camera.image_topic(wanted);
         if camera.stream(wanted) == before {
             return Ok(Flow::Continue);
         }
@@ -408,10 +433,8 @@ fn outputs_of(cameras: &[Camera]) -> Vec<Topic> {
         [("detections", MessageKind::Detections), ("annotated", MessageKind::Image)]
             .map(|(name, kind)| Topic::new(format!("~{own}/{name}"), kind))
     };
-    let of_model = [
-        Topic::new("~/vision_info", MessageKind::VisionInfo),
-        Topic::new("~/label_info", MessageKind::LabelInfo),
-    ];
+    let of_model = [("vision_info", MessageKind::VisionInfo), ("label_info", MessageKind::LabelInfo)]
+        .map(|(name, kind)| Topic::new(format!("~/{name}"), kind));
     cameras.iter().flat_map(of_camera).chain(of_model).collect()
 }
 
@@ -468,21 +491,22 @@ impl Node for Detector {
     }
 
     fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
-        let of_a_camera = if matches!(self.loaded.settings.input, StreamChoice::Auto { .. }) { 3 } else { 2 };
         let stream = cx.stream().map(str::to_owned).or_else(|| stream_of(self, &trigger)).unwrap_or_default();
-        match trigger {
-            Trigger::Message { input, message: Message::Image(image) } => {
-                let place = (input / of_a_camera, &*stream);
-                self.detect(place, &image, cx).map(|()| self.tell_labels(&image.header, cx))
+        let (source, message) = match trigger {
+            Trigger::Message { input, message } => (self.source(input), Some(message)),
+            Trigger::Tick => (None, None),
+        };
+        match (source, message) {
+            (Some((camera, Role::Image)), Some(Message::Image(image))) => {
+                self.detect((camera, &stream), &image, cx).map_err(StepError::Skip)?;
+                self.publish_labels(&image.header, cx);
+                Ok(Flow::Continue)
             }
-            Trigger::Message { input, message: Message::Diagnostics(info) } => {
-                let place = (input / of_a_camera, input % of_a_camera, stream);
-                return self.note(place, &info, cx.now_ns()).map_err(StepError::Skip);
+            (Some((camera, role)), Some(Message::Diagnostics(info))) => {
+                self.note((camera, role, stream), &info, cx.now_ns()).map_err(StepError::Skip)
             }
-            Trigger::Message { .. } | Trigger::Tick => Err("the detector only answers images".to_owned()),
+            _ => Err(StepError::Skip("the detector only answers images".to_owned())),
         }
-        .map_err(StepError::Skip)?;
-        Ok(Flow::Continue)
     }
 
     fn state(&self) -> Vec<(&'static str, String)> {
@@ -504,10 +528,7 @@ impl Node for Detector {
     fn status(&self) -> Vec<(&'static str, String)> {
         let mut status = self.state();
         let input = &self.loaded.settings.input;
-        let streams = self
-            .cameras
-            .iter()
-            .map(|camera| camera.topic(Topic::new(camera.stream(input), MessageKind::Image)).name);
+        let streams = self.cameras.iter().map(|camera| camera.image_topic(input));
         status.push(("stream", streams.collect::<Vec<_>>().join(", ")));
         status
     }

@@ -21,7 +21,7 @@ pub(crate) struct Calibration {
     topic: Option<String>,
     info: Option<Arc<CameraInfo>>,
     /// Whether it was reported that it does not fit the images.
-    mismatch_told: bool,
+    mismatch_reported: bool,
 }
 
 impl Calibration {
@@ -59,7 +59,7 @@ impl Calibration {
         if (of_rows, of_columns) == (height, width) {
             return CameraInfo { header: header.clone(), ..CameraInfo::clone(info) };
         }
-        if !std::mem::replace(&mut self.mismatch_told, true) {
+        if !std::mem::replace(&mut self.mismatch_reported, true) {
             tracing::warn!(
                 "the camera info beside the source is for images of {of_columns} x {of_rows} px, but they have {width} x \
                  {height}: it is not passed on"

@@ -51,9 +51,6 @@ pub struct ModuloCamera {
     sensor: Sensor,
     /// Describes the sensor to the nodes that read its frames.
     parameters: CameraParameters,
-    seed: u64,
-    period: Duration,
-    limit: Option<u64>,
     /// Frames taken from this source since the launch, those that could not be read included.
     taken: u64,
     /// Frames sensed in this life of the node.
@@ -84,9 +81,6 @@ impl ModuloCamera {
             input,
             sensor: parameters.sensor.simulated()?,
             parameters: parameters.clone(),
-            seed: parameters.seed.unsigned_abs(),
-            period: parameters.period(),
-            limit: parameters.limit(),
             taken: 0,
             sensed: 0,
         })
@@ -104,19 +98,21 @@ impl ModuloCamera {
             self.calibration = input.calibration();
             (self.input, self.taken) = (input, 0);
         }
-        self.seed = parameters.seed.unsigned_abs();
-        self.period = parameters.period();
-        self.limit = parameters.limit();
         self.parameters = parameters;
         Ok(())
     }
 
+    /// Returns whether as many frames were taken as were asked for.
+    fn is_over(&self) -> bool {
+        self.parameters.frames > 0 && self.taken >= self.parameters.frames.unsigned_abs()
+    }
+
     fn next_frame(&mut self) -> Result<Option<SourceFrame>, StepError> {
-        let CameraInput::Frames(reader) = &mut self.input else { return Ok(None) };
-        if self.limit.is_some_and(|limit| self.taken >= limit) {
+        if self.is_over() {
             return Ok(None);
         }
-        // Told before the first frame, so that no limit hides it; it is no frame, so it has no number.
+        let CameraInput::Frames(reader) = &mut self.input else { return Ok(None) };
+        // Reported before the first frame, so that no limit hides it; it is no frame, so it has no number.
         if let Some(why) = reader.losses.pop() {
             return Err(StepError::Skip(why));
         }
@@ -136,7 +132,7 @@ impl ModuloCamera {
         cx: &mut Context<'_>,
     ) -> Result<(), String> {
         // All seeds are allowed, so their sum with the number may pass the end of the range.
-        let seed = self.seed.wrapping_add(number);
+        let seed = self.parameters.seed.unsigned_abs().wrapping_add(number);
         self.sensed += 1;
         // Before the frame that it describes, and for late readers also when there is no reader now.
         let info = sensor_info::message(header, &self.parameters.sensor, cx.node());
@@ -242,8 +238,8 @@ impl Node for ModuloCamera {
     fn period(&self) -> Option<Duration> {
         match self.input {
             CameraInput::Topic { .. } => None,
-            CameraInput::Frames(_) => Some(self.period),
-            CameraInput::Live(_) => Some(self.period.max(LIVE_PERIOD)),
+            CameraInput::Frames(_) => Some(self.parameters.period()),
+            CameraInput::Live(_) => Some(self.parameters.period().max(LIVE_PERIOD)),
         }
     }
 
@@ -303,8 +299,7 @@ impl Node for ModuloCamera {
             Trigger::Message { message: Message::CameraInfo(info), .. } => self.calibration.take(info),
             Trigger::Message { .. } => {}
         }
-        let over = self.limit.is_some_and(|limit| self.taken >= limit);
-        Ok(if over { Flow::Done } else { Flow::Continue })
+        Ok(if self.is_over() { Flow::Done } else { Flow::Continue })
     }
 
     fn state(&self) -> Vec<(&'static str, String)> {
@@ -318,10 +313,8 @@ impl Node for ModuloCamera {
             vec![("role", "source".into()), ("frames", self.sensed.to_string()), ("fit_up_to_alpha", fit)];
         if let CameraInput::Live(video) = &self.input {
             let LiveCounts { arrived, replaced, connections } = video.counts();
-            status.push((
-                "live",
-                format!("{arrived} frames arrived, {replaced} replaced, {connections} connections"),
-            ));
+            let counts = format!("{arrived} frames arrived, {replaced} replaced, {connections} connections");
+            status.push(("live", counts));
         }
         status
     }
@@ -364,7 +357,7 @@ struct FrameReader {
     given: bool,
     /// The fault of the last bad frame.
     bad: Option<String>,
-    /// Losses of the source that were not told yet.
+    /// Losses of the source that were not reported yet.
     losses: Vec<String>,
 }
 
@@ -502,23 +495,14 @@ impl CameraParameters {
         let of_chip = SensorModel::of_chip();
         if let Some((name, _)) = pairs.iter().find(|(name, _)| !of_chip.contains(&name.as_str())) {
             let possible = of_chip.join(", ");
-            return Err(wrong(format!(
-                "'{name}' does not describe the chip or the lens; these do: {possible}"
-            )));
+            let why = format!("'{name}' does not describe the chip or the lens; these do: {possible}");
+            return Err(wrong(why));
         }
         SensorModel::from_text(&pairs).map_err(|why| wrong(why.to_string()))
     }
 
     /// Returns the time between two frames. Zero: as fast as its readers take them.
     pub(crate) fn period(&self) -> Duration {
-        match self.rate {
-            0.0 => Duration::ZERO,
-            rate => Duration::from_secs_f64(1.0 / rate.max(1e-6)),
-        }
-    }
-
-    /// Returns the number of frames to send, if not all.
-    pub(crate) fn limit(&self) -> Option<u64> {
-        Some(self.frames.unsigned_abs()).filter(|&frames| frames > 0)
+        if self.rate == 0.0 { Duration::ZERO } else { Duration::from_secs_f64(1.0 / self.rate.max(1e-6)) }
     }
 }

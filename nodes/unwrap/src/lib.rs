@@ -109,7 +109,7 @@ pub struct UnwrapNode {
     /// The sensor of the last frame with what is prepared for it.
     sensor: Option<Prepared>,
     /// A frame that came before the first sensor description.
-    kept: Option<Arc<StampedFrame>>,
+    deferred: Option<Arc<StampedFrame>>,
     /// Whether a frame has waited for the first description in vain: those that follow do not wait.
     undescribed: bool,
     /// Frames whose own description was late or lost, so that an earlier one was used.
@@ -117,7 +117,7 @@ pub struct UnwrapNode {
     recovered: Recovered,
     counts: RecoveryCounts,
     /// Whether a parameter that contradicts the camera was reported.
-    contradiction_told: bool,
+    contradiction_reported: bool,
 }
 
 /// A sensor with the values that are computed from it once.
@@ -143,12 +143,12 @@ impl UnwrapNode {
             method: parameters.method()?,
             described: SensorHistory::default(),
             sensor: None,
-            kept: None,
+            deferred: None,
             undescribed: false,
             reused: 0,
             recovered: Recovered::default(),
             counts: RecoveryCounts::default(),
-            contradiction_told: false,
+            contradiction_reported: false,
         })
     }
 
@@ -158,8 +158,8 @@ impl UnwrapNode {
         let model = self.parameters.sensor.over(camera)?;
         if let Some(camera) = camera
             && (camera.bits, camera.alpha) != (model.bits, model.alpha)
-            // Told once, and not with each frame.
-            && !std::mem::replace(&mut self.contradiction_told, true)
+            // Reported once, and not with each frame.
+            && !std::mem::replace(&mut self.contradiction_reported, true)
         {
             tracing::warn!(
                 "the parameters bits {} and alpha {} override the camera's bits {} and alpha {}",
@@ -186,13 +186,13 @@ impl UnwrapNode {
         Ok(())
     }
 
-    /// Unwraps `modulo`. Before the very first sensor description it is kept for a while.
+    /// Unwraps `modulo`. Before the very first sensor description it is deferred for a while.
     fn take(&mut self, modulo: Arc<StampedFrame>, cx: &mut Context<'_>) -> Result<Flow, StepError> {
         let stamp = modulo.header.stamp;
         // Bits and alpha may both be set as parameters: then no description is needed.
         if !self.parameters.sensor.is_complete() {
             if self.described.latest().is_none() {
-                return self.keep(modulo);
+                return self.defer(modulo);
             }
             // The description goes before its frame, so that it is late or lost; the sensor changes rarely.
             self.reused += u64::from(self.described.of(stamp).is_none());
@@ -202,24 +202,24 @@ impl UnwrapNode {
         Ok(Flow::Continue)
     }
 
-    /// Keeps `modulo` for the first sensor description, or skips it when that was waited for in vain.
-    fn keep(&mut self, modulo: Arc<StampedFrame>) -> Result<Flow, StepError> {
+    /// Defers `modulo` to the first sensor description, or skips it when that was waited for in vain.
+    fn defer(&mut self, modulo: Arc<StampedFrame>) -> Result<Flow, StepError> {
         if self.undescribed {
             return Err(StepError::Skip(UNDESCRIBED.into()));
         }
         // Only the newest frame is kept.
-        match self.kept.replace(modulo) {
-            None => Ok(Flow::Kept),
+        match self.deferred.replace(modulo) {
+            None => Ok(Flow::Deferred),
             Some(_) => Err(StepError::Skip(UNDESCRIBED.into())),
         }
     }
 
-    /// Takes a sensor description; unwraps the frame that was kept for it.
+    /// Takes a sensor description; unwraps the frame that was deferred to it.
     fn describe(&mut self, info: &DiagnosticArray, cx: &mut Context<'_>) -> Result<Flow, StepError> {
         // Descriptions are kept by stamp, since the one of the next frame may come before this frame.
         self.described.note(info).map_err(|why| StepError::Skip(why.to_string()))?;
         self.undescribed = false;
-        match self.kept.take() {
+        match self.deferred.take() {
             Some(modulo) => self.take(modulo, cx),
             None => Ok(Flow::Continue),
         }
@@ -233,19 +233,19 @@ impl UnwrapNode {
         cx.stage("unwrap", || method.unwrap(&modulo.frame, *range, out))
             .map_err(|why| skip(why.to_string()))?;
         self.counts.count(&self.recovered.report);
-        let said = (cx.wanted(DIAGNOSTICS) | cx.wanted(RECOVERY)).then(|| {
+        let status = (cx.wanted(DIAGNOSTICS) | cx.wanted(RECOVERY)).then(|| {
             let report = &self.recovered.report;
             Message::Diagnostics(Arc::new(describe(cx.node(), &modulo.header, self.method.name(), report)))
         });
-        let tell = |output, cx: &mut Context<'_>| {
-            if let (Some(said), true) = (&said, cx.wanted(output)) {
-                cx.emit(output, said.clone());
+        let emit = |output, cx: &mut Context<'_>| {
+            if let (Some(status), true) = (&status, cx.wanted(output)) {
+                cx.emit(output, status.clone());
             }
         };
-        tell(DIAGNOSTICS, cx);
+        emit(DIAGNOSTICS, cx);
         self.emit_images(modulo, cx).map_err(|why| skip(why.to_string()))?;
         // After the image: a detector that changes its input because of it has answered this frame already.
-        tell(RECOVERY, cx);
+        emit(RECOVERY, cx);
         Ok(())
     }
 
@@ -328,7 +328,7 @@ impl Node for UnwrapNode {
         if (parameters.deblur, parameters.denoise) != (last.deblur, last.denoise) {
             self.sensor = None;
         }
-        (self.parameters, self.contradiction_told) = (parameters, false);
+        (self.parameters, self.contradiction_reported) = (parameters, false);
         Ok(())
     }
 
@@ -346,7 +346,7 @@ impl Node for UnwrapNode {
     }
 
     fn give_up(&mut self) -> Option<String> {
-        self.kept.take()?;
+        self.deferred.take()?;
         self.undescribed = true;
         Some(UNDESCRIBED.to_owned())
     }
@@ -404,21 +404,25 @@ impl RecoveryCounts {
     }
 }
 
-/// Returns the status of one recovered frame, stamped as its image, under the name that ROS gives a status of the fully
-/// qualified `node`.
-fn describe(node: &str, header: &Header, method: &str, report: &Report) -> DiagnosticArray {
-    let (level, message) = match report.trust {
+/// Returns the level and the text of the status of a frame with this `trust`.
+fn level_of(trust: Trust) -> (u8, &'static str) {
+    match trust {
         Trust::Trusted => (DiagnosticStatus::OK, "trusted"),
-        Trust::Untrusted => {
-            let why = "not trusted: the image violates the assumptions of the method, or its edges may hide whole peaks";
-            (DiagnosticStatus::WARN, why)
-        }
+        Trust::Untrusted => (
+            DiagnosticStatus::WARN,
+            "not trusted: the image violates the assumptions of the method, or its edges may hide whole peaks",
+        ),
         Trust::Relative => (
             DiagnosticStatus::WARN,
             "not trusted: nothing shows the absolute offset, so that all counts may be too small by the same number",
         ),
         Trust::Unknown => (DiagnosticStatus::OK, "the method makes no claim"),
-    };
+    }
+}
+
+/// Returns the status of one recovered frame, stamped as its image, under the name that ROS gives a status of the fully
+/// qualified `node`.
+fn describe(node: &str, header: &Header, method: &str, report: &Report) -> DiagnosticArray {
     // Two names: the method that was asked for, and the one that `auto` selected for this frame.
     let mut values = vec![("method", method.to_owned()), ("method_used", report.method.to_owned())];
     // A method without a claim has no entry, so that no reader takes it for distrust.
@@ -430,7 +434,6 @@ fn describe(node: &str, header: &Header, method: &str, report: &Report) -> Diagn
         values.push(("offset", evidence.to_owned()));
     }
     if let Some(QualityMetrics { residues, steep, consensus, clamped, jumps, defects }) = report.quality {
-        let share = |value: f32| format!("{value:.3e}");
         let shares = [
             ("residues", residues),
             ("steep", steep),
@@ -439,15 +442,11 @@ fn describe(node: &str, header: &Header, method: &str, report: &Report) -> Diagn
             ("jumps", jumps),
             ("defects", defects),
         ];
-        values.extend(shares.map(|(name, value)| (name, share(value))));
+        values.extend(shares.map(|(name, share)| (name, format!("{share:.3e}"))));
     }
-    let values = values.into_iter().map(|(key, value)| KeyValue { key: key.to_owned(), value }).collect();
-    let status = DiagnosticStatus {
-        level,
-        name: format!("{}: recovery", node.trim_start_matches('/')),
-        message: message.into(),
-        hardware_id: String::new(),
-        values,
-    };
+    let (level, message) = level_of(report.trust);
+    let (name, values) = (format!("{}: recovery", node.trim_start_matches('/')), KeyValue::all(values));
+    let status =
+        DiagnosticStatus { level, name, message: message.into(), values, hardware_id: String::new() };
     DiagnosticArray { header: header.clone(), status: vec![status] }
 }

@@ -336,13 +336,13 @@ fn a_frame_waits_for_the_first_description_and_not_for_ever() {
     let described = |ns| sensor_info::message(&at(ns), &model, "/modulo_camera");
     let mut node = UnwrapNode::new(&UnwrapParameters::default()).expect("a node");
     assert_eq!(node.give_up(), None);
-    assert_eq!(feed(&mut node, 0, frame(1)).0, Ok(Flow::Kept));
+    assert_eq!(feed(&mut node, 0, frame(1)).0, Ok(Flow::Deferred));
     let (flow, sent) = feed(&mut node, 1, described(1));
     let answered = image(&sent[0].1);
     assert_eq!((flow, &answered.header, &answered.frame), (Ok(Flow::Continue), &at(1), &ideal));
 
     let mut node = UnwrapNode::new(&UnwrapParameters::default()).expect("a node");
-    assert_eq!(feed(&mut node, 0, frame(1)).0, Ok(Flow::Kept));
+    assert_eq!(feed(&mut node, 0, frame(1)).0, Ok(Flow::Deferred));
     let Err(StepError::Skip(why)) = feed(&mut node, 0, frame(2)).0 else { panic!("the newer frame is kept") };
     assert!(why.contains("sensor_info") && why.contains("alpha"), "{why}");
     assert_eq!(node.give_up(), Some(why.clone()));

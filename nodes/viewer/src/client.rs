@@ -7,10 +7,9 @@ use axum::body::Bytes;
 use axum::extract::ws::{Message as Frame, WebSocket};
 use modulo_middleware::parameter::client::{ClientError, ParameterClient};
 use modulo_msgs::builtin::Time;
-use modulo_msgs::cdr;
+use modulo_msgs::cdr::{self, CdrError};
 use modulo_msgs::rosbag2_interfaces as player;
 use serde::Serialize;
-use serde::de::DeserializeOwned;
 use tokio::sync::mpsc;
 use tokio::task::spawn_blocking;
 
@@ -165,41 +164,38 @@ impl Client {
         match call {
             PlayerCall::State => {}
             PlayerCall::Toggle => {
-                let _: player::TogglePausedResponse =
-                    self.call_player("TogglePaused", "toggle_paused", &player::TogglePausedRequest)?;
+                self.call_player("TogglePaused", "toggle_paused", &player::TogglePausedRequest)?;
             }
-            PlayerCall::Next => {
-                let _: player::PlayNextResponse =
-                    self.call_player("PlayNext", "play_next", &player::PlayNextRequest)?;
-            }
+            PlayerCall::Next => drop(self.call_player("PlayNext", "play_next", &player::PlayNextRequest)?),
             PlayerCall::Rate(rate) => {
-                let _: player::SetRateResponse =
-                    self.call_player("SetRate", "set_rate", &player::SetRateRequest { rate })?;
+                self.call_player("SetRate", "set_rate", &player::SetRateRequest { rate })?;
             }
             PlayerCall::Seek(seconds) => {
                 let time = Time::from_ns((seconds.max(0.0) * 1e9) as u64);
-                let _: player::SeekResponse =
-                    self.call_player("Seek", "seek", &player::SeekRequest { time })?;
+                self.call_player("Seek", "seek", &player::SeekRequest { time })?;
             }
         }
-        let paused: player::IsPausedResponse =
-            self.call_player("IsPaused", "is_paused", &player::IsPausedRequest)?;
-        let rate: player::GetRateResponse =
-            self.call_player("GetRate", "get_rate", &player::GetRateRequest)?;
-        Ok(Event::Player { paused: paused.paused, rate: rate.rate })
+        let paused = self.call_player("IsPaused", "is_paused", &player::IsPausedRequest)?;
+        let rate = self.call_player("GetRate", "get_rate", &player::GetRateRequest)?;
+        let player::IsPausedResponse { paused } = cdr::from_slice(&paused).map_err(unreadable)?;
+        let player::GetRateResponse { rate } = cdr::from_slice(&rate).map_err(unreadable)?;
+        Ok(Event::Player { paused, rate })
     }
 
-    fn call_player<Q: Serialize, R: DeserializeOwned>(
+    /// Calls a service of the player; returns its response as CDR.
+    fn call_player(
         &self,
         type_name: &str,
         service: &str,
-        request: &Q,
-    ) -> Result<R, ClientError> {
-        let unreadable = |why| ClientError::Cdr(PLAYER.to_owned(), why);
+        request: &impl Serialize,
+    ) -> Result<Vec<u8>, ClientError> {
         let ros_type = format!("rosbag2_interfaces/srv/{type_name}");
-        let request = cdr::to_vec(request).map_err(unreadable)?;
-        let answer =
-            self.viewer.session.transport.call(&format!("{PLAYER}/{service}"), &ros_type, request, PATIENCE);
-        cdr::from_slice(&answer.map_err(|why| ClientError::Call(PLAYER.to_owned(), why))?).map_err(unreadable)
+        let (service, request) = (format!("{PLAYER}/{service}"), cdr::to_vec(request).map_err(unreadable)?);
+        let answer = self.viewer.session.transport.call(&service, &ros_type, request, PATIENCE);
+        answer.map_err(|why| ClientError::Call(PLAYER.to_owned(), why))
     }
+}
+
+fn unreadable(why: CdrError) -> ClientError {
+    ClientError::Cdr(PLAYER.to_owned(), why)
 }

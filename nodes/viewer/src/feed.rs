@@ -155,29 +155,26 @@ impl GraphView {
             })
         };
         let published = |message| of(EntityKind::Publisher, message);
+        let topics = |message| published(message).map(|(_, topic)| topic).collect::<BTreeSet<String>>();
         let published_images: BTreeSet<_> = published(MessageKind::Image).collect();
         let read_images: BTreeSet<_> = of(EntityKind::Subscription, MessageKind::Image).collect();
-        let images: BTreeSet<&String> = published_images.iter().map(|(_, topic)| topic).collect();
-        let mut images: Vec<String> = images.into_iter().cloned().collect();
+        let mut images: Vec<String> = topics(MessageKind::Image).into_iter().collect();
         let detectors = published(MessageKind::Detections).map(|(node, topic)| {
-            let inputs = read_images.iter().filter(|(reader, _)| *reader == node);
-            let inputs = inputs.map(|(_, input)| input.clone()).collect();
+            let of_node = |(reader, input): &(String, String)| (*reader == node).then(|| input.clone());
+            let inputs = read_images.iter().filter_map(of_node).collect();
             DetectorView { inputs, offers: offers(&node, &images), node, topic }
         });
         // Labels are published with the type of boxes as well, by a node that reads no image.
-        let (detectors, labels): (Vec<_>, Vec<_>) =
-            detectors.partition(|detector| !detector.inputs.is_empty());
+        let (detectors, labels): (Vec<_>, Vec<_>) = detectors.partition(|d| !d.inputs.is_empty());
         let cameras = cameras::cameras(&published_images, &read_images, &detectors);
         cameras::sort(&mut images, &cameras);
-        let statuses: BTreeSet<String> =
-            published(MessageKind::Diagnostics).map(|(_, topic)| topic).collect();
         let mut nodes = graph.nodes_with_parameters();
         nodes.remove(own);
         Self {
             detectors,
             truths: labels.into_iter().map(|labels| labels.topic).collect(),
             links: links(graph, own),
-            statuses: statuses.into_iter().collect(),
+            statuses: topics(MessageKind::Diagnostics).into_iter().collect(),
             player: nodes.contains(PLAYER),
             nodes: nodes.into_iter().collect(),
             images,

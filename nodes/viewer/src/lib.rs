@@ -117,10 +117,7 @@ pub fn run(
     stop: &Stop,
     ready: impl FnOnce(&ViewAddresses),
 ) -> Result<usize, ViewError> {
-    let token = match &options.token {
-        Some(token) => token.clone(),
-        None => random_token().map_err(ViewError::Random)?,
-    };
+    let token = options.token.clone().map_or_else(random_token, Ok).map_err(ViewError::Random)?;
     let taken = |why| ViewError::Listen(options.address, why);
     let listener = TcpListener::bind(options.address).map_err(taken)?;
     let address = listener.local_addr().map_err(taken)?;
@@ -146,14 +143,10 @@ pub fn run(
     })?;
     // A call that still waits for its node must not hold up the end.
     runtime.shutdown_background();
-    options.record.as_ref().map_or(Ok(0), |file| write(file, &recording))
-}
-
-/// Writes a recording. Returns the number of moments that were too large for it.
-fn write(file: &Path, recording: &Mutex<Recording>) -> Result<usize, ViewError> {
+    let Some(file) = &options.record else { return Ok(0) };
     let recording = recording.lock().unwrap_or_else(PoisonError::into_inner);
     let written = std::fs::write(file, recording.page());
-    written.map_err(|why| ViewError::Record { file: file.to_owned(), why })?;
+    written.map_err(|why| ViewError::Record { file: file.clone(), why })?;
     Ok(recording.too_large)
 }
 

@@ -1,6 +1,6 @@
 //! [`Streams`]: the newest images and boxes that one client may be shown, and the choice of the next images.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
 use modulo_core::{Frame, Samples};
@@ -39,6 +39,8 @@ const PATIENCE_NS: u64 = 1_000_000_000;
 pub struct Streams {
     topics: BTreeMap<String, WatchedTopic>,
     results: BTreeMap<String, DetectorResults>,
+    /// The topics of images and of boxes that a moment waits for: from a message on until a moment was sent without one.
+    awaited: BTreeSet<String>,
     /// The stream that each detector answers, as its `~/state` names it.
     answered: BTreeMap<String, Arc<str>>,
 }
@@ -49,9 +51,7 @@ struct WatchedTopic {
     /// The newest images that have not been sent.
     waiting: VecDeque<WaitingImage>,
     /// When the first image since the last ones that were sent came, in ticks of the clock.
-    waiting_since_ns: u64,
-    /// Whether a moment waits for an image of this topic: from an image on until a moment was sent without one.
-    is_awaited: bool,
+    since_ns: u64,
     /// Whether the client has yet to draw the last image.
     busy: bool,
     shown: Option<Arc<StampedFrame>>,
@@ -70,8 +70,6 @@ struct WaitingImage {
 struct DetectorResults {
     node: String,
     newest: VecDeque<DetectorResult>,
-    /// Whether an image waits for a result: from a result on until an image was sent without one.
-    is_awaited: bool,
 }
 
 /// The boxes of one image.
@@ -97,9 +95,6 @@ pub struct NextImage {
     pub truth: Vec<TopicBoxes>,
 }
 
-/// A watched topic with its name.
-type NamedTopic<'a> = (&'a String, &'a WatchedTopic);
-
 /// Boxes with their topic.
 type TopicBoxes = (String, Arc<Detection2DArray>);
 
@@ -107,6 +102,7 @@ impl Streams {
     /// Shows exactly `topics` from now on.
     pub fn watch(&mut self, topics: &[String]) {
         self.topics.retain(|topic, _| topics.contains(topic));
+        self.awaited.retain(|topic| topics.contains(topic) || self.results.contains_key(topic));
         for topic in topics {
             self.topics.entry(topic.clone()).or_default();
         }
@@ -123,23 +119,21 @@ impl Streams {
             return;
         };
         if stream.waiting.is_empty() {
-            stream.waiting_since_ns = now_ns;
+            stream.since_ns = now_ns;
         }
-        stream.is_awaited = true;
+        self.awaited.insert(topic.to_owned());
         stream.waiting.push_back(WaitingImage { stamp, at_ns: now_ns, payload });
-        let bytes =
-            |waiting: &VecDeque<WaitingImage>| waiting.iter().map(|image| image.payload.len()).sum::<usize>();
+        let mut bytes: usize = stream.waiting.iter().map(|image| image.payload.len()).sum();
         // The newest image stays even if it is a huge one.
-        while stream.waiting.len() > 1 && (stream.waiting.len() > KEPT || bytes(&stream.waiting) > KEPT_BYTES)
-        {
-            stream.waiting.pop_front();
+        while stream.waiting.len() > 1 && (stream.waiting.len() > KEPT || bytes > KEPT_BYTES) {
+            bytes -= stream.waiting.pop_front().map_or(0, |image| image.payload.len());
         }
     }
 
     /// Takes the boxes that a detector published.
     pub(crate) fn boxes(&mut self, origin: &MessageOrigin, boxes: Arc<Detection2DArray>, now_ns: u64) {
         let results = self.results.entry(origin.topic.clone()).or_default();
-        results.is_awaited = true;
+        self.awaited.insert(origin.topic.clone());
         results.node.clone_from(&origin.node);
         let stream = self.answered.get(&origin.node).cloned();
         results.newest.push_back(DetectorResult { boxes, at_ns: now_ns, stream });
@@ -150,9 +144,8 @@ impl Streams {
 
     /// Takes the `~/state` of a detector, which has the stamp of the first image that it holds for.
     pub(crate) fn state(&mut self, node: &str, state: &DiagnosticArray) {
-        let mut values = state.status.iter().flat_map(|status| &status.values);
-        let Some(stream) = values.find(|value| value.key == "stream") else { return };
-        let stream: Arc<str> = stream.value.as_str().into();
+        let Some(stream) = state.value("stream") else { return };
+        let stream: Arc<str> = stream.into();
         self.answered.insert(node.to_owned(), stream.clone());
         for results in self.results.values_mut().filter(|results| results.node == node) {
             // The results that it holds for may have overtaken it.
@@ -186,89 +179,67 @@ impl Streams {
     /// Nothing is waited for longer than a second, and what was not there after it is not waited for again before it has come: a
     /// replay that is paused for long, and then plays a single message, loses neither a topic nor the boxes.
     pub fn next(&mut self, graph: &GraphView, pace: Pace, now_ns: u64) -> Vec<NextImage> {
-        let chosen = match pace {
-            Pace::Together => self.one_moment(graph, now_ns),
-            Pace::Newest => self.newest(graph, now_ns),
-        };
-        let Some((first, _)) = chosen.first() else { return Vec::new() };
-        let camera = graph.camera(first);
-        self.give_up(graph, &chosen);
-        if pace == Pace::Together {
-            for (topic, stream) in self.topics.iter_mut().filter(|(topic, _)| graph.camera(topic) == camera) {
-                stream.waiting_since_ns = now_ns;
-                stream.is_awaited &= chosen.iter().any(|(sent, _)| sent == topic);
-            }
+        let mut groups: BTreeMap<&str, Vec<&String>> = BTreeMap::new();
+        for topic in self.topics.keys() {
+            let group = if pace == Pace::Together { graph.camera(topic) } else { topic };
+            groups.entry(group).or_default().push(topic);
         }
-        let next = chosen.into_iter().filter_map(|(topic, index)| {
-            let stream = self.topics.get_mut(&topic)?;
-            // Older ones are never shown later.
-            let image = stream.waiting.drain(..=index).next_back()?;
-            (stream.busy, stream.waiting_since_ns) = (true, now_ns);
-            Some((topic, image))
+        // A group whose images were sent is busy until they are drawn, so that each one has its turn.
+        let moment = groups.into_values().find_map(|topics| {
+            let stamp = self.next_stamp(graph, &topics, now_ns)?;
+            Some((topics.into_iter().cloned().collect::<Vec<_>>(), stamp))
         });
-        let next: Vec<_> = next.collect();
-        let image = |(topic, image): (String, WaitingImage)| NextImage {
-            boxes: self.boxes_of(graph, &topic, &image),
-            truth: self.truth_of(graph, &topic, &image),
-            topic,
-            stamp: image.stamp,
-            payload: image.payload,
-        };
-        next.into_iter().map(image).collect()
+        let Some((topics, stamp)) = moment else { return Vec::new() };
+        topics.into_iter().filter_map(|topic| self.take(graph, topic, stamp, now_ns)).collect()
     }
 
-    /// Returns for each topic of a camera that has an image of its next moment the place of this image.
-    fn one_moment(&self, graph: &GraphView, now_ns: u64) -> Vec<(String, usize)> {
-        let mut cameras: BTreeMap<&str, Vec<NamedTopic<'_>>> = BTreeMap::new();
-        for (topic, stream) in &self.topics {
-            cameras.entry(graph.camera(topic)).or_default().push((topic, stream));
+    /// Returns the stamp of the images of `topics` that are sent next: the newest one of which all is there that is waited for, or after
+    /// a second the one with the most images.
+    fn next_stamp(&self, graph: &GraphView, topics: &[&String], now_ns: u64) -> Option<Time> {
+        let streams = || topics.iter().map(|&topic| (topic, &self.topics[topic]));
+        if streams().any(|(_, stream)| stream.busy) {
+            return None;
         }
-        // A camera whose images were sent is busy until they are drawn, so that each one has its turn.
-        let mut moments = cameras.values().map(|topics| self.moment_of(graph, topics, now_ns));
-        moments.find(|chosen| !chosen.is_empty()).unwrap_or_default()
-    }
-
-    /// Returns for each of the `topics` of one camera that has an image of its next moment the place of this image.
-    fn moment_of(&self, graph: &GraphView, topics: &[NamedTopic<'_>], now_ns: u64) -> Vec<(String, usize)> {
-        if topics.iter().any(|(_, stream)| stream.busy) {
-            return Vec::new();
-        }
-        let awaited = || topics.iter().filter(|(_, stream)| stream.is_awaited);
+        let awaited = || streams().filter(|(topic, _)| self.awaited.contains(*topic));
         let is_whole = |stamp: &Time| {
             awaited().all(|(topic, stream)| {
                 let image = stream.place(*stamp).map(|place| &stream.waiting[place]);
-                image.is_some_and(|image| self.is_answered(graph, topic, image))
+                image.is_some_and(|image| self.missing(graph, topic, image).next().is_none())
             })
         };
-        let of_first = awaited().next().into_iter().flat_map(|(_, stream)| stream.waiting.iter().rev());
-        let of_first = of_first.map(|image| image.stamp);
-        let images = |stamp: Time| topics.iter().filter_map(move |(t, s)| Some((*t, s.place(stamp)?)));
-        let overdue = topics.iter().any(|(_, stream)| stream.is_overdue(now_ns));
-        // As many as there are; of moments with equally many, the newest one.
-        let most = || {
-            let stamps = topics.iter().flat_map(|(_, stream)| &stream.waiting).map(|image| image.stamp);
-            stamps.filter(|_| overdue).max_by_key(|stamp| images(*stamp).count())
+        let newest_first = awaited().next().into_iter().flat_map(|(_, stream)| stream.waiting.iter().rev());
+        let is_overdue = streams().any(|(_, stream)| stream.is_overdue(now_ns));
+        // Of moments with equally many images, the newest one.
+        let fullest = || {
+            let stamps = streams().flat_map(|(_, stream)| &stream.waiting).map(|image| image.stamp);
+            let count = |stamp: &Time| streams().filter(|(_, stream)| stream.place(*stamp).is_some()).count();
+            stamps.filter(|_| is_overdue).max_by_key(count)
         };
-        let stamp = of_first.into_iter().find(is_whole).or_else(most);
-        let chosen = stamp.into_iter().flat_map(images);
-        chosen.map(|(topic, place)| (topic.clone(), place)).collect()
+        newest_first.map(|image| image.stamp).find(is_whole).or_else(fullest)
     }
 
-    /// Returns the place of the newest image of a topic that may be sent.
-    fn newest(&self, graph: &GraphView, now_ns: u64) -> Vec<(String, usize)> {
-        let mut idle = self.topics.iter().filter(|(_, stream)| !stream.busy);
-        let chosen = idle.find_map(|(topic, stream)| {
-            let is_answered = |image: &WaitingImage| self.is_answered(graph, topic, image);
-            let complete = stream.waiting.iter().rposition(is_answered);
-            let last = || stream.waiting.len().checked_sub(1).filter(|_| stream.is_overdue(now_ns));
-            Some((topic.clone(), complete.or_else(last)?))
-        });
-        chosen.into_iter().collect()
-    }
-
-    /// Returns whether all detectors that are waited for and answer the images of `topic` have answered `image`.
-    fn is_answered(&self, graph: &GraphView, topic: &String, image: &WaitingImage) -> bool {
-        self.missing(graph, topic, image).next().is_none()
+    /// Takes the image of `stamp` on `topic` to send it. What is not there is no longer waited for.
+    fn take(&mut self, graph: &GraphView, topic: String, stamp: Time, now_ns: u64) -> Option<NextImage> {
+        let stream = self.topics.get_mut(&topic)?;
+        stream.since_ns = now_ns;
+        let Some(place) = stream.place(stamp) else {
+            self.awaited.remove(&topic);
+            return None;
+        };
+        stream.busy = true;
+        // Older ones are never shown later.
+        let image = stream.waiting.drain(..=place).next_back()?;
+        let missing: Vec<String> = self.missing(graph, &topic, &image).cloned().collect();
+        self.awaited.retain(|awaited| !missing.contains(awaited));
+        let found = |d: &DetectorView| Some((d.topic.clone(), self.boxes_of(graph, d, &topic, &image)?));
+        // The labels of a frame are in the namespace of its camera.
+        let labels = graph.truths.iter().filter(|truth| namespace(truth) == graph.camera(&topic));
+        let label = |truth: &String| {
+            Some((truth.clone(), self.results.get(truth)?.of_image(&image).next()?.boxes.clone()))
+        };
+        let boxes = graph.detectors.iter().filter_map(found).collect();
+        let truth = labels.filter_map(label).collect();
+        Some(NextImage { topic, stamp, payload: image.payload, boxes, truth })
     }
 
     /// Returns the topics of the detectors that are waited for, answer the images of `topic` and have not answered `image`.
@@ -278,31 +249,17 @@ impl Streams {
         topic: &'a String,
         image: &'a WaitingImage,
     ) -> impl Iterator<Item = &'a String> {
-        let stream = |detector: &DetectorView| self.answered.get(&detector.node).map(|stream| &**stream);
-        let is_awaited = |detector: &DetectorView| {
-            self.results.get(&detector.topic).is_some_and(|results| results.is_awaited)
+        let is_missing = move |detector: &&DetectorView| {
+            let stream = self.answered.get(&detector.node).map(|stream| &**stream);
+            self.awaited.contains(&detector.topic)
+                && shows(graph, detector, stream, topic)
+                && self.boxes_of(graph, detector, topic, image).is_none()
         };
-        let answering = graph
-            .detectors
-            .iter()
-            .filter(move |detector| is_awaited(detector) && shows(graph, detector, stream(detector), topic));
-        let missing =
-            answering.filter(move |detector| self.boxes_at(graph, detector, topic, image).is_none());
-        missing.map(|detector| &detector.topic)
-    }
-
-    /// Waits no longer for the detectors that have not answered one of the `chosen` images.
-    fn give_up(&mut self, graph: &GraphView, chosen: &[(String, usize)]) {
-        let sent = chosen.iter().map(|(topic, place)| (topic, &self.topics[topic].waiting[*place]));
-        let missing = sent.flat_map(|(topic, image)| self.missing(graph, topic, image));
-        let missing: Vec<String> = missing.cloned().collect();
-        for (topic, results) in &mut self.results {
-            results.is_awaited &= !missing.contains(topic);
-        }
+        graph.detectors.iter().filter(is_missing).map(|detector| &detector.topic)
     }
 
     /// Returns the boxes that `detector` has found in `image` of `topic`.
-    fn boxes_at(
+    fn boxes_of(
         &self,
         graph: &GraphView,
         detector: &DetectorView,
@@ -312,20 +269,6 @@ impl Streams {
         let mut of_image = self.results.get(&detector.topic)?.of_image(image);
         let found = of_image.find(|result| shows(graph, detector, result.stream.as_deref(), topic));
         found.map(|result| result.boxes.clone())
-    }
-
-    fn boxes_of(&self, graph: &GraphView, topic: &String, image: &WaitingImage) -> Vec<TopicBoxes> {
-        let found = |d: &DetectorView| Some((d.topic.clone(), self.boxes_at(graph, d, topic, image)?));
-        graph.detectors.iter().filter_map(found).collect()
-    }
-
-    /// Returns the labels of the frame that `image` of `topic` shows: those in the namespace of its camera.
-    fn truth_of(&self, graph: &GraphView, topic: &str, image: &WaitingImage) -> Vec<TopicBoxes> {
-        let labels = graph.truths.iter().filter(|truth| namespace(truth) == graph.camera(topic));
-        let of_image = |truth: &String| {
-            Some((truth.clone(), self.results.get(truth)?.of_image(image).next()?.boxes.clone()))
-        };
-        labels.filter_map(of_image).collect()
     }
 
     /// Returns the samples of the shown images at column `u` and row `v`.
@@ -361,7 +304,7 @@ impl WatchedTopic {
 
     /// Returns whether images have waited for a second.
     fn is_overdue(&self, now_ns: u64) -> bool {
-        !self.waiting.is_empty() && now_ns.saturating_sub(self.waiting_since_ns) >= PATIENCE_NS
+        !self.waiting.is_empty() && now_ns.saturating_sub(self.since_ns) >= PATIENCE_NS
     }
 }
 

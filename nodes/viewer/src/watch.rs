@@ -206,9 +206,7 @@ impl Inbox {
             let _ = self.sensors.entry(namespace(&origin.topic).to_owned()).or_default().note(array);
             Some(Step::Sensed)
         } else if origin.topic.rsplit('/').next() == Some(RECOVERY_TOPIC) {
-            let trusted = array.status.iter().flat_map(|status| &status.values);
-            let trusted = trusted.filter(|value| value.key == "trusted").map(|value| value.value == "true");
-            Some(Step::Unwrapped { trusted: { trusted }.next() })
+            Some(Step::Unwrapped { trusted: array.value("trusted").map(|trusted| trusted == "true") })
         } else {
             None
         };

@@ -17,7 +17,7 @@ use modulo_msgs::rcl_interfaces::ParameterValue;
 
 use crate::input::{LARGEST_TEXT, read_text};
 use crate::name::NodeName;
-use crate::parameter::text::{self, Yaml};
+use crate::parameter::value::{Yaml, from_ros};
 use crate::parameter::yaml_text;
 use crate::ros_args::{ArgsError, RosArgs, Setting};
 use crate::yaml::{self, Content, Item, Key};
@@ -162,7 +162,7 @@ pub fn write(node: &str, parameters: &[(String, ParameterValue)]) -> String {
     let mut open: Vec<&str> = Vec::new();
     for (name, value) in sorted {
         // `rcl` has no notation for a parameter that is not set.
-        let Some(value) = text::yaml(value) else { continue };
+        let Some(value) = from_ros(value.clone()) else { continue };
         let (groups, last) = name.rsplit_once('.').unwrap_or(("", name));
         let groups: Vec<&str> = groups.split('.').filter(|group| !group.is_empty()).collect();
         // Groups that the last name has opened and this one shares are not written again.
@@ -173,7 +173,7 @@ pub fn write(node: &str, parameters: &[(String, ParameterValue)]) -> String {
             open.push(group);
         }
         let indent = " ".repeat(4 + 2 * open.len());
-        text += &match value {
+        text += &match value.yaml() {
             Yaml::Scalar(scalar) => format!("{indent}{last}: {scalar}\n"),
             Yaml::List(items) if items.is_empty() => format!("{indent}{last}: []\n"),
             Yaml::List(items) => {

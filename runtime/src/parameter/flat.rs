@@ -6,22 +6,8 @@ use std::collections::BTreeMap;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use super::value::Plain;
 use super::{ParameterSet, Parameters, Value};
-
-/// A value without the name of its type.
-#[derive(Serialize, Deserialize)]
-#[serde(remote = "Value", untagged)]
-enum Plain {
-    Bool(bool),
-    Integer(i64),
-    Double(f64),
-    String(String),
-    Bools(Vec<bool>),
-    Integers(Vec<i64>),
-    Doubles(Vec<f64>),
-    Strings(Vec<String>),
-    Bytes(Vec<u8>),
-}
 
 #[derive(Serialize, Deserialize)]
 struct Entry(#[serde(with = "Plain")] Value);

@@ -3,7 +3,6 @@
 
 pub mod file;
 pub mod flat;
-pub mod ros;
 pub mod text;
 pub mod typed;
 mod value;
@@ -11,6 +10,11 @@ pub mod yaml_text;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
+
+/// Values of parameters as messages of ROS 2 carry them.
+pub mod ros {
+    pub use super::value::{from_ros, to_ros};
+}
 
 pub use typed::ParameterSet;
 pub use value::Value;
@@ -149,6 +153,13 @@ impl Parameters {
         self.declared.iter().find(|d| d.name == name)
     }
 
+    /// Returns the parameters whose values in `next`, a set with the same declarations, are others, with those values.
+    pub fn changed<'a>(&'a self, next: &'a Self) -> impl Iterator<Item = (&'static str, &'a Value)> {
+        let values =
+            next.declared.iter().filter_map(|declared| Some((declared.name, next.get(declared.name)?)));
+        values.filter(|(name, value)| self.get(name) != Some(*value))
+    }
+
     /// Returns the value of `name`, if it is declared.
     pub fn get(&self, name: &str) -> Option<&Value> {
         self.values.get(name)
@@ -200,8 +211,8 @@ impl Parameters {
     pub fn known_of(&self, settings: Vec<(String, String)>, node: &str) -> Vec<(String, String)> {
         let (known, unknown): (Vec<_>, Vec<_>) =
             settings.into_iter().partition(|(name, _)| self.descriptor(name).is_some());
-        if let Some(said) = self.ignored(&unknown) {
-            tracing::warn!(node, "{said}");
+        if let Some(warning) = self.ignored(&unknown) {
+            tracing::warn!(node, "{warning}");
         }
         known
     }

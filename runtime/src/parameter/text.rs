@@ -1,87 +1,44 @@
 //! The text of values and descriptors of parameters, as `ros2 param get`, `describe` and `dump` write it. The
 //! parameters may belong to any node, and may have types that the suite does not use.
 
-use modulo_msgs::rcl_interfaces::{ParameterDescriptor, ParameterType, ParameterValue};
+use modulo_msgs::rcl_interfaces::{ParameterDescriptor, ParameterValue};
 
-use crate::parameter::yaml_text::{of_double, of_string};
-
-/// A value as YAML scalars.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Yaml {
-    /// A single value.
-    Scalar(String),
-    /// The elements of an array.
-    List(Vec<String>),
-}
-
-/// Returns the value as YAML; `None` when it is not set.
-pub fn yaml(value: &ParameterValue) -> Option<Yaml> {
-    Some(match value.r#type {
-        ParameterType::BOOL => Yaml::Scalar(value.bool_value.to_string()),
-        ParameterType::INTEGER => Yaml::Scalar(value.integer_value.to_string()),
-        ParameterType::DOUBLE => Yaml::Scalar(of_double(value.double_value)),
-        ParameterType::STRING => Yaml::Scalar(of_string(&value.string_value)),
-        ParameterType::BYTE_ARRAY => list(&value.byte_array_value, u8::to_string),
-        ParameterType::BOOL_ARRAY => list(&value.bool_array_value, bool::to_string),
-        ParameterType::INTEGER_ARRAY => list(&value.integer_array_value, i64::to_string),
-        ParameterType::DOUBLE_ARRAY => list(&value.double_array_value, |v| of_double(*v)),
-        ParameterType::STRING_ARRAY => list(&value.string_array_value, |v| of_string(v)),
-        _ => return None,
-    })
-}
-
-fn list<T>(items: &[T], text: impl Fn(&T) -> String) -> Yaml {
-    Yaml::List(items.iter().map(text).collect())
-}
+use crate::parameter::Value;
+use crate::parameter::value::{TYPES, Yaml, from_ros};
+use crate::parameter::yaml_text::of_double;
 
 /// Returns the value with its type, as `ros2 param get` prints it: `Double value is: 4.0`.
 pub fn labelled(value: &ParameterValue) -> String {
     let Some((_, _, kind)) = TYPES.iter().find(|(known, ..)| *known == value.r#type) else {
         return "Parameter not set.".to_owned();
     };
-    let is = if matches!(yaml(value), Some(Yaml::List(_))) { "values are" } else { "value is" };
-    format!("{kind} {is}: {}", bare(value))
+    let is_list = from_ros(value.clone()).is_some_and(|value| matches!(value.yaml(), Yaml::List(_)));
+    format!("{kind} {}: {}", if is_list { "values are" } else { "value is" }, bare(value))
 }
 
 /// Returns the value without its type in Python's notation, as `ros2 param get --hide-type` prints it.
 pub fn bare(value: &ParameterValue) -> String {
     // `ros2 param` prints the values as Python writes them.
-    let python = |text: &str| match text {
+    let python = |text: &String| match text.as_str() {
         "true" => "True".to_owned(),
         "false" => "False".to_owned(),
         number => number.to_owned(),
     };
-    match value.r#type {
-        ParameterType::STRING => value.string_value.clone(),
-        ParameterType::STRING_ARRAY => {
-            let items =
-                value.string_array_value.iter().map(|item| format!("'{}'", item.replace('\'', "\\'")));
-            format!("[{}]", items.collect::<Vec<_>>().join(", "))
+    let list = |items: Vec<String>| format!("[{}]", items.join(", "));
+    match from_ros(value.clone()) {
+        None => "None".to_owned(),
+        Some(Value::String(text)) => text,
+        Some(Value::Strings(items)) => {
+            list(items.iter().map(|item| format!("'{}'", item.replace('\'', "\\'"))).collect())
         }
-        _ => match yaml(value) {
-            None => "None".to_owned(),
-            Some(Yaml::Scalar(text)) => python(&text),
-            Some(Yaml::List(items)) => {
-                format!("[{}]", items.iter().map(|item| python(item)).collect::<Vec<_>>().join(", "))
-            }
+        Some(other) => match other.yaml() {
+            Yaml::Scalar(text) => python(&text),
+            Yaml::List(items) => list(items.iter().map(python).collect()),
         },
     }
 }
 
-/// The name of each [`ParameterType`] in `ros2 param describe`, and in `ros2 param get`.
-const TYPES: [(u8, &str, &str); 9] = [
-    (ParameterType::BOOL, "boolean", "Boolean"),
-    (ParameterType::INTEGER, "integer", "Integer"),
-    (ParameterType::DOUBLE, "double", "Double"),
-    (ParameterType::STRING, "string", "String"),
-    (ParameterType::BYTE_ARRAY, "byte array", "Byte"),
-    (ParameterType::BOOL_ARRAY, "boolean array", "Boolean"),
-    (ParameterType::INTEGER_ARRAY, "integer array", "Integer"),
-    (ParameterType::DOUBLE_ARRAY, "double array", "Double"),
-    (ParameterType::STRING_ARRAY, "string array", "String"),
-];
-
-/// Returns the name of a [`ParameterType`], as `ros2 param` prints it.
+/// Returns the name of a type by its code in messages, as `ros2 param` prints it.
 pub fn type_name(code: u8) -> &'static str {
     TYPES.iter().find(|(known, ..)| *known == code).map_or("not set", |(_, name, _)| name)
 }
@@ -119,9 +76,8 @@ pub fn described(descriptor: &ParameterDescriptor) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::parameter::Value;
     use crate::parameter::ros::to_ros;
-    use modulo_msgs::rcl_interfaces::FloatingPointRange;
+    use modulo_msgs::rcl_interfaces::{FloatingPointRange, ParameterType};
 
     #[test]
     fn values_look_as_ros2_param_get_prints_them() {
@@ -141,7 +97,6 @@ mod tests {
             ..ParameterValue::default()
         };
         assert_eq!(labelled(&bools), "Boolean values are: [True, False]");
-        assert_eq!(yaml(&bools), Some(Yaml::List(vec!["true".into(), "false".into()])));
     }
 
     #[test]

@@ -1,46 +1,89 @@
 //! [`Value`]: a parameter's value, and its text on command lines and in YAML.
 
-use crate::secret::without_secrets;
 use std::fmt;
 
+use modulo_msgs::rcl_interfaces::{ParameterType, ParameterValue};
 use serde::{Deserialize, Serialize};
 
 use super::yaml_text;
+use crate::secret::without_secrets;
 
-/// The value of a parameter.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Value {
-    /// `bool`
-    Bool(bool),
-    /// `integer`
-    Integer(i64),
-    /// `double`
-    Double(f64),
-    /// `string`
-    String(String),
-    /// `byte_array`
-    Bytes(Vec<u8>),
-    /// `bool_array`
-    Bools(Vec<bool>),
-    /// `integer_array`
-    Integers(Vec<i64>),
-    /// `double_array`
-    Doubles(Vec<f64>),
-    /// `string_array`
-    Strings(Vec<String>),
+/// Declares the types of values from one table: variant, type, its name in ROS 2, in `ros2 param describe` and in `ros2 param get`, and
+/// its code and its field in messages.
+macro_rules! kinds {
+    ($($kind:ident($type:ty) $name:literal $described:literal $got:literal $code:ident $field:ident;)+) => {
+        /// The value of a parameter.
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        pub enum Value {
+            $(#[doc = concat!("`", $name, "`")] $kind($type),)+
+        }
+
+        /// A value without the name of its type, for serde: the first type that fits is taken.
+        #[derive(Serialize, Deserialize)]
+        #[serde(remote = "Value", untagged)]
+        pub(super) enum Plain {
+            $($kind($type),)+
+        }
+
+        impl Value {
+            /// Returns the type's name as ROS 2 writes it.
+            pub fn type_name(&self) -> &'static str {
+                match self { $(Self::$kind(_) => $name),+ }
+            }
+        }
+
+        /// Code, name in `ros2 param describe` and name in `ros2 param get` of each type.
+        pub(super) const TYPES: &[(u8, &str, &str)] = &[$((ParameterType::$code, $described, $got)),+];
+
+        /// Returns a value as ROS writes it; `None` is `NOT_SET`.
+        pub fn to_ros(value: Option<&Value>) -> ParameterValue {
+            let mut ros = ParameterValue::default();
+            match value {
+                None => ros.r#type = ParameterType::NOT_SET,
+                $(Some(Value::$kind(v)) => (ros.r#type, ros.$field) = (ParameterType::$code, v.clone()),)+
+            }
+            ros
+        }
+
+        /// Converts a value of ROS; `None` when it is not set, or has a type that ROS 2 does not know.
+        pub fn from_ros(value: ParameterValue) -> Option<Value> {
+            Some(match value.r#type {
+                $(ParameterType::$code => Value::$kind(value.$field),)+
+                _ => return None,
+            })
+        }
+    };
+}
+
+kinds! {
+    Bool(bool) "bool" "boolean" "Boolean" BOOL bool_value;
+    Integer(i64) "integer" "integer" "Integer" INTEGER integer_value;
+    Double(f64) "double" "double" "Double" DOUBLE double_value;
+    String(String) "string" "string" "String" STRING string_value;
+    Bools(Vec<bool>) "bool_array" "boolean array" "Boolean" BOOL_ARRAY bool_array_value;
+    Integers(Vec<i64>) "integer_array" "integer array" "Integer" INTEGER_ARRAY integer_array_value;
+    Doubles(Vec<f64>) "double_array" "double array" "Double" DOUBLE_ARRAY double_array_value;
+    Strings(Vec<String>) "string_array" "string array" "String" STRING_ARRAY string_array_value;
+    // Behind the integers, which a list of numbers is in JSON.
+    Bytes(Vec<u8>) "byte_array" "byte array" "Byte" BYTE_ARRAY byte_array_value;
+}
+
+/// A value as YAML scalars.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Yaml {
+    /// A single value.
+    Scalar(String),
+    /// The elements of an array.
+    List(Vec<String>),
 }
 
 impl fmt::Display for Value {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Bool(v) => write!(f, "{v}"),
-            Self::Integer(v) => write!(f, "{v}"),
             Self::Double(v) => write!(f, "{v}"),
             Self::String(v) => write!(f, "'{v}'"),
             Self::Strings(v) => write!(f, "[{}]", v.join(", ")),
-            Self::Bytes(_) | Self::Bools(_) | Self::Integers(_) | Self::Doubles(_) => {
-                f.write_str(&self.to_yaml())
-            }
+            other => f.write_str(&other.to_yaml()),
         }
     }
 }
@@ -51,21 +94,6 @@ impl Value {
         match self {
             Self::String(text) => Self::String(without_secrets(text).into_owned()),
             other => other.clone(),
-        }
-    }
-
-    /// Returns the type's name as ROS 2 writes it.
-    pub fn type_name(&self) -> &'static str {
-        match self {
-            Self::Bool(_) => "bool",
-            Self::Integer(_) => "integer",
-            Self::Double(_) => "double",
-            Self::String(_) => "string",
-            Self::Bytes(_) => "byte_array",
-            Self::Bools(_) => "bool_array",
-            Self::Integers(_) => "integer_array",
-            Self::Doubles(_) => "double_array",
-            Self::Strings(_) => "string_array",
         }
     }
 
@@ -127,18 +155,29 @@ impl Value {
         }
     }
 
-    /// Returns this value as YAML on one line, which reads back as the same type and value.
-    pub fn to_yaml(&self) -> String {
+    /// Returns this value as YAML.
+    pub fn yaml(&self) -> Yaml {
+        fn list<T>(items: &[T], text: impl Fn(&T) -> String) -> Yaml {
+            Yaml::List(items.iter().map(text).collect())
+        }
         match self {
-            Self::Bool(v) => v.to_string(),
-            Self::Integer(v) => v.to_string(),
-            Self::Double(v) => yaml_text::of_double(*v),
-            Self::String(v) => yaml_text::of_string(v),
+            Self::Bool(v) => Yaml::Scalar(v.to_string()),
+            Self::Integer(v) => Yaml::Scalar(v.to_string()),
+            Self::Double(v) => Yaml::Scalar(yaml_text::of_double(*v)),
+            Self::String(v) => Yaml::Scalar(yaml_text::of_string(v)),
             Self::Bytes(v) => list(v, u8::to_string),
             Self::Bools(v) => list(v, bool::to_string),
             Self::Integers(v) => list(v, i64::to_string),
             Self::Doubles(v) => list(v, |item| yaml_text::of_double(*item)),
             Self::Strings(v) => list(v, |item| yaml_text::of_string(item)),
+        }
+    }
+
+    /// Returns this value as YAML on one line, which reads back as the same type and value.
+    pub fn to_yaml(&self) -> String {
+        match self.yaml() {
+            Yaml::Scalar(text) => text,
+            Yaml::List(items) => format!("[{}]", items.join(", ")),
         }
     }
 
@@ -163,10 +202,6 @@ impl Value {
     fn is_empty_array(&self) -> bool {
         self.to_yaml() == "[]"
     }
-}
-
-fn list<T>(items: &[T], text: impl Fn(&T) -> String) -> String {
-    format!("[{}]", items.iter().map(text).collect::<Vec<_>>().join(", "))
 }
 
 /// Reads a list, `[a, b]` or `a, b`, whose items `read` reads.

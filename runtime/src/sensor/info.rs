@@ -47,8 +47,7 @@ pub fn is_topic(topic: &str) -> bool {
 
 /// Returns the description of the frame with this `header` by the camera `node`, a fully qualified name.
 pub fn message(header: &Header, model: &SensorModel, node: &str) -> Message {
-    let values = model.to_text().into_iter();
-    let values = values.map(|(key, value)| KeyValue { key: key.to_owned(), value }).collect();
+    let values = KeyValue::all(model.to_text());
     // Tools show statuses by name, and each camera has its own sensor.
     let name = format!("{}: sensor", node.trim_start_matches('/'));
     let status = DiagnosticStatus { name, values, ..DiagnosticStatus::default() };

@@ -100,23 +100,19 @@ impl SensorModel {
     /// [`ParameterError`] of the first value that is out of its range.
     pub fn config(&self) -> Result<SensorConfig, ParameterError> {
         self.check()?;
-        let Self {
-            bits, alpha, headroom, transfer, optical_black, read_noise, prnu, hot_pixels, mosaic, ..
-        } = *self;
-        let (psf, gains, shot_noise) = (self.psf(), self.gains()?, self.shot_variance());
         Ok(SensorConfig {
-            bits,
-            alpha,
-            headroom,
-            transfer,
-            optical_black,
-            psf,
-            read_noise,
-            shot_noise,
-            prnu,
-            hot_pixels,
-            gains,
-            mosaic,
+            bits: self.bits,
+            alpha: self.alpha,
+            headroom: self.headroom,
+            transfer: self.transfer,
+            optical_black: self.optical_black,
+            psf: self.psf(),
+            read_noise: self.read_noise,
+            shot_noise: self.shot_variance(),
+            prnu: self.prnu,
+            hot_pixels: self.hot_pixels,
+            gains: self.gains()?,
+            mosaic: self.mosaic,
         })
     }
 
@@ -221,33 +217,19 @@ impl SensorOverride {
         };
         let bits = Some(self.bits).filter(|&bits| bits > 0).or_else(|| Some(camera?.bits));
         let alpha = Some(self.alpha).filter(|&alpha| alpha > 0.0).or_else(|| Some(camera?.alpha));
+        let mut model = camera.cloned().unwrap_or_default();
+        model.bits = bits.ok_or_else(|| missing("bits"))?;
+        model.alpha = alpha.ok_or_else(|| missing("alpha"))?;
         // A perfect lens cannot be told from one that is not set, so a sigma of 0 takes the camera's.
-        let (psf, psf_sigma) = match camera {
-            Some(camera) if !self.has_lens() => (camera.psf, camera.psf_sigma),
-            _ => (self.psf, self.psf_sigma),
-        };
-        let (gains, gain_ratio) = match (self.gains, camera) {
-            (Some(gains), _) => (gains, self.gain_ratio),
-            (None, Some(camera)) => (camera.gains, camera.gain_ratio),
-            (None, None) => (false, 0.0),
-        };
-        let (bits, alpha) = (bits.ok_or_else(|| missing("bits"))?, alpha.ok_or_else(|| missing("alpha"))?);
-        let rest = camera.cloned().unwrap_or_default();
-        let transfer = self.transfer.unwrap_or(rest.transfer);
-        let headroom = if self.headroom > 0.0 { self.headroom } else { rest.headroom };
-        let optical_black = if self.optical_black > 0 { self.optical_black } else { rest.optical_black };
-        let model = SensorModel {
-            bits,
-            alpha,
-            headroom,
-            transfer,
-            optical_black,
-            psf,
-            psf_sigma,
-            gains,
-            gain_ratio,
-            ..rest
-        };
+        if self.has_lens() {
+            (model.psf, model.psf_sigma) = (self.psf, self.psf_sigma);
+        }
+        if let Some(gains) = self.gains {
+            (model.gains, model.gain_ratio) = (gains, self.gain_ratio);
+        }
+        model.transfer = self.transfer.unwrap_or(model.transfer);
+        model.headroom = if self.headroom > 0.0 { self.headroom } else { model.headroom };
+        model.optical_black = if self.optical_black > 0 { self.optical_black } else { model.optical_black };
         model.check()?;
         Ok(model)
     }
@@ -265,19 +247,8 @@ impl SensorOverride {
 
 impl From<SensorModel> for SensorOverride {
     fn from(model: SensorModel) -> Self {
-        let SensorModel {
-            bits,
-            alpha,
-            headroom,
-            transfer,
-            optical_black,
-            psf,
-            psf_sigma,
-            gains,
-            gain_ratio,
-            ..
-        } = model;
-        let (transfer, gains) = (Some(transfer), Some(gains));
+        let SensorModel { bits, alpha, headroom, optical_black, psf, psf_sigma, gain_ratio, .. } = model;
+        let (transfer, gains) = (Some(model.transfer), Some(model.gains));
         Self { bits, alpha, headroom, transfer, optical_black, psf, psf_sigma, gains, gain_ratio }
     }
 }

@@ -62,10 +62,10 @@ impl Inputs {
     /// the inputs before it.
     fn slots_of(&self, topics: &[(Topic, Address)]) -> Vec<Option<usize>> {
         let rules: [fn(&Slot, &Address) -> bool; 3] = [
-            |slot, address| slot.current.address == *address,
+            |slot, address| slot.current().address == *address,
             Slot::reads,
             // An image stream takes the place of another one: both lists are in the order of the cameras.
-            |slot, address| is_image(slot.current.address.kind) && is_image(address.kind),
+            |slot, address| is_image(slot.current().address.kind) && is_image(address.kind),
         ];
         let mut found = vec![None; topics.len()];
         for fits in rules {
@@ -88,7 +88,7 @@ impl Inputs {
             self.slots.push(match (slot, opened) {
                 (None, opened) => Slot::new(opened.expect("no slot reads it yet")),
                 (Some(mut slot), opened) => {
-                    report.swapped |= slot.current.address != address;
+                    report.swapped |= slot.current().address != address;
                     closed.extend(slot.change(topic, &address, opened, now));
                     slot
                 }
@@ -127,7 +127,7 @@ impl Inputs {
 
     /// Returns the topics of the images that are waited for.
     pub fn image_topics(&self) -> impl Iterator<Item = &str> + Clone {
-        let inputs = self.slots.iter().map(|slot| &slot.current);
+        let inputs = self.slots.iter().map(Slot::current);
         let images = inputs.filter(|input| input.topic.kind == MessageKind::Image);
         images.map(|input| input.address.topic.as_str())
     }
@@ -196,7 +196,7 @@ fn subscribe(
     let (lane, waiting) = (queue.open(keep), queue.clone());
     let deliver = Box::new(move |incoming| drop(waiting.push(lane, LiveEvent::Message(incoming))));
     let subscription = transport.subscribe(node_name, &address, deliver)?;
-    Ok(SlotInput::new(topic, address, lane, subscription))
+    Ok(SlotInput { topic, address, lane, subscription })
 }
 
 fn is_image(kind: MessageKind) -> bool {

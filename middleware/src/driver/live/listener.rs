@@ -10,17 +10,17 @@ use super::outputs::decompress;
 use super::source::images;
 use super::{GRAPH_GLANCE, IDLE, Live, LiveEvent, nanoseconds};
 use crate::driver::RunError;
-use crate::driver::pacing::taken_message;
+use crate::driver::pacing::ack_message;
 use crate::transport::Incoming;
-use crate::transport::queue::{Arrived, Lane, Next, Queued as _};
+use crate::transport::queue::{Arrived, Next, Queued as _};
 
 /// A draining node gives up this long after its last message, even if its upstream is still there.
 const DRAIN_LIMIT_NS: u64 = 2_000_000_000;
 /// After this many late messages on one topic the upstream node is considered to be running on, and the drain ends. An upstream
-/// node that ends as well still sends the message that it works on and the one that waits for it.
+/// node that ends as well still sends the message that is being processed and the one queued.
 const LATE_MESSAGES: u32 = 4;
-/// A message that a step has kept is given up after this long.
-const KEPT_LIMIT_NS: u64 = 1_000_000_000;
+/// A message that a step has deferred is discarded after this long.
+const DEFERRED_LIMIT_NS: u64 = 1_000_000_000;
 
 /// The time after a node with messages in its queue was asked to end.
 struct Drain {
@@ -65,7 +65,7 @@ impl Live<'_> {
                         return Ok(());
                     }
                 }
-                Next::Idle | Next::Ended => self.tell_when_due(),
+                Next::Idle | Next::Ended => self.report_when_due(),
             }
         }
     }
@@ -89,88 +89,85 @@ impl Live<'_> {
         self.inputs.topics().any(|topic| !self.transport.publishers(topic).is_empty())
     }
 
-    pub(super) fn handle_message(
-        &mut self,
-        lane: Lane,
-        arrived_ns: u64,
-        incoming: Incoming,
-    ) -> Result<Flow, RunError> {
-        let (input, read) = self.inputs.of(lane).expect("a lane is closed together with its input");
-        let (declared, Address { topic, kind, .. }) = (read.topic.clone(), read.address.clone());
-        self.watch.arrived(&topic, incoming.attachment(), arrived_ns);
+    pub(super) fn handle_message(&mut self, arrived: Arrived<Incoming>) -> Result<Flow, RunError> {
         let begin = self.time.ticks_ns();
-        let opened = incoming.open(kind).map_err(|why| why.to_string());
-        let message = match opened.and_then(|message| decompressed(&declared, message)) {
-            Ok(message) => message,
-            Err(why) => {
-                self.skip(&topic, &why);
-                self.watch.unreadable(&topic, begin, self.time.ticks_ns());
-                return Ok(Flow::Continue);
-            }
-        };
-        if !self.inputs.admit(lane, message.stamp(), self.time.ticks_ns(), &mut self.telemetry.report) {
+        let (input, read) = self.inputs.of(arrived.lane).expect("a lane is closed together with its input");
+        let (declared, address) = (read.topic.clone(), read.address.clone());
+        let Some(message) = self.admitted(arrived, &declared, &address, begin) else {
             return Ok(Flow::Continue);
-        }
+        };
         // The stamp is kept, because the step consumes the message.
         let frame = (message.kind() == MessageKind::Image).then(|| message.stamp());
         self.telemetry.span("decode", begin, self.time.ticks_ns(), frame);
-        let told = frame.filter(|_| self.taken.wanted());
         let passes_on = self.outputs.iter().any(|o| o.address.kind == MessageKind::Image && o.wanted());
         // Before the step: the source can make the next frame while this one is worked on.
-        if let Some(stamp) = told.filter(|_| !passes_on) {
-            self.tell_taken(stamp, &[]);
+        if let Some(stamp) = frame.filter(|_| !passes_on) {
+            self.acknowledge(stamp, &[]);
         }
         let trigger = Trigger::Message { input, message };
-        let (flow, messages) = self.step(trigger, &topic, Some(&declared.name), frame)?;
+        let (flow, messages) = self.step(trigger, &address.topic, Some(&declared.name), frame)?;
         if frame.is_some() {
-            self.watch.answered(&topic, begin, self.time.ticks_ns());
+            self.watch.answered(&address.topic, begin, self.time.ticks_ns());
         }
         self.send_all(&messages);
         if flow == Flow::NewInputs {
             self.subscribe()?;
         }
-        if let (Flow::Kept, Some(stamp)) = (flow, frame) {
-            self.kept = Some((stamp, topic, begin));
+        if let (Flow::Deferred, Some(stamp)) = (flow, frame) {
+            self.deferred = Some((stamp, address.topic, begin));
         } else if !messages.is_empty() {
-            self.kept = None;
+            self.deferred = None;
         }
-        // A frame that is kept has no result yet; the step that answers it tells.
-        if passes_on && flow != Flow::Kept {
-            self.tell_passed_on(told, &messages);
+        // A frame that is deferred has no result yet; the step that answers it acknowledges it.
+        if passes_on && flow != Flow::Deferred {
+            let answered = images(&messages, &self.outputs).or(frame.map(|stamp| (stamp, Vec::new())));
+            answered.into_iter().for_each(|(stamp, topics)| self.acknowledge(stamp, &topics));
         }
         Ok(flow)
     }
 
-    /// Tells sources of rate 0 that the frame of the stamp `told` was answered by these messages.
-    fn tell_passed_on(&self, told: Option<Time>, messages: &[(usize, Message)]) {
-        if !self.taken.wanted() {
-            return;
-        }
-        let sent = images(messages, &self.outputs);
-        if let Some((stamp, topics)) = sent.or(told.map(|stamp| (stamp, Vec::new()))) {
-            self.tell_taken(stamp, &topics);
-        }
-    }
-
-    /// Gives the kept frame up when it has waited long enough, so that a source of rate 0 goes on.
-    pub(super) fn give_up_kept(&mut self) {
+    /// Returns the message that has arrived if it can be read and is to be answered.
+    fn admitted(
+        &mut self,
+        Arrived { lane, stamp_ns, item }: Arrived<Incoming>,
+        declared: &Topic,
+        Address { topic, kind, .. }: &Address,
+        begin: u64,
+    ) -> Option<Message> {
+        self.watch.arrived(topic, item.attachment(), stamp_ns);
+        let opened = item.open(*kind).map_err(|why| why.to_string());
         let now = self.time.ticks_ns();
-        let Some((stamp, topic, _)) =
-            self.kept.take_if(|(_, _, since)| now.saturating_sub(*since) >= KEPT_LIMIT_NS)
-        else {
-            return;
-        };
-        if let Some(why) = self.node.give_up() {
-            self.skip(&topic, &why);
-            if self.taken.wanted() {
-                self.tell_taken(stamp, &[]);
+        match opened.and_then(|message| decompressed(declared, message)) {
+            Ok(message) => {
+                let report = &mut self.telemetry.report;
+                self.inputs.admit(lane, message.stamp(), now, report).then_some(message)
+            }
+            Err(why) => {
+                self.skip(topic, &why);
+                self.watch.unreadable(topic, begin, self.time.ticks_ns());
+                None
             }
         }
     }
 
-    fn tell_taken(&self, stamp: Time, topics: &[String]) {
+    /// Discards the deferred frame when it has waited long enough, so that a source of rate 0 goes on.
+    pub(super) fn discard_deferred(&mut self) {
+        let now = self.time.ticks_ns();
+        let is_over = |(_, _, since): &mut (_, _, u64)| now.saturating_sub(*since) >= DEFERRED_LIMIT_NS;
+        let Some((stamp, topic, _)) = self.deferred.take_if(is_over) else { return };
+        if let Some(why) = self.node.give_up() {
+            self.skip(&topic, &why);
+            self.acknowledge(stamp, &[]);
+        }
+    }
+
+    /// Acknowledges the frame of `stamp`, from which images on `topics` were made, to sources of rate 0 that listen.
+    fn acknowledge(&self, stamp: Time, topics: &[String]) {
+        if !self.acks.wanted() {
+            return;
+        }
         let own = self.transport.id_of(&self.node_name);
-        if let Err(why) = self.taken.put(&taken_message(own, stamp, topics)) {
+        if let Err(why) = self.acks.put(&ack_message(own, stamp, topics)) {
             tracing::warn!(node = %self.telemetry.node(), "{why}");
         }
     }

@@ -18,7 +18,7 @@ use std::time::Duration;
 use modulo_msgs::std_msgs::Time;
 use modulo_runtime::clock::nanos as nanoseconds;
 use modulo_runtime::report::add;
-use modulo_runtime::topic::{self, addresses};
+use modulo_runtime::topic::addresses;
 use modulo_runtime::wire::attachment::Attachment;
 use modulo_runtime::{
     Address, Clock, Flow, Message, MessageKind, Node, NodeName, NodeReport, ParameterError, Parameters, Part,
@@ -26,8 +26,8 @@ use modulo_runtime::{
 };
 
 use super::{CommonParameters, GRAPH_GLANCE, ImageTransport, RunError, wait_for, wait_until_ready};
-use crate::driver::pacing::{Pacing, taken_topic};
-use crate::graph::diagnostics::{NodeCondition, StateTopic};
+use crate::driver::pacing::{Pacing, ack_topic};
+use crate::graph::diagnostics::NodeCondition;
 use crate::graph::node_time::NodeTime;
 use crate::parameter::events::ParameterEvents;
 use crate::process::node_files::{ReportFile, SavedState, WriteReason};
@@ -35,7 +35,7 @@ use crate::transport::queue::{Arrived, Limit, Queue, Queued};
 use crate::transport::{Incoming, ParameterRequest, Publisher, Transport};
 use inputs::{Inputs, Renewal};
 use outputs::{LiveOutput, compressed};
-use requests::{EnableRequest, Making};
+use requests::{EnableRequest, Loading};
 use settings::Settings;
 use telemetry::Telemetry;
 use watch::Watch;
@@ -65,27 +65,30 @@ enum LiveEvent {
     Message(Incoming),
     /// A request to change parameters.
     Request(ParameterRequest),
-    /// A reader has taken a frame of this source.
-    Taken(Incoming),
-    /// The part that a request needs was made, or cannot be.
-    Made(Result<Part, ParameterError>),
+    /// A reader has acknowledged a frame of this source.
+    Ack(Incoming),
+    /// The part that a request needs was loaded, or cannot be.
+    Loaded(Result<Part, ParameterError>),
     /// A request to pause, or to go on.
     Enable(EnableRequest),
 }
 
+impl LiveEvent {
+    fn incoming(&self) -> Option<&Incoming> {
+        match self {
+            Self::Message(incoming) | Self::Ack(incoming) => Some(incoming),
+            Self::Request(_) | Self::Loaded(_) | Self::Enable(_) => None,
+        }
+    }
+}
+
 impl Queued for LiveEvent {
     fn bytes(&self) -> usize {
-        match self {
-            Self::Message(incoming) | Self::Taken(incoming) => incoming.bytes(),
-            Self::Request(_) | Self::Made(_) | Self::Enable(_) => 0,
-        }
+        self.incoming().map_or(0, Incoming::bytes)
     }
 
     fn attachment(&self) -> Option<&Attachment> {
-        match self {
-            Self::Message(incoming) | Self::Taken(incoming) => incoming.attachment(),
-            Self::Request(_) | Self::Made(_) | Self::Enable(_) => None,
-        }
+        self.incoming().and_then(Incoming::attachment)
     }
 }
 
@@ -104,16 +107,16 @@ struct Live<'a> {
     queue: Arc<EventQueue>,
     outputs: Vec<LiveOutput>,
     inputs: Inputs,
-    /// Tells sources of rate 0 which frames this node has taken.
-    taken: Box<dyn Publisher>,
+    /// Acknowledges frames to sources of rate 0.
+    acks: Box<dyn Publisher>,
     /// The readers of this node's own frames, if it is such a source.
     pacing: Pacing,
     telemetry: Telemetry,
     watch: Watch,
     /// The part that a request waits for.
-    making: Option<Making>,
-    /// The frame that the last step on an image has kept: its stamp, its topic, and the ticks since then.
-    kept: Option<(Time, String, u64)>,
+    loading: Option<Loading>,
+    /// The frame that the last step on an image has deferred: its stamp, its topic, and the ticks since then.
+    deferred: Option<(Time, String, u64)>,
     /// Whether the node works. While it does not, it has no subscription, and a source sends nothing.
     enabled: bool,
 }
@@ -130,20 +133,11 @@ pub fn run(
 ) -> Result<NodeReport, RunError> {
     let NodeSetup { node, parameters, node_name, saved, report_file } = setup;
     // Publishers come before subscriptions: the first message may already cause an output.
-    let outputs = node.outputs();
-    let outputs =
-        outputs.iter().map(|topic| LiveOutput::advertise(topic, &node_name, &parameters, transport));
-    let outputs = outputs.collect::<Result<Vec<_>, _>>()?;
-    let diagnostics = Address::resolve(&node_name, &topic::diagnostics())?;
-    let diagnostics = match outputs.iter().find(|output| output.address.topic == diagnostics.topic) {
-        Some(output) => output.publisher.clone(),
-        None => transport.advertise(&node_name, &diagnostics)?.into(),
-    };
+    let output = |topic: &Topic| LiveOutput::advertise(topic, &node_name, &parameters, transport);
+    let outputs = node.outputs().iter().map(output).collect::<Result<Vec<_>, _>>()?;
     let queue = Arc::new(Queue::new(clock.clone(), Limit { messages: REQUESTS, bytes: usize::MAX }));
     // A node that waits for a message must see a request to end at once.
     stop.wakes(&queue);
-    let state = transport.advertise(&node_name, &Address::resolve(&node_name, &StateTopic::topic())?)?;
-    let name = node_name.fully_qualified();
     let live = Live {
         node,
         settings: Settings::new(parameters, saved, ParameterEvents::new(&node_name, transport)?),
@@ -153,13 +147,13 @@ pub fn run(
         stop,
         inputs: Inputs::new(queue.clone()),
         queue,
-        outputs,
-        taken: transport.advertise(&node_name, &Address::resolve(&node_name, &taken_topic())?)?,
+        acks: transport.advertise(&node_name, &Address::resolve(&node_name, &ack_topic())?)?,
         pacing: Pacing::default(),
-        watch: Watch::new(name.clone()),
-        telemetry: Telemetry::open(name, report_file, diagnostics, state, &**clock),
-        making: None,
-        kept: None,
+        watch: Watch::new(node_name.fully_qualified()),
+        telemetry: Telemetry::open(&node_name, report_file, &outputs, transport, &**clock)?,
+        outputs,
+        loading: None,
+        deferred: None,
         enabled: true,
         node_name,
     };
@@ -180,7 +174,7 @@ impl Live<'_> {
         // Last of all: a node that waits for this one may send at once.
         let announced = self.transport.announce(&self.node_name)?;
         self.settings.started(self.time.now_ns());
-        self.tell_state(Time::from_ns(self.time.now_ns()));
+        self.publish_state(Time::from_ns(self.time.now_ns()));
         self.write_report(WriteReason::Edge);
         tracing::info!(node = %self.telemetry.node(), "ready");
         // Another source may make a source a listener, and the other way round.
@@ -193,7 +187,7 @@ impl Live<'_> {
             }
         };
         if ended.is_ok() && self.stop.urgency() == Urgency::None {
-            self.telemetry.tell_end(Time::from_ns(self.time.now_ns()));
+            self.telemetry.publish_end(Time::from_ns(self.time.now_ns()));
         }
         // Out of the graph before the publishers go, so that no other node waits for this one.
         drop((announced, served));
@@ -204,7 +198,7 @@ impl Live<'_> {
     fn close(mut self, ended: Result<(), RunError>) -> Result<NodeReport, RunError> {
         // From here on requests are refused, so that no caller waits for a node that has ended.
         self.queue.end();
-        self.making.take().into_iter().for_each(Making::join);
+        self.loading.take().into_iter().for_each(Loading::join);
         self.inputs.close(&mut self.telemetry.report);
         self.watch.close();
         let report = self.telemetry.close(&*self.node, ended.is_err(), self.time.ticks_ns());
@@ -249,7 +243,7 @@ impl Live<'_> {
         }
     }
 
-    /// Goes over to the inputs of `renewal`. A node that is paused has none.
+    /// Replaces the subscriptions by those of `renewal`. A node that is paused has none.
     fn renew_inputs(&mut self, renewal: Renewal) {
         if self.enabled {
             self.inputs.renew(renewal, self.time.ticks_ns(), &mut self.telemetry.report);
@@ -271,14 +265,15 @@ impl Live<'_> {
     }
 
     fn handle(&mut self, arrived: Arrived<LiveEvent>) -> Result<Flow, RunError> {
-        match arrived.item {
-            LiveEvent::Message(incoming) => self.handle_message(arrived.lane, arrived.stamp_ns, incoming),
+        let Arrived { lane, stamp_ns, item } = arrived;
+        match item {
+            LiveEvent::Message(item) => self.handle_message(Arrived { lane, stamp_ns, item }),
             LiveEvent::Request(request) => self.answer(request).map(|()| Flow::Continue),
-            LiveEvent::Made(part) => self.made(part).map(|()| Flow::Continue),
+            LiveEvent::Loaded(part) => self.loaded(part).map(|()| Flow::Continue),
             LiveEvent::Enable(request) => self.enable(&request).map(|()| Flow::Continue),
-            LiveEvent::Taken(incoming) => {
-                if let Ok(Message::Diagnostics(taken)) = incoming.open(MessageKind::Diagnostics) {
-                    self.pacing.note(&taken);
+            LiveEvent::Ack(incoming) => {
+                if let Ok(Message::Diagnostics(ack)) = incoming.open(MessageKind::Diagnostics) {
+                    self.pacing.note(&ack);
                 }
                 Ok(Flow::Continue)
             }
@@ -286,11 +281,11 @@ impl Live<'_> {
     }
 
     /// Publishes the values in use from the frame of `stamp` on, if they have changed.
-    fn tell_state(&mut self, stamp: Time) {
+    fn publish_state(&mut self, stamp: Time) {
         let mut of_driver = vec![("enabled", self.enabled.to_string())];
         of_driver.extend(self.inputs.stream().map(|stream| ("stream", stream)));
-        of_driver.extend(self.making.as_ref().map(|making| ("loading", making.to_string())));
-        self.telemetry.tell_state(stamp, &*self.node, of_driver);
+        of_driver.extend(self.loading.as_ref().map(|loading| ("loading", loading.to_string())));
+        self.telemetry.publish_state(stamp, &*self.node, of_driver);
     }
 
     /// Brings the report on the disk up to date when that is due.
@@ -298,10 +293,10 @@ impl Live<'_> {
         self.telemetry.write_report(reason, &self.inputs, &*self.node, &self.time);
     }
 
-    /// Does what is due beside the frames: gives a kept frame up, brings the account on the disk and `/diagnostics` up to date,
+    /// Does what is due beside the frames: discards a deferred frame, brings the account on the disk and `/diagnostics` up to date,
     /// and warns of streams that do not come.
-    fn tell_when_due(&mut self) {
-        self.give_up_kept();
+    fn report_when_due(&mut self) {
+        self.discard_deferred();
         self.write_report(WriteReason::Idle);
         for warning in self.inputs.look(self.time.ticks_ns(), &mut self.telemetry.report) {
             tracing::warn!(node = %self.telemetry.node(), "{warning}");

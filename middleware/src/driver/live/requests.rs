@@ -43,7 +43,7 @@ struct PreparedRequest {
 
 impl PreparedRequest {
     /// Tells the caller that its request takes effect when all is loaded. Returns whether the caller still waits, or has
-    /// been told before.
+    /// been notified before.
     fn promise(&mut self) -> bool {
         if !self.promised && self.request.claim.take() {
             self.promised = true;
@@ -54,8 +54,8 @@ impl PreparedRequest {
     }
 }
 
-/// A part that is being made.
-pub(super) struct Making {
+/// A part that is being loaded.
+pub(super) struct Loading {
     prepared: PreparedRequest,
     /// The parameters that the part is for.
     next: Parameters,
@@ -64,14 +64,14 @@ pub(super) struct Making {
 }
 
 /// The names and the values that are being loaded.
-impl fmt::Display for Making {
+impl fmt::Display for Loading {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (names, values) = difference(&self.prepared.expected, &self.next);
         write!(f, "{names} = {values}")
     }
 }
 
-impl Making {
+impl Loading {
     /// Waits for the end of the thread: the process must not end while a library of an engine is at work.
     pub fn join(self) {
         let _ = self.thread.join();
@@ -80,10 +80,8 @@ impl Making {
 
 /// Returns the names and the values that differ between two sets.
 fn difference(now: &Parameters, next: &Parameters) -> (String, String) {
-    let names = now.descriptors().iter().map(|descriptor| descriptor.name);
-    let changed = names.filter(|name| now.get(name) != next.get(name));
-    let pairs = changed.filter_map(|name| Some((name, next.get(name)?.to_string())));
-    let (names, values): (Vec<_>, Vec<_>) = pairs.unzip();
+    let (names, values): (Vec<_>, Vec<_>) =
+        now.changed(next).map(|(name, value)| (name, value.to_string())).unzip();
     (names.join(", "), values.join(", "))
 }
 
@@ -93,7 +91,7 @@ impl Live<'_> {
         let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::All));
         let request = move |request| match queue.push(lane, LiveEvent::Request(request))? {
             LiveEvent::Request(request) => Some(request),
-            LiveEvent::Message(_) | LiveEvent::Taken(_) | LiveEvent::Made(_) | LiveEvent::Enable(_) => None,
+            LiveEvent::Message(_) | LiveEvent::Ack(_) | LiveEvent::Loaded(_) | LiveEvent::Enable(_) => None,
         };
         let port = ParameterPort { read: Box::new(self.settings.reader()), request: Box::new(request) };
         self.transport.serve_parameters(&self.node_name, port)
@@ -137,7 +135,7 @@ impl Live<'_> {
                 self.telemetry.report.swapped = true;
                 self.inputs.close(&mut self.telemetry.report);
             }
-            self.tell_state(Time::from_ns(self.time.now_ns()));
+            self.publish_state(Time::from_ns(self.time.now_ns()));
         }
         // Fails only when the caller has gone.
         let _ = request.answer.send(());
@@ -163,12 +161,12 @@ impl Live<'_> {
                         Ok(None)
                     }
                     // One at a time: each may take as much memory as a model.
-                    Some(_) if self.making.is_some() => {
+                    Some(_) if self.loading.is_some() => {
                         let (names, values) = difference(&prepared.expected, &next);
                         let why = "the node is still loading what was asked for before; try again later";
                         Err(ParameterError::new(names, values, why))
                     }
-                    Some(job) => return self.make(job, next, prepared),
+                    Some(job) => return self.load(job, next, prepared),
                 },
             };
             prepared.parts.push(part);
@@ -177,7 +175,7 @@ impl Live<'_> {
     }
 
     /// Starts `job` on a thread of its own; its end comes as an event.
-    fn make(&mut self, job: Job, next: Parameters, mut prepared: PreparedRequest) -> Result<(), RunError> {
+    fn load(&mut self, job: Job, next: Parameters, mut prepared: PreparedRequest) -> Result<(), RunError> {
         if !prepared.promise() {
             return Ok(());
         }
@@ -186,14 +184,15 @@ impl Live<'_> {
         let (lane, queue, panicked) = (self.queue.open(Keep::Last(1)), self.queue.clone(), failed.clone());
         let thread = std::thread::Builder::new().name("parts".into()).spawn(move || {
             // Without an answer, the request would wait for ever, and no other part could be made.
-            let made = catch_unwind(AssertUnwindSafe(job));
-            let made = made.unwrap_or_else(|_| Err(panicked("the program failed at it; see the log".into())));
-            drop(queue.push(lane, LiveEvent::Made(made)));
+            let loaded = catch_unwind(AssertUnwindSafe(job));
+            let loaded =
+                loaded.unwrap_or_else(|_| Err(panicked("the program failed at it; see the log".into())));
+            drop(queue.push(lane, LiveEvent::Loaded(loaded)));
         });
         match thread {
             Ok(thread) => {
-                self.making = Some(Making { prepared, next, lane, thread });
-                self.tell_state(self.telemetry.next_stamp(&self.time));
+                self.loading = Some(Loading { prepared, next, lane, thread });
+                self.publish_state(self.telemetry.next_stamp(&self.time));
                 Ok(())
             }
             Err(why) => {
@@ -204,10 +203,10 @@ impl Live<'_> {
         }
     }
 
-    /// Takes the part that was made, and goes on with its request.
-    pub(super) fn made(&mut self, part: Result<Part, ParameterError>) -> Result<(), RunError> {
-        let making = self.making.take().expect("only a part that is being made is made");
-        let Making { mut prepared, next, lane, thread } = making;
+    /// Takes the part that was loaded, and goes on with its request.
+    pub(super) fn loaded(&mut self, part: Result<Part, ParameterError>) -> Result<(), RunError> {
+        let loading = self.loading.take().expect("only a part that is being loaded is loaded");
+        let Loading { mut prepared, next, lane, thread } = loading;
         self.queue.close(lane);
         // It has sent its last event, and ends now.
         let _ = thread.join();
@@ -230,7 +229,7 @@ impl Live<'_> {
             tracing::warn!(node = %self.telemetry.node(), "{why}");
         }
         if promised {
-            self.tell_state(self.telemetry.next_stamp(&self.time));
+            self.publish_state(self.telemetry.next_stamp(&self.time));
         }
         // Fails only when the caller has gone.
         let _ = request.answer.send(ParameterAnswer::Done(answers));

@@ -7,60 +7,90 @@ use modulo_runtime::{Address, Clock, Flow, Message, Trigger, Urgency};
 
 use super::{GRAPH_GLANCE, IDLE, Live, LiveEvent, LiveOutput, REQUESTS, nanoseconds};
 use crate::driver::RunError;
-use crate::driver::pacing::{Pacing, has_watcher, taken_topic};
+use crate::driver::pacing::{Pacing, ack_topic, has_watcher};
 use crate::transport::Guard;
 use crate::transport::queue::{Keep, Lane, Next};
 
 /// The longest time by which a period that has become shorter waits for the readers of the last frame.
 const OVERLAP: Duration = Duration::from_secs(1);
 
+/// When the frames of a source are due, in ticks of the clock.
+struct Schedule {
+    /// When the next frame is due.
+    due: u64,
+    /// When the last one was due.
+    last: Option<u64>,
+    /// The period of the source when `due` was decided.
+    period: Option<Duration>,
+}
+
+impl Schedule {
+    /// Goes on to the frame after the one that was due, at the ticks `now`.
+    fn next(&mut self, period: Option<Duration>, now: u64) {
+        self.last = Some(self.due);
+        self.change(period, now);
+    }
+
+    /// Plans the next frame anew with another period. A shorter one holds for the frame after the next one, or after
+    /// [`OVERLAP`]: readers may still work on the last frame.
+    fn change(&mut self, period: Option<Duration>, now: u64) {
+        let before = std::mem::replace(&mut self.period, period).map(|before| before.min(OVERLAP));
+        let nanoseconds = |period: Option<Duration>| period.map_or(0, nanoseconds);
+        if let Some(last) = self.last {
+            self.due = next_due(last, nanoseconds(period).max(nanoseconds(before)), now);
+        }
+    }
+}
+
 impl Live<'_> {
     /// Sends one frame each period, or with a period of zero as soon as every reader has taken the last frame. The
     /// period may change between two frames. Returns when the node is done, or has become a listener.
     pub(super) fn run_source(&mut self) -> Result<(), RunError> {
-        // The subscription to what the readers have taken, which is held only while the period is zero.
-        let mut told: Option<(Guard, Lane)> = None;
-        let mut due = self.first_due();
-        // When the last frame was due.
-        let mut last = None;
+        let mut schedule = Schedule { due: self.first_due(), last: None, period: self.node.period() };
+        // The subscription to the acknowledgements of readers, which is held only while the period is zero.
+        let mut readers: Option<(Guard, Lane)> = None;
         loop {
-            let (period, paced) = (self.node.period(), self.is_paced());
-            if paced != told.is_some() {
-                self.change_pacing(&mut told)?;
-                // Readers tell nothing before they have found out that this node listens.
-                due = due.max(self.time.ticks_ns() + nanoseconds(self.transport.settling()));
+            let (period, paced) = (self.node.period(), self.node.period() == Some(Duration::ZERO));
+            if paced != readers.is_some() {
+                self.change_pacing(&mut readers)?;
+                // Readers send nothing before they have found out that this node listens.
+                let listening = self.time.ticks_ns() + nanoseconds(self.transport.settling());
+                schedule.due = schedule.due.max(listening);
             }
             if period.is_none() {
                 return Ok(());
             }
-            self.wait_until(due)?;
+            self.wait_until(schedule.due)?;
+            let is_changed = self.node.period() != period;
             if self.stop.urgency() != Urgency::None {
                 return Ok(());
-            }
-            // A request has changed the pace of the frame that is waited for.
-            if self.node.period() != period {
-                due = last.map_or(due, |last| self.due_after(last, period));
-                continue;
-            }
-            if !self.enabled {
-                due = self.time.ticks_ns() + nanoseconds(IDLE);
-                continue;
-            }
-            let changes = self.settings.changes();
-            let (flow, messages) = self.step(Trigger::Tick, "source", None, None)?;
-            // The step has made the next frame meanwhile; only its sending waits.
-            if paced {
-                self.wait_for_readers()?;
-                self.note_frame(&messages);
-            }
-            self.send_all(&messages);
-            // A request that was answered while readers were waited for may have given the node another source.
-            if flow == Flow::Done && self.settings.changes() == changes {
+            } else if is_changed {
+                // A request has changed the pace of the frame that is waited for.
+                schedule.change(self.node.period(), self.time.ticks_ns());
+            } else if !self.enabled {
+                schedule.due = self.time.ticks_ns() + nanoseconds(IDLE);
+            } else if self.send_frame(paced)? == Flow::Done {
                 return Ok(());
+            } else {
+                schedule.next(self.node.period(), self.time.ticks_ns());
             }
-            last = Some(due);
-            due = self.due_after(due, period);
         }
+    }
+
+    /// Makes the next frame and sends it, `paced` when all readers have taken the last one. Returns whether it was the last.
+    fn send_frame(&mut self, paced: bool) -> Result<Flow, RunError> {
+        let changes = self.settings.changes();
+        let (flow, messages) = self.step(Trigger::Tick, "source", None, None)?;
+        // The step has made the next frame meanwhile; only its sending waits.
+        if paced {
+            self.wait_for_readers()?;
+            if let Some((stamp, topics)) = images(&messages, &self.outputs) {
+                self.pacing.sent(stamp, topics);
+            }
+        }
+        self.send_all(&messages);
+        // A request that was answered while readers were waited for may have given the node another source.
+        Ok(if self.settings.changes() == changes { flow } else { Flow::Continue })
     }
 
     /// Returns when the first frame is due. A node that watches the graph has found all publishers by then, those of nodes that this
@@ -70,37 +100,22 @@ impl Live<'_> {
         if has_watcher(self.transport) { now + settling } else { now.max(self.advertised_ns + settling) }
     }
 
-    /// Returns the time of the frame after the one that was due at `last`, while the period was `before`. A shorter period holds
-    /// for the frame after the next one, or after [`OVERLAP`]: readers may still work on the last frame.
-    fn due_after(&self, last: u64, before: Option<Duration>) -> u64 {
-        let before = before.map_or(0, |before| nanoseconds(before.min(OVERLAP)));
-        next_due(last, self.period_ns().max(before), self.time.ticks_ns())
-    }
-
-    /// Begins to listen to the readers, or ends it if `told` holds the subscription.
-    fn change_pacing(&mut self, told: &mut Option<(Guard, Lane)>) -> Result<(), RunError> {
-        match told.take() {
+    /// Begins to listen to the readers, or ends it if `readers` holds the subscription.
+    fn change_pacing(&mut self, readers: &mut Option<(Guard, Lane)>) -> Result<(), RunError> {
+        match readers.take() {
             Some((_, lane)) => drop(self.queue.close(lane)),
-            // Readers tell what they take only while a source listens, since it costs them a message for each frame.
-            None => *told = Some(self.listen_to_readers()?),
+            // Readers acknowledge frames only while a source listens, since it costs them a message for each frame.
+            None => *readers = Some(self.listen_to_readers()?),
         }
         // A frame of the time before says nothing about the readers at the new pace.
         self.pacing = Pacing::default();
         Ok(())
     }
 
-    fn period_ns(&self) -> u64 {
-        self.node.period().map_or(0, nanoseconds)
-    }
-
-    fn is_paced(&self) -> bool {
-        self.node.period() == Some(Duration::ZERO)
-    }
-
     fn listen_to_readers(&self) -> Result<(Guard, Lane), RunError> {
         let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::Last(REQUESTS)));
-        let deliver = Box::new(move |incoming| drop(queue.push(lane, LiveEvent::Taken(incoming))));
-        let address = Address::resolve(&self.node_name, &taken_topic())?;
+        let deliver = Box::new(move |incoming| drop(queue.push(lane, LiveEvent::Ack(incoming))));
+        let address = Address::resolve(&self.node_name, &ack_topic())?;
         Ok((self.transport.subscribe(&self.node_name, &address, deliver)?, lane))
     }
 
@@ -114,7 +129,7 @@ impl Live<'_> {
                 Next::Item(arrived) => drop(self.handle(arrived)?),
                 Next::Idle | Next::Ended => {}
             }
-            self.tell_when_due();
+            self.report_when_due();
             let is_over = self.time.ticks_ns() >= due || self.node.period() != period;
             if is_over || self.stop.urgency() != Urgency::None {
                 return Ok(());
@@ -132,16 +147,9 @@ impl Live<'_> {
                 self.handle(arrived)?;
             }
             // A source that waits long still shows that it is alive.
-            self.tell_when_due();
+            self.report_when_due();
         }
         Ok(())
-    }
-
-    /// Notes that from now on the readers of the images among `messages` are waited for.
-    fn note_frame(&mut self, messages: &[(usize, Message)]) {
-        if let Some((stamp, topics)) = images(messages, &self.outputs) {
-            self.pacing.sent(stamp, topics);
-        }
     }
 }
 

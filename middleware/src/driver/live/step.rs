@@ -30,7 +30,7 @@ impl Live<'_> {
         let image = output.messages.iter().find(|(_, message)| message.kind() == MessageKind::Image);
         let made = image.map(|(_, message)| message.stamp());
         let point = match made {
-            _ if result == Ok(Flow::Kept) => None,
+            _ if result == Ok(Flow::Deferred) => None,
             Some(_) if stream.is_none() => Some(FlowPoint::Source),
             Some(_) => Some(FlowPoint::Pass),
             None => frame.map(|_| FlowPoint::End),
@@ -39,7 +39,7 @@ impl Live<'_> {
         self.telemetry.record(&ended, &self.outputs, &self.time);
         // Before the messages of the first frame that was made with these values.
         if let Some((_, first)) = output.messages.first() {
-            self.tell_state(first.stamp());
+            self.publish_state(first.stamp());
         }
         self.settle(result, output.messages, topic, stream.is_none())
     }
@@ -54,7 +54,7 @@ impl Live<'_> {
     ) -> Result<(Flow, Vec<(usize, Message)>), RunError> {
         match result {
             Ok(flow) => Ok((flow, messages)),
-            // Each frame of a source is told: its name is in the text.
+            // Each frame of a source is reported: its name is in the text.
             Err(StepError::Skip(why)) if is_source => {
                 tracing::warn!(node = %self.telemetry.node(), topic, "skipped: {why}");
                 add(&mut self.telemetry.report.bad, topic, 1);
@@ -119,7 +119,7 @@ impl Live<'_> {
             self.time.ticks_ns(),
             sent.next().map(|(_, message)| message.stamp()),
         );
-        self.tell_when_due();
+        self.report_when_due();
     }
 
     fn send(&mut self, output: usize, message: &Message) {

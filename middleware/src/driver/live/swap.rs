@@ -21,7 +21,7 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// Time between two such warnings.
 const WARNING_PERIOD: Duration = Duration::from_secs(1);
 /// The longest time by which one stream may be behind another one. A frame that is older than the last answered one by
-/// more than this is no frame of before: the stream has another time, such as a recording.
+/// more than this belongs to another time base, such as that of a recording.
 const MAX_LAG: Duration = Duration::from_secs(10);
 
 /// A topic that a node reads, with its subscription.
@@ -30,19 +30,10 @@ pub(super) struct SlotInput {
     pub topic: Topic,
     pub address: Address,
     pub lane: Lane,
-    /// While the next frames of this topic may have been answered from another one: the stamp of the last one that was,
-    /// or 0.
-    overlap: Option<u64>,
-    /// Where the node left this topic, while it has asked for it again and no frame of it has come since.
-    left: Option<Left>,
-    subscription: Guard,
+    pub subscription: Guard,
 }
 
 impl SlotInput {
-    pub fn new(topic: Topic, address: Address, lane: Lane, subscription: Guard) -> Self {
-        Self { topic, address, lane, overlap: None, left: None, subscription }
-    }
-
     /// Ends a subscription that the node has never read.
     pub fn cancel(self, queue: &EventQueue) {
         drop(self.subscription);
@@ -56,59 +47,60 @@ impl SlotInput {
     }
 }
 
-/// One input of a node.
+/// One input of a node: a stream that is answered, and those that come and go.
 pub(super) struct Slot {
-    /// The stream that the node has asked for.
-    pub current: SlotInput,
-    waiting: Option<PendingSwap>,
-    leaving: Vec<Leaving>,
+    /// The stream whose frames are answered.
+    answered: SlotInput,
+    /// While its next frames may have been answered from another stream: the stamp of the last one that was, or 0.
+    overlap: Option<u64>,
+    pending: Option<PendingStream>,
+    /// Streams that are no longer answered, each with the frame that it is read up to.
+    leaving: Vec<(SlotInput, Successor)>,
     /// Stamps of the first and the last answered frame, ns, since they last went backwards.
-    answered: Option<(u64, u64)>,
+    span: Option<(u64, u64)>,
 }
 
-/// The current stream has given no frame yet, so that `old` is answered.
-struct PendingSwap {
-    old: SlotInput,
+/// The stream that the node has asked for, while no frame of it has come.
+struct PendingStream {
+    input: SlotInput,
+    /// Where the node has left this stream before, if it has.
+    left: Option<Successor>,
     since: u64,
     warn_at: u64,
 }
 
-/// A stream that is no longer answered.
-struct Leaving {
-    old: SlotInput,
-    left: Left,
-}
-
 /// The frame with which the stream after a left one began: its stamp, and the ticks at which it came. The left stream is
 /// read until it has reached this frame.
-#[derive(Clone, Copy)]
-struct Left {
+struct Successor {
     first: u64,
     since: u64,
 }
 
 impl Slot {
     pub fn new(input: SlotInput) -> Self {
-        Self { current: input, waiting: None, leaving: Vec::new(), answered: None }
+        Self { answered: input, overlap: None, pending: None, leaving: Vec::new(), span: None }
+    }
+
+    /// Returns the stream that the node has asked for.
+    pub fn current(&self) -> &SlotInput {
+        self.pending.as_ref().map_or(&self.answered, |pending| &pending.input)
     }
 
     /// Returns the subscriptions that are open now.
     pub fn inputs(&self) -> impl Iterator<Item = &SlotInput> {
-        let waiting = self.waiting.iter().map(|waiting| &waiting.old);
-        std::iter::once(&self.current).chain(waiting).chain(self.leaving.iter().map(|leaving| &leaving.old))
+        let pending = self.pending.iter().map(|pending| &pending.input);
+        std::iter::once(&self.answered).chain(pending).chain(self.leaving.iter().map(|(input, _)| input))
     }
 
     /// Returns all subscriptions.
     pub fn into_inputs(self) -> impl Iterator<Item = SlotInput> {
-        let waiting = self.waiting.map(|waiting| waiting.old);
-        std::iter::once(self.current)
-            .chain(waiting)
-            .chain(self.leaving.into_iter().map(|leaving| leaving.old))
+        let pending = self.pending.map(|pending| pending.input);
+        std::iter::once(self.answered).chain(pending).chain(self.leaving.into_iter().map(|(input, _)| input))
     }
 
     /// Returns the stream whose frames are answered.
     pub fn in_use(&self) -> &Topic {
-        &self.waiting.as_ref().map_or(&self.current, |waiting| &waiting.old).topic
+        &self.answered.topic
     }
 
     /// Returns whether a subscription to `address` is open.
@@ -125,73 +117,54 @@ impl Slot {
         opened: Option<SlotInput>,
         now: u64,
     ) -> Option<SlotInput> {
-        if self.current.address == *to {
-            self.current.topic = topic;
+        let current = self.pending.as_mut().map_or(&mut self.answered, |pending| &mut pending.input);
+        if current.address == *to {
+            current.topic = topic;
             return None;
         }
-        // The last stream has not begun, so that the one before it is still the one that is answered.
-        if let Some(PendingSwap { old, .. }) = self.waiting.take_if(|waiting| waiting.old.address == *to) {
-            let last = std::mem::replace(&mut self.current, SlotInput { topic, ..old });
-            return self.put_aside(last);
-        }
-        let next = SlotInput { topic, overlap: Some(0), ..opened.unwrap_or_else(|| self.take_back(to)) };
-        let last = std::mem::replace(&mut self.current, next);
-        let begun = self.waiting.take();
-        let pending = |old| Some(PendingSwap { old, since: now, warn_at: now + nanos(PATIENCE) });
-        match begun {
-            Some(PendingSwap { old, .. }) => {
-                self.waiting = pending(old);
-                self.put_aside(last)
-            }
-            None => {
-                self.waiting = pending(last);
-                None
-            }
-        }
+        let next = if self.answered.address == *to {
+            self.answered.topic = topic;
+            None
+        } else {
+            let (input, left) = opened.map_or_else(|| self.take_back(to), |opened| (opened, None));
+            let input = SlotInput { topic, ..input };
+            Some(PendingStream { input, left, since: now, warn_at: now + nanos(PATIENCE) })
+        };
+        // The last stream that was asked for has not begun.
+        let PendingStream { input, left, .. } = std::mem::replace(&mut self.pending, next)?;
+        let Some(left) = left else { return Some(input) };
+        self.leaving.push((input, left));
+        None
     }
 
     /// Returns the stream at `to`, which was left and is still open.
-    fn take_back(&mut self, to: &Address) -> SlotInput {
-        let index = self.leaving.iter().position(|leaving| leaving.old.address == *to);
-        let Leaving { old, left } =
-            self.leaving.remove(index.expect("a stream without a subscription is opened"));
-        SlotInput { left: Some(left), ..old }
-    }
-
-    /// Leaves a stream that has not begun; returns it if it is no longer needed.
-    fn put_aside(&mut self, input: SlotInput) -> Option<SlotInput> {
-        match input.left {
-            Some(left) => self.leaving.push(Leaving { old: input, left }),
-            None => return Some(input),
-        }
-        None
+    fn take_back(&mut self, to: &Address) -> (SlotInput, Option<Successor>) {
+        let index = self.leaving.iter().position(|(input, _)| input.address == *to);
+        let (input, left) = self.leaving.remove(index.expect("a stream without a subscription is opened"));
+        (input, Some(left))
     }
 
     /// Takes note of a message of `stamp` (ns; 0 is unknown) that came in `lane` at the ticks `now`. Returns whether it
     /// is answered, and a subscription that is no longer needed.
     pub fn admit(&mut self, lane: Lane, stamp: u64, now: u64) -> (bool, Option<SlotInput>) {
-        if let Some(index) = self.leaving.iter().position(|leaving| leaving.old.lane == lane) {
-            let over = stamp >= self.leaving[index].left.first;
-            return (false, over.then(|| self.leaving.remove(index).old));
+        if let Some(index) = self.leaving.iter().position(|(input, _)| input.lane == lane) {
+            let over = stamp >= self.leaving[index].1.first;
+            return (false, over.then(|| self.leaving.remove(index).0));
         }
-        let is_new = lane == self.current.lane;
-        if let Some(PendingSwap { old, .. }) = self.waiting.take_if(|_| is_new) {
-            self.leaving.push(Leaving { old, left: Left { first: stamp, since: now } });
-            self.current.left = None;
+        if let Some(begun) = self.pending.take_if(|pending| pending.input.lane == lane) {
+            let left = std::mem::replace(&mut self.answered, begun.input);
+            self.leaving.push((left, Successor { first: stamp, since: now }));
+            self.overlap = Some(0);
         }
-        let input = match &mut self.waiting {
-            Some(waiting) => &mut waiting.old,
-            None => &mut self.current,
-        };
         // A smaller stamp means that the source has restarted, not that the frame is a repetition.
         let least = |last, from: u64, to: u64| from.max(last).max(to.saturating_sub(nanos(MAX_LAG)));
         let known = |(last, (from, to))| (least(last, from, to)..=to).contains(&stamp);
-        if stamp != 0 && input.overlap.zip(self.answered).is_some_and(known) {
-            input.overlap = Some(stamp);
+        if stamp != 0 && self.overlap.zip(self.span).is_some_and(known) {
+            self.overlap = Some(stamp);
             return (false, None);
         }
-        input.overlap = None;
-        self.answered = match self.answered {
+        self.overlap = None;
+        self.span = match self.span {
             Some((from, to)) if stamp > to => Some((from, stamp)),
             _ => Some((stamp, stamp)),
         };
@@ -201,17 +174,17 @@ impl Slot {
     /// Looks at the time that the swap takes, at the ticks `now`. Returns a warning if one is due, and a subscription
     /// that is no longer needed.
     pub fn look(&mut self, now: u64) -> (Option<String>, Option<SlotInput>) {
-        let late = |leaving: &Leaving| now.saturating_sub(leaving.left.since) > nanos(PATIENCE);
-        let closed = self.leaving.iter().position(late).map(|index| self.leaving.remove(index).old);
-        let Some(waiting) = self.waiting.as_mut().filter(|waiting| now >= waiting.warn_at) else {
+        let late = |(_, left): &(_, Successor)| now.saturating_sub(left.since) > nanos(PATIENCE);
+        let closed = self.leaving.iter().position(late).map(|index| self.leaving.remove(index).0);
+        let Some(pending) = self.pending.as_mut().filter(|pending| now >= pending.warn_at) else {
             return (None, closed);
         };
-        waiting.warn_at = now + nanos(WARNING_PERIOD);
+        pending.warn_at = now + nanos(WARNING_PERIOD);
         let warning = format!(
             "no frame has come on {} for {} s; the node still answers the frames of {}",
-            self.current.address.topic,
-            Duration::from_nanos(now - waiting.since).as_secs(),
-            waiting.old.address.topic
+            pending.input.address.topic,
+            Duration::from_nanos(now - pending.since).as_secs(),
+            self.answered.address.topic
         );
         (Some(warning), closed)
     }

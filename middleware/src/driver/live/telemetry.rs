@@ -1,18 +1,17 @@
 //! [`Telemetry`]: what a live node reports of itself: its report, the copy of it on the disk, `/diagnostics`, `~/state` and the trace.
 
-use std::rc::Rc;
-
 use modulo_msgs::std_msgs::Time;
 use modulo_runtime::node::status_of;
 use modulo_runtime::report::add;
 use modulo_runtime::trace::{FlowPoint, Span, TraceFile};
-use modulo_runtime::{Clock, Node, NodeReport, StepOutput};
+use modulo_runtime::{Address, Clock, Node, NodeName, NodeReport, StepOutput, topic};
 
 use super::inputs::Inputs;
 use super::outputs::LiveOutput;
+use crate::driver::RunError;
 use crate::graph::diagnostics::{Diagnostics, NodeCondition, StateTopic};
 use crate::process::node_files::{ReportFile, WriteReason};
-use crate::transport::Publisher;
+use crate::transport::Transport;
 
 /// The telemetry of one node.
 pub(super) struct Telemetry {
@@ -40,21 +39,27 @@ pub(super) struct EndedStep<'a> {
 }
 
 impl Telemetry {
-    /// Opens the telemetry of the node with this fully qualified name.
+    /// Opens the telemetry of the node `node_name`, which may publish diagnostics itself on one of its `outputs`.
     pub fn open(
-        node: String,
+        node_name: &NodeName,
         file: Option<ReportFile>,
-        diagnostics: Rc<dyn Publisher>,
-        state: Box<dyn Publisher>,
+        outputs: &[LiveOutput],
+        transport: &dyn Transport,
         clock: &dyn Clock,
-    ) -> Self {
-        Self {
-            trace: TraceFile::of_launch(&node, clock),
-            report: NodeReport::new(node),
+    ) -> Result<Self, RunError> {
+        let diagnostics = Address::resolve(node_name, &topic::diagnostics())?;
+        let diagnostics = match outputs.iter().find(|output| output.address.topic == diagnostics.topic) {
+            Some(output) => output.publisher.clone(),
+            None => transport.advertise(node_name, &diagnostics)?.into(),
+        };
+        let state = Address::resolve(node_name, &StateTopic::topic())?;
+        Ok(Self {
+            trace: TraceFile::of_launch(&node_name.fully_qualified(), clock),
+            report: NodeReport::new(node_name.fully_qualified()),
             file,
             diagnostics: Diagnostics::new(diagnostics),
-            state: StateTopic::new(state),
-        }
+            state: StateTopic::new(transport.advertise(node_name, &state)?),
+        })
     }
 
     /// Returns the fully qualified name of the node.
@@ -93,13 +98,13 @@ impl Telemetry {
 
     /// Publishes the values in use from the frame of `stamp` on, if they have changed. `of_driver` are those that the node does
     /// not know.
-    pub fn tell_state(&mut self, stamp: Time, node: &dyn Node, of_driver: Vec<(&'static str, String)>) {
-        self.state.tell(stamp, &self.report.node, node, of_driver);
+    pub fn publish_state(&mut self, stamp: Time, node: &dyn Node, of_driver: Vec<(&'static str, String)>) {
+        self.state.publish(stamp, &self.report.node, node, of_driver);
     }
 
     /// Publishes that the frames of the node are over.
-    pub fn tell_end(&mut self, stamp: Time) {
-        self.state.tell_end(stamp, &self.report.node);
+    pub fn publish_end(&mut self, stamp: Time) {
+        self.state.publish_end(stamp, &self.report.node);
     }
 
     /// Returns the first stamp behind that of the last frame.

@@ -65,7 +65,7 @@ impl Watch {
 
     /// Returns the warning about an image that does not come, while it holds.
     pub fn silence(&self) -> Option<&str> {
-        self.silence.told()
+        self.silence.warning()
     }
 
     /// Warns of all skipped messages that no warning has counted.
@@ -91,13 +91,13 @@ struct Wait {
     /// Ticks of its begin.
     since: u64,
     /// The warning, while it holds.
-    told: Option<String>,
+    warning: Option<String>,
 }
 
 impl Silence {
     /// Returns the warning that holds now, of one of the topics.
-    fn told(&self) -> Option<&str> {
-        self.waits.values().find_map(|wait| wait.told.as_deref())
+    fn warning(&self) -> Option<&str> {
+        self.waits.values().find_map(|wait| wait.warning.as_deref())
     }
 
     /// Notes that an image of `topic` was answered from the ticks `begin` to `now`. Returns a text when a warning was given
@@ -110,7 +110,7 @@ impl Silence {
             .for_each(|wait| wait.since = (wait.since + now.saturating_sub(begin)).min(now));
         let wait = self.waits.get_mut(topic)?;
         wait.since = now;
-        wait.told.take()?;
+        wait.warning.take()?;
         Some(format!("an image has come on {topic} after {} s", seconds(now, before)))
     }
 
@@ -127,10 +127,11 @@ impl Silence {
         for topic in topics {
             // The images of a new input are waited for from now on.
             if !self.waits.contains_key(topic) {
-                self.waits.insert(topic.to_owned(), Wait { since: now, told: None });
+                self.waits.insert(topic.to_owned(), Wait { since: now, warning: None });
             }
         }
-        let is_due = |wait: &Wait| wait.told.is_none() && now.saturating_sub(wait.since) >= nanos(PATIENCE);
+        let is_due =
+            |wait: &Wait| wait.warning.is_none() && now.saturating_sub(wait.since) >= nanos(PATIENCE);
         let (topic, wait) = self.waits.iter_mut().find(|(_, wait)| is_due(wait))?;
         let publishers = transport.publishers(topic);
         // A node announces itself when it is ready: a camera may wait for a detector that loads its model.
@@ -140,7 +141,7 @@ impl Silence {
         }
         let images = transport.published(MessageKind::Image).into_iter().filter(|(_, by)| by != node);
         let images: BTreeSet<String> = images.map(|(topic, _)| topic).collect();
-        Some(wait.told.insert(warning(topic, &publishers, &images, seconds(now, wait.since))))
+        Some(wait.warning.insert(warning_of(topic, &publishers, &images, seconds(now, wait.since))))
     }
 }
 
@@ -148,7 +149,7 @@ fn seconds(now: u64, since: u64) -> u64 {
     Duration::from_nanos(now.saturating_sub(since)).as_secs()
 }
 
-fn warning(topic: &str, publishers: &[String], images: &BTreeSet<String>, seconds: u64) -> String {
+fn warning_of(topic: &str, publishers: &[String], images: &BTreeSet<String>, seconds: u64) -> String {
     let cause = match publishers {
         [] => "no node publishes it".to_owned(),
         publishers => format!("{} publishes it, but sends nothing", publishers.join(", ")),
@@ -164,7 +165,7 @@ fn warning(topic: &str, publishers: &[String], images: &BTreeSet<String>, second
 /// Shortest time between two warnings about one topic.
 const WARNING_PERIOD_NS: u64 = 1_000_000_000;
 
-/// Warns of skipped messages at most once a second for each topic, with the number of those that were not told. A
+/// Warns of skipped messages at most once a second for each topic, with the number of those that were not reported. A
 /// publisher whose images cannot be read would otherwise fill the log at its rate.
 #[derive(Default)]
 struct SkipWarnings {
@@ -175,16 +176,16 @@ struct SkipWarnings {
 impl SkipWarnings {
     /// Notes that a message of `topic` was skipped at the ticks `now`; returns the text of a warning if one is due.
     fn note(&mut self, topic: &str, why: &str, now: u64) -> Option<String> {
-        let Some((last, untold)) = self.topics.get_mut(topic) else {
+        let Some((last, unreported)) = self.topics.get_mut(topic) else {
             self.topics.insert(topic.to_owned(), (now, 0));
             return Some(format!("skipped: {why}"));
         };
-        *untold += 1;
+        *unreported += 1;
         if now.saturating_sub(*last) < WARNING_PERIOD_NS {
             return None;
         }
         *last = now;
-        Some(match std::mem::take(untold) {
+        Some(match std::mem::take(unreported) {
             1 => format!("skipped: {why}"),
             count => format!("skipped: {why} (one of {count} since the last warning)"),
         })
@@ -193,8 +194,10 @@ impl SkipWarnings {
     /// Returns each topic with skipped messages that no warning has counted, with the text of the last warning.
     fn rest(&mut self) -> Vec<(String, String)> {
         let topics = std::mem::take(&mut self.topics).into_iter();
-        let untold = topics.filter(|(_, (_, untold))| *untold > 0);
-        untold.map(|(topic, (_, n))| (topic, format!("skipped: {n} more since the last warning"))).collect()
+        let unreported = topics.filter(|(_, (_, unreported))| *unreported > 0);
+        unreported
+            .map(|(topic, (_, n))| (topic, format!("skipped: {n} more since the last warning")))
+            .collect()
     }
 }
 
@@ -219,21 +222,21 @@ mod tests {
             silence.look(topics.iter().copied(), "/unwrap", &transport, now).map(str::to_owned)
         };
         assert_eq!([0, 2 * S - 1].map(|now| look(&mut silence, &["/modulo"], now)), [None, None]);
-        let told = look(&mut silence, &["/modulo"], 2 * S).expect("a warning");
-        assert!(told.contains("no node publishes it; no topic of the type"), "{told}");
-        assert_eq!((look(&mut silence, &["/modulo"], 9 * S), silence.told()), (None, Some(told.as_str())));
+        let text = look(&mut silence, &["/modulo"], 2 * S).expect("a warning");
+        assert!(text.contains("no node publishes it; no topic of the type"), "{text}");
+        assert_eq!((look(&mut silence, &["/modulo"], 9 * S), silence.warning()), (None, Some(text.as_str())));
         let ended = silence.end("/modulo", 9 * S, 10 * S);
         assert_eq!(ended.as_deref(), Some("an image has come on /modulo after 10 s"));
-        assert_eq!((silence.end("/modulo", 10 * S, 11 * S), silence.told()), (None, None));
+        assert_eq!((silence.end("/modulo", 10 * S, 11 * S), silence.warning()), (None, None));
 
         let camera = transport.advertise(&node("camera"), &image("/modulo")).expect("local");
         assert_eq!(look(&mut silence, &["/modulo"], 13 * S), None, "it is not ready yet");
         let ready = transport.announce(&node("camera")).expect("local");
         assert_eq!(look(&mut silence, &["/modulo"], 15 * S - 1), None);
-        let told = look(&mut silence, &["/modulo"], 15 * S).expect("a warning");
+        let text = look(&mut silence, &["/modulo"], 15 * S).expect("a warning");
         assert!(
-            told.contains("/camera publishes it, but sends nothing") && told.ends_with("are /modulo"),
-            "{told}"
+            text.contains("/camera publishes it, but sends nothing") && text.ends_with("are /modulo"),
+            "{text}"
         );
         assert_eq!(look(&mut silence, &["/other"], 16 * S), None, "another input");
 
@@ -243,8 +246,8 @@ mod tests {
         assert_eq!(silence.end("/a", 20 * S, 23 * S), None);
         assert_eq!(look(&mut silence, &both, 23 * S), None);
         assert_eq!(silence.end("/a", 25 * S, 25 * S), None);
-        let told = look(&mut silence, &both, 25 * S).expect("a warning");
-        assert!(told.contains("no image has come on /b for 2 s"), "{told}");
+        let text = look(&mut silence, &both, 25 * S).expect("a warning");
+        assert!(text.contains("no image has come on /b for 2 s"), "{text}");
         drop((own, camera, ready));
     }
 
@@ -256,8 +259,8 @@ mod tests {
         assert_eq!(warnings.note("/b", "cut", 10 * MS).as_deref(), Some("skipped: cut"), "another topic");
         assert_eq!(warnings.note("/a", "odd", 500 * MS), None);
         assert_eq!(warnings.note("/a", "odd", 999 * MS), None);
-        let told = warnings.note("/a", "cut", 1000 * MS);
-        assert_eq!(told.as_deref(), Some("skipped: cut (one of 3 since the last warning)"));
+        let text = warnings.note("/a", "cut", 1000 * MS);
+        assert_eq!(text.as_deref(), Some("skipped: cut (one of 3 since the last warning)"));
         assert_eq!(warnings.note("/a", "odd", 9000 * MS).as_deref(), Some("skipped: odd"));
         assert_eq!(warnings.note("/a", "odd", 9001 * MS), None);
         assert_eq!(warnings.rest(), [("/a".to_owned(), "skipped: 1 more since the last warning".to_owned())]);

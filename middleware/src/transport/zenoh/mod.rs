@@ -233,7 +233,7 @@ fn watch_graph(
     graph: &Arc<Mutex<Graph>>,
 ) -> Result<Subscriber<()>, TransportError> {
     let (graph, own) = (graph.clone(), session.zid().to_string());
-    let said = Mutex::new(BTreeSet::new());
+    let warned = Mutex::new(BTreeSet::new());
     session
         .liveliness()
         .declare_subscriber(keys::token_selector(domain))
@@ -244,8 +244,8 @@ fn watch_graph(
             match sample.kind() {
                 SampleKind::Put => {
                     for conflict in appear(&graph, key, &own) {
-                        // A token comes again after each reconnection, but its conflict is told once.
-                        if lock(&said).insert(conflict.clone()) {
+                        // A token comes again after each reconnection, but its conflict is reported once.
+                        if lock(&warned).insert(conflict.clone()) {
                             tracing::warn!("{conflict}");
                         }
                     }
@@ -265,13 +265,13 @@ const TWINS_LOOK: Duration = Duration::from_secs(1);
 fn warn_of_twins(graph: &Arc<Mutex<Graph>>, own: String) -> Result<(), TransportError> {
     let graph = Arc::downgrade(graph);
     let look = move || {
-        let (mut seen, mut said) = (Vec::new(), BTreeSet::new());
+        let (mut seen, mut warned) = (Vec::new(), BTreeSet::new());
         loop {
             std::thread::sleep(TWINS_LOOK);
             let Some(graph) = graph.upgrade() else { return };
             let now = lock(&graph).twins_of(&own);
             for twins in now.iter().filter(|twins| seen.contains(*twins)) {
-                if said.insert(twins.nodes.clone()) {
+                if warned.insert(twins.nodes.clone()) {
                     tracing::warn!("{twins}");
                 }
             }

@@ -21,7 +21,12 @@ fn address(topic: &str) -> Address {
 
 fn open(queue: &EventQueue, topic: &str) -> SlotInput {
     let declared = Topic::new(topic, MessageKind::Image);
-    SlotInput::new(declared, address(topic), queue.open(Keep::Latest), Box::new(()))
+    SlotInput {
+        topic: declared,
+        address: address(topic),
+        lane: queue.open(Keep::Latest),
+        subscription: Box::new(()),
+    }
 }
 
 impl Bench {
@@ -119,10 +124,10 @@ fn a_source_that_starts_again_and_frames_without_a_stamp_are_answered() {
 fn a_stream_that_gives_no_frame_is_warned_of_each_second() {
     let mut bench = Bench::new();
     bench.change("/b");
-    let mut told = |now| bench.slot.look(now).0;
+    let mut warned = |now| bench.slot.look(now).0;
     let warning = |s| format!("no frame has come on /b for {s} s; the node still answers the frames of /a");
-    assert_eq!([told(2 * S - 1), told(2 * S), told(3 * S - 1)], [None, Some(warning(2)), None]);
-    assert_eq!([told(3 * S), told(5 * S)], [3, 5].map(|s| Some(warning(s))));
+    assert_eq!([warned(2 * S - 1), warned(2 * S), warned(3 * S - 1)], [None, Some(warning(2)), None]);
+    assert_eq!([warned(3 * S), warned(5 * S)], [3, 5].map(|s| Some(warning(s))));
     assert_eq!(bench.frame("/a", 1), ANSWERED);
     assert_eq!(bench.frame("/b", 2), ANSWERED);
     assert!(bench.slot.look(2 * S).1.is_none(), "the old stream may still reach the new one");
@@ -143,7 +148,7 @@ proptest! {
         let (mut answered, mut seen) = (Vec::new(), std::collections::BTreeSet::new());
         for time in 4u64..64 {
             for (_, to) in swaps.iter().filter(|(at, _)| *at == time) {
-                if bench.slot.current.address.topic != names[*to] {
+                if bench.slot.current().address.topic != names[*to] {
                     bench.change(names[*to]);
                 }
             }
