@@ -122,6 +122,78 @@ fn equal_curves_lie_side_by_side_with_their_intervals() {
     assert_eq!(lines(&svg, "<polyline", "stroke-width=\"1.1\"").count(), 3 * 2 * 3);
 }
 
+/// Text and left, top, right, bottom of each horizontal text of an SVG.
+fn texts(svg: &str) -> Vec<(String, [f64; 4])> {
+    let attribute = |line: &str, name: &str| -> String {
+        let (_, rest) = line.split_once(&format!(" {name}=\"")).unwrap_or_else(|| panic!("{name}: {line}"));
+        rest.split('"').next().unwrap_or_default().to_owned()
+    };
+    let number = |line: &str, name: &str| attribute(line, name).parse::<f64>().expect("a number");
+    let level = |line: &&str| line.starts_with("<text") && !line.contains("rotate");
+    let area = |line: &str| {
+        let (x, y, size) = (number(line, "x"), number(line, "y"), number(line, "font-size"));
+        let width = number(line, "textLength");
+        let left = match attribute(line, "text-anchor").as_str() {
+            "start" => x,
+            "middle" => x - width / 2.0,
+            _ => x - width,
+        };
+        // Capitals and digits of the font are 0.73 of its size high.
+        let text = line.split('>').nth(1).and_then(|rest| rest.split('<').next()).unwrap_or_default();
+        (text.to_owned(), [left, y - 0.73 * size, left + width, y])
+    };
+    svg.lines().filter(level).map(area).collect()
+}
+
+/// A chart of many methods with equal times and accuracies is hard to label.
+#[test]
+fn no_text_lies_on_another_or_leaves_the_picture() {
+    let series = |share: fn(f64) -> f64| {
+        let of_method = move |(number, method): (usize, char)| Series {
+            name: format!("method_{method}"),
+            points: [1.5, 2.0, 3.0, 4.0, 8.0]
+                .map(|alpha| DataPoint {
+                    x: 20.0 + 3.0 * number as f64 + alpha,
+                    y: share(if alpha > 4.0 { 0.1 * number as f64 / 16.0 } else { 0.0 }),
+                    label: alpha.to_string(),
+                    ..DataPoint::default()
+                })
+                .into(),
+            style: SeriesStyle::LineAndMarkers,
+        };
+        ('a'..='p').enumerate().map(of_method).collect()
+    };
+    let time = || Axis::log("median time of a call, ms");
+    let panels = vec![
+        ChartPanel {
+            x: time(),
+            y: Axis::percent("exact wrap counts, %", 1.0),
+            series: series(|wrong| 1.0 - wrong),
+        },
+        ChartPanel { x: time(), y: Axis::log("wrong wrap counts"), series: series(|wrong| wrong) },
+    ];
+    let named = Chart {
+        title: "What is exact, and what it costs".to_owned(),
+        subtitle: "20 frames".to_owned(),
+        footer: "Numbers at the points: alpha, the saturation factor. Towards the upper left is better."
+            .to_owned(),
+        body: ChartBody::Panels(panels),
+    };
+    let svg = named.svg(PageWidth::Wide).expect("drawn");
+    let found = texts(&svg);
+    assert!(found.len() > 16 + 16 * 2, "only {} texts", found.len());
+    for (i, (text, a)) in found.iter().enumerate() {
+        assert!(a[0] >= 0.0 && a[1] >= 0.0 && a[2] <= 1200.0, "{text} at {a:?}");
+        for (other, b) in &found[..i] {
+            let apart = a[0] >= b[2] || b[0] >= a[2] || a[1] >= b[3] || b[1] >= a[3];
+            assert!(apart, "{text:?} at {a:?} lies on {other:?} at {b:?}");
+        }
+    }
+    for letter in 'a'..='p' {
+        assert_eq!(svg.matches(&format!(">method_{letter}<")).count(), 1);
+    }
+}
+
 #[test]
 fn zero_has_no_sign() {
     for (value, digits, text) in [

@@ -6,9 +6,8 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use anyhow::Context;
 use clap::{Args, Subcommand};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use modulo_camera::CameraParameters;
 use modulo_detector::{
     EngineChoice, EngineDevice, EngineOptions, ModelInfo, describe, measure, onnxruntime_library,
@@ -19,6 +18,7 @@ use modulo_middleware::transport::zenoh::meeting_port;
 use modulo_models::{FetchRequest, Fetched, LICENCE, fetch, official};
 use modulo_runtime::SystemClock;
 
+use super::bench::style;
 use super::{domain, start_log, usage};
 use crate::{Ended, Failure};
 
@@ -82,7 +82,9 @@ fn fetch_official(args: &ModelFetch) -> Result<Ended, Failure> {
     let url = args.url.clone().unwrap_or_else(|| model.url());
     let file = args.out.join(model.file_name());
     eprintln!("{}: the weights are licensed {LICENCE} by their authors, not as this program", model.name);
-    let bar = bar()?;
+    // Shown on a terminal only.
+    let bar = ProgressBar::no_length();
+    bar.set_style(style("{wide_bar} {bytes}/{total_bytes} {bytes_per_sec} {eta}"));
     let progress = |got, total: Option<u64>| {
         if let Some(total) = total {
             bar.set_length(total);
@@ -96,12 +98,6 @@ fn fetch_official(args: &ModelFetch) -> Result<Ended, Failure> {
         Fetched::AlreadyThere => say!("{} (was there already)", file.display()),
     }
     Ok(Ended::Done)
-}
-
-/// Returns a progress bar for standard error, which is shown on a terminal only.
-fn bar() -> anyhow::Result<ProgressBar> {
-    let style = "{wide_bar} {bytes}/{total_bytes} {bytes_per_sec} {eta}";
-    Ok(ProgressBar::no_length().with_style(ProgressStyle::with_template(style).context("progress bar")?))
 }
 
 fn check(args: &ModelCheck) -> Result<Ended, Failure> {
