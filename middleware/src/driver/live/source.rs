@@ -183,4 +183,23 @@ mod tests {
         assert_eq!(next_due(1000, 100, 1351), 1400, "two frames are left out");
         assert_eq!(next_due(1000, 0, 1351), 1000, "with no period, the next frame is due at once");
     }
+
+    const MS: u64 = 1_000_000;
+
+    #[test]
+    fn frames_are_due_by_the_period_that_held_before_them() {
+        let period = |ms| Some(Duration::from_millis(ms));
+        let mut schedule = Schedule { due: 10_000 * MS, last: None, period: period(5000) };
+        schedule.change(period(1000), 9000 * MS);
+        assert_eq!(schedule.due, 10_000 * MS, "the first frame waits for the graph, whatever its period is");
+        schedule.next(period(1000), 10_200 * MS);
+        assert_eq!(schedule.due, 11_000 * MS);
+        schedule.next(period(100), 11_000 * MS);
+        assert_eq!(schedule.due, 12_000 * MS, "a shorter period holds after the next frame");
+        schedule.next(period(100), 12_350 * MS);
+        assert_eq!(schedule.due, 12_400 * MS, "a late source leaves frames out");
+        schedule.next(period(5000), 12_400 * MS);
+        schedule.change(period(100), 12_500 * MS);
+        assert_eq!(schedule.due, 13_400 * MS, "a long period is not waited for");
+    }
 }
