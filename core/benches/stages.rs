@@ -3,7 +3,6 @@
 use std::sync::LazyLock;
 
 use divan::{Bencher, counter::ItemsCount};
-use modulo_core::dct::Dct2;
 use modulo_core::sensor::{Sensor, SensorConfig};
 use modulo_core::unwrap::{METHODS, Options, by_name};
 use modulo_core::{Deblur, Frame, Gains, Psf, Range, Recovered, Transfer, TwoGains, Unwrap as _, tone};
@@ -37,6 +36,12 @@ fn sensor(psf: Psf) -> Sensor {
 
 fn sense(psf: Psf) -> Frame {
     sensor(psf).expose(RADIANCE.view(), 0).expect("finite radiance").modulo()
+}
+
+/// The modulo frame of the first columns of [`RADIANCE`].
+fn sense_width(width: usize) -> Frame {
+    let radiance = RADIANCE.slice(ndarray::s![.., ..width, ..]);
+    sensor(Psf::Paper7).expose(radiance, 0).expect("finite radiance").modulo()
 }
 
 fn range() -> Range {
@@ -95,22 +100,21 @@ fn deblur(bencher: Bencher<'_, '_>) {
     bencher.bench_local(|| deblur.picture(&x, range(), Transfer::Linear).expect("an image"));
 }
 
-/// A forward and an inverse transform of three planes.
-#[divan::bench]
-fn dct_pair(bencher: Bencher<'_, '_>) {
-    let (height, width, channels) = DIM;
-    let (mut plane, mut dct) = (vec![0.5; height * width], Dct2::new(height, width));
-    bencher.counter(ItemsCount::new(channels)).bench_local(|| {
-        for _ in 0..channels {
-            dct.forward(&mut plane).and_then(|()| dct.inverse(&mut plane)).expect("a plane of this size");
-        }
-    });
+/// Widths of KITTI with other prime factors: 1242 = 2 * 27 * 23, 1241 = 17 * 73, 1238 = 2 * 619.
+const WIDTHS: [usize; 3] = [1242, 1241, 1238];
+
+/// The whole method of least squares, two transforms of three planes among others.
+#[divan::bench(args = WIDTHS)]
+fn least_squares(bencher: Bencher<'_, '_>, width: usize) {
+    let (frame, mut out) = (sense_width(width), Recovered::default());
+    let mut method = by_name("least_squares", &Options::default()).expect("a method");
+    bencher.bench_local(|| method.unwrap(&frame, range(), &mut out).expect("an image of the sensor"));
 }
 
-/// The transforms of `dct_pair` by the library rustdct.
-#[divan::bench]
-fn dct_pair_rustdct(bencher: Bencher<'_, '_>) {
-    let (height, width, channels) = DIM;
+/// A forward and an inverse transform of three planes, as the method of least squares needs them, by the library rustdct.
+#[divan::bench(args = WIDTHS)]
+fn dct_pair_rustdct(bencher: Bencher<'_, '_>, width: usize) {
+    let (height, _, channels) = DIM;
     let (mut plane, mut library) = (vec![0.5; height * width], Library::new(height, width));
     bencher.counter(ItemsCount::new(channels)).bench_local(|| {
         for _ in 0..channels {

@@ -9,7 +9,7 @@
 
 pub mod boxes;
 pub mod bracket;
-pub mod dct;
+mod dct;
 pub mod deblur;
 pub mod denoise;
 pub mod display;

@@ -6,22 +6,28 @@
 
 use std::f64::consts::PI;
 
-use super::bluestein::Bluestein;
 use super::fft::Fft;
 use super::lanes::{Complex, Twiddle, Unfused};
+use super::library::LibraryPlan;
 
 /// A plan of the DCT-II and DCT-III of one length.
 pub(super) struct CosinePlan {
     n: usize,
-    fourier: Fourier,
-    /// The scaled twiddle factors for k = 0 to n/2, the same for both directions.
+    algorithm: Algorithm,
+    /// The scaled twiddle factors for k = 0 to n/2, the same for both directions; none for the library, which does all by itself.
     twiddles: Vec<Twiddle>,
 }
 
-/// The algorithm of the Fourier transform: by the factors of its length, or Bluestein's.
-enum Fourier {
+/// A Fourier transform by the factors of its length, or a whole cosine transform by the library.
+enum Algorithm {
     Factors(Fft),
-    Bluestein(Bluestein),
+    Library(LibraryPlan),
+}
+
+/// The memory that a transform needs beside its data.
+pub(super) struct Scratch {
+    numbers: Vec<Complex>,
+    lines: Vec<f32>,
 }
 
 impl CosinePlan {
@@ -30,34 +36,49 @@ impl CosinePlan {
         // Pairs come as sums and differences, twice what they should be.
         let scale = |k| (if k == 0 { 1.0 } else { 0.5 } / n as f64).sqrt();
         let twiddle = |k: usize| Twiddle::new(PI * k as f64 / (2 * n) as f64, scale(k));
-        // Bluestein's transform is more than twice as long, so it serves only lengths with a large prime factor.
-        let fourier = match Fft::new(n) {
-            Some(fft) => Fourier::Factors(fft),
-            None => Fourier::Bluestein(Bluestein::new(n)),
-        };
-        Self { n, fourier, twiddles: (0..=n / 2).map(twiddle).collect() }
+        match Fft::new(n) {
+            Some(fft) => {
+                Self { n, algorithm: Algorithm::Factors(fft), twiddles: (0..=n / 2).map(twiddle).collect() }
+            }
+            None => Self { n, algorithm: Algorithm::Library(LibraryPlan::new(n)), twiddles: Vec::new() },
+        }
     }
 
-    /// Returns the lengths of the data and of the scratch of [`CosinePlan::fourier`].
-    pub fn buffer_lengths(&self) -> [usize; 2] {
-        match &self.fourier {
-            Fourier::Factors(fft) => [self.n, fft.scratch_len()],
-            Fourier::Bluestein(chirp) => [chirp.len(), chirp.scratch_len()],
-        }
+    /// Returns the scratch of the transforms.
+    pub fn scratch(&self) -> Scratch {
+        let (numbers, lines) = match &self.algorithm {
+            Algorithm::Factors(fft) => (fft.scratch_len(), 0),
+            Algorithm::Library(library) => (0, library.scratch_len()),
+        };
+        Scratch { numbers: vec![Complex::default(); numbers], lines: vec![0.0; lines] }
     }
 
     /// Returns the position of sample `i` before a forward transform and after an inverse one.
     #[inline(always)]
     pub fn position(&self, i: usize) -> usize {
-        // Makhoul's order: the even samples ascend from the front, the odd ones descend from the end.
-        if i.is_multiple_of(2) { i / 2 } else { self.n - 1 - i / 2 }
+        match self.algorithm {
+            Algorithm::Library(_) => i,
+            // Makhoul's order: the even samples ascend from the front, the odd ones descend from the end.
+            Algorithm::Factors(_) if i.is_multiple_of(2) => i / 2,
+            Algorithm::Factors(_) => self.n - 1 - i / 2,
+        }
     }
 
-    /// Runs the Fourier transform in the middle of either direction, in place.
-    pub fn fourier(&self, data: &mut [Complex], scratch: &mut [Complex]) {
-        match &self.fourier {
-            Fourier::Factors(fft) => fft.forward(data, scratch),
-            Fourier::Bluestein(chirp) => chirp.forward(data, scratch),
+    /// Transforms the samples at their positions in place, for [`CosinePlan::coefficients`].
+    pub fn forward(&self, data: &mut [Complex], scratch: &mut Scratch) {
+        match &self.algorithm {
+            Algorithm::Factors(fft) => fft.forward(data, &mut scratch.numbers),
+            Algorithm::Library(library) => library.forward(data, &mut scratch.lines),
+        }
+    }
+
+    /// Transforms the result of [`CosinePlan::spectrum`] in place to the samples at their positions, with real and imaginary parts
+    /// swapped.
+    pub fn inverse(&self, data: &mut [Complex], scratch: &mut Scratch) {
+        match &self.algorithm {
+            // Swapped parts make the forward transform an inverse one.
+            Algorithm::Factors(fft) => fft.forward(data, &mut scratch.numbers),
+            Algorithm::Library(library) => library.inverse(data, &mut scratch.lines),
         }
     }
 
@@ -68,10 +89,10 @@ impl CosinePlan {
         (0..=n / 2).map(move |k| (k, (n - k) % n))
     }
 
-    /// Returns the coefficients k and n - k of both sequences from the output of [`CosinePlan::fourier`] there.
+    /// Returns the coefficients k and n - k of both sequences from the output of [`CosinePlan::forward`] there.
     #[inline(always)]
     pub fn coefficients(&self, k: usize, [p, q]: [Complex; 2]) -> [Complex; 2] {
-        let Twiddle { cos, sin } = self.twiddles[k];
+        let Some(&Twiddle { cos, sin }) = self.twiddles.get(k) else { return [p, q] };
         // Coefficient 0 is paired with itself, and its angle has no sine.
         if k == 0 {
             return [p.scaled(cos); 2];
@@ -84,11 +105,10 @@ impl CosinePlan {
         [im.scaled_plus::<Unfused>(sin, re.scaled(cos)), im.scaled_plus::<Unfused>(-cos, re.scaled(sin))]
     }
 
-    /// Returns the input of [`CosinePlan::fourier`] at k and n - k that gives the samples at their positions,
-    /// with real and imaginary parts swapped.
+    /// Returns the input of [`CosinePlan::inverse`] at k and n - k from the coefficients there.
     #[inline(always)]
     pub fn spectrum(&self, k: usize, [x, y]: [Complex; 2]) -> [Complex; 2] {
-        let Twiddle { cos, sin } = self.twiddles[k];
+        let Some(&Twiddle { cos, sin }) = self.twiddles.get(k) else { return [x.swapped(), y.swapped()] };
         if k == 0 {
             return [x.scaled(cos).swapped(); 2];
         }

@@ -36,16 +36,10 @@ enum Butterfly {
 impl Fft {
     /// Plans transforms of length `n`; `None` when it has a prime factor above [`MAX_RADIX`].
     pub fn new(n: usize) -> Option<Self> {
-        Some(Self::by(&radices(n)?))
-    }
-
-    /// Plans transforms of length `n`; `None` when it has a prime factor above 5.
-    pub fn short(n: usize) -> Option<Self> {
-        radices(n).filter(|radices| radices.iter().all(|&radix| radix <= 5)).map(|radices| Self::by(&radices))
-    }
-
-    fn by(radices: &[usize]) -> Self {
-        let [radix, others @ ..] = radices else { return Self { first: None, others: Vec::new() } };
+        let radices = radices(n)?;
+        let [radix, others @ ..] = &radices[..] else {
+            return Some(Self { first: None, others: Vec::new() });
+        };
         let mut rest: usize = others.iter().product();
         let first = Some(Pass::new(*radix, rest, 1));
         // The stride grows by each radix: Stockham's passes sort while they compute, so no bit reversal is needed.
@@ -55,7 +49,7 @@ impl Fft {
             stride *= radix;
             Pass::new(radix, rest, stride / radix)
         };
-        Self { first, others: others.iter().map(pass).collect() }
+        Some(Self { first, others: others.iter().map(pass).collect() })
     }
 
     /// Returns the length of the scratch that [`Fft::forward`] needs.

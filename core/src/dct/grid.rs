@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use super::cosine::CosinePlan;
+use super::cosine::{CosinePlan, Scratch};
 use super::lanes::{Complex, LANES, Tile};
 use super::rows::{GridShape, RowPart, RowPlan, SampleRun, SpectralFilter};
 use crate::simd::widest;
@@ -97,44 +97,6 @@ impl<Out: Copy + Default + Send + Sync> ImageDct<Out> {
             });
         });
     }
-
-    /// Runs the first half of a forward transform of the samples of `load`; [`ImageDct::forward_rows`] is the second.
-    pub fn forward_columns(&mut self, load: impl Fn(SampleRun) -> [f32; LANES]) {
-        // Only `Dct2` uses the halves of the transform, and it runs on one thread.
-        for part in &mut self.column_parts {
-            part.bands().for_each(|band| part.forward(self.shape, &self.column_plan, band, &load));
-        }
-    }
-
-    /// Runs the second half of a forward transform; `put` receives the coefficients, interleaved as the samples are.
-    pub fn forward_rows(&mut self, mut put: impl FnMut(SampleRun, [f32; LANES])) {
-        let Self { shape, row_plan, column_parts, row_parts, .. } = self;
-        for part in row_parts {
-            part.blocks().for_each(|block| {
-                part.forward(row_plan, block, tiles_of_block(*shape, block, column_parts), &mut put)
-            });
-        }
-    }
-
-    /// Runs the first half of an inverse transform of the coefficients of `take`; [`ImageDct::inverse_columns`] is
-    /// the second.
-    pub fn inverse_rows(&mut self, take: impl Fn(SampleRun) -> [f32; LANES]) {
-        for part in &mut self.row_parts {
-            part.blocks().for_each(|block| part.inverse(&self.row_plan, block, &take));
-        }
-    }
-
-    /// Runs the second half of an inverse transform; `put` receives the samples.
-    pub fn inverse_columns(&mut self, mut put: impl FnMut(SampleRun, [f32; LANES]) -> Out) {
-        let Self { shape, column_plan, row_plan, column_parts, row_parts } = self;
-        for part in column_parts {
-            part.bands().for_each(|band| {
-                let tile =
-                    |block: usize| row_parts[block / shape.blocks_per_part].tile(row_plan, block, band);
-                part.inverse(*shape, column_plan, band, tile, &mut put);
-            });
-        }
-    }
 }
 
 /// Returns the tile of `block` by its band.
@@ -156,18 +118,17 @@ struct ColumnPart<Out> {
     /// The output by band and row.
     out: Vec<Out>,
     data: Vec<Complex>,
-    scratch: Vec<Complex>,
+    scratch: Scratch,
 }
 
 impl<Out: Copy + Default> ColumnPart<Out> {
     pub fn new(shape: GridShape, plan: &CosinePlan, bands: Range<usize>) -> Self {
-        let [data, scratch] = plan.buffer_lengths().map(|length| vec![Complex::default(); length]);
         Self {
             spectrum: vec![Tile::default(); bands.len() * shape.blocks()],
             out: vec![Out::default(); bands.len() * shape.height],
             bands,
-            data,
-            scratch,
+            data: vec![Complex::default(); shape.height],
+            scratch: plan.scratch(),
         }
     }
 }
@@ -203,7 +164,7 @@ impl<Out> ColumnPart<Out> {
                 data[plan.position(row)] = Complex::from_lanes(load(SampleRun { row, sample: band * LANES }));
             }
         });
-        plan.fourier(data, scratch);
+        plan.forward(data, scratch);
         let first = (band - self.bands.start) * shape.blocks();
         let to = self.spectrum[first..][..shape.blocks()].as_flattened_mut();
         widest!({
@@ -228,7 +189,7 @@ impl<Out> ColumnPart<Out> {
                 [data[k], data[mirrored]] = plan.spectrum(k, [from(k), from(mirrored)]);
             }
         });
-        plan.fourier(data, scratch);
+        plan.inverse(data, scratch);
         let out = &mut self.out[(band - self.bands.start) * shape.height..][..shape.height];
         widest!({
             for (row, out) in out.iter_mut().enumerate() {

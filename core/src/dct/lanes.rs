@@ -118,6 +118,12 @@ impl Complex {
         *[self.re.0, self.im.0].as_flattened().first_chunk().expect("reals are twice as many as lanes")
     }
 
+    /// Returns one of the lanes, in the order of [`Complex::from_lanes`].
+    #[inline(always)]
+    pub fn lane_mut(&mut self, lane: usize) -> &mut f32 {
+        if lane < COMPLEX_LANES { &mut self.re.0[lane] } else { &mut self.im.0[lane - COMPLEX_LANES] }
+    }
+
     #[inline(always)]
     pub fn plus(self, other: Self) -> Self {
         Self { re: self.re.plus(other.re), im: self.im.plus(other.im) }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::cosine::CosinePlan;
+use super::cosine::{CosinePlan, Scratch};
 use super::lanes::{Complex, LANES, Tile, transpose};
 use crate::simd::widest;
 
@@ -54,10 +54,8 @@ impl GridShape {
 pub(super) struct RowPlan {
     shape: GridShape,
     cosine: CosinePlan,
-    /// The positions, in the data of all channels, of the columns of each band: for the samples, as the transform
-    /// permutes them, and for the coefficients, which are in order.
+    /// The positions, in the data of all channels, of the columns of each band, as the transform permutes them.
     samples: Vec<[usize; LANES]>,
-    coefficients: Vec<[usize; LANES]>,
 }
 
 /// A range of neighbouring blocks, the share of one worker.
@@ -67,7 +65,7 @@ pub(super) struct RowPart {
     tiles: Vec<Tile>,
     /// The data by channel, and one number for columns beyond the end of the row.
     data: Vec<Complex>,
-    scratch: Vec<Complex>,
+    scratch: Scratch,
 }
 
 impl<F: Fn(f32, f32, f32) -> f32> SpectralFilter<'_, F> {
@@ -85,35 +83,24 @@ impl<F: Fn(f32, f32, f32) -> f32> SpectralFilter<'_, F> {
 impl RowPlan {
     pub fn new(shape: GridShape) -> Self {
         let cosine = CosinePlan::new(shape.width);
-        let [length, _] = cosine.buffer_lengths();
         // Samples beyond the end of the row go to one extra number after all channels: no branch in the loop.
-        let at = |sample: usize, position: &dyn Fn(usize) -> usize| {
+        let at = |sample: usize| {
             let (column, channel) = (sample / shape.channels, sample % shape.channels);
-            if column < shape.width { channel * length + position(column) } else { shape.channels * length }
+            let last = shape.channels * shape.width;
+            if column < shape.width { channel * shape.width + cosine.position(column) } else { last }
         };
-        // Planning runs once for a size, so a virtual call does no harm.
-        let order = |position: &dyn Fn(usize) -> usize| {
-            (0..shape.bands())
-                .map(|band| std::array::from_fn(|lane| at(band * LANES + lane, position)))
-                .collect()
-        };
-        Self {
-            shape,
-            samples: order(&|column| cosine.position(column)),
-            coefficients: order(&|column| column),
-            cosine,
-        }
+        let order = |band| std::array::from_fn(|lane| at(band * LANES + lane));
+        Self { shape, samples: (0..shape.bands()).map(order).collect(), cosine }
     }
 }
 
 impl RowPart {
     pub fn new(plan: &RowPlan, blocks: Range<usize>) -> Self {
-        let [length, scratch] = plan.cosine.buffer_lengths();
         Self {
             tiles: vec![Tile::default(); blocks.len() * plan.shape.bands()],
-            data: vec![Complex::default(); plan.shape.channels * length + 1],
+            data: vec![Complex::default(); plan.shape.channels * plan.shape.width + 1],
             // The channels are transformed one after the other and share the scratch.
-            scratch: vec![Complex::default(); scratch],
+            scratch: plan.cosine.scratch(),
             blocks,
         }
     }
@@ -122,7 +109,7 @@ impl RowPart {
         self.blocks.clone()
     }
 
-    /// Returns a tile of the result of [`RowPart::filter`] or [`RowPart::inverse`].
+    /// Returns a tile of the result of [`RowPart::filter`].
     #[inline(always)]
     pub fn tile(&self, plan: &RowPlan, block: usize, band: usize) -> &Tile {
         &self.tiles[(block - self.blocks.start) * plan.shape.bands() + band]
@@ -138,8 +125,10 @@ impl RowPart {
     ) {
         self.load(plan, tile);
         let cosine = &plan.cosine;
-        self.each_channel(cosine, |data, scratch| {
-            cosine.fourier(data, scratch);
+        // The number at the end takes what lies beyond the row; it belongs to no channel.
+        let last = self.data.len() - 1;
+        for data in self.data[..last].chunks_exact_mut(plan.shape.width) {
+            cosine.forward(data, &mut self.scratch);
             widest!({
                 for (k, mirrored) in cosine.pairs() {
                     let [mut x, mut y] = cosine.coefficients(k, [data[k], data[mirrored]]);
@@ -149,80 +138,9 @@ impl RowPart {
                     [data[k], data[mirrored]] = cosine.spectrum(k, [x, y]);
                 }
             });
-            cosine.fourier(data, scratch);
-        });
-        self.store(plan, block);
-    }
-
-    /// Transforms the tiles of a block; `put` receives its rows.
-    pub fn forward<'a>(
-        &mut self,
-        plan: &RowPlan,
-        block: usize,
-        tile: impl Fn(usize) -> &'a Tile,
-        put: &mut impl FnMut(SampleRun, [f32; LANES]),
-    ) {
-        self.load(plan, tile);
-        let cosine = &plan.cosine;
-        self.each_channel(cosine, |data, scratch| {
-            cosine.fourier(data, scratch);
-            widest!({
-                for (k, mirrored) in cosine.pairs() {
-                    [data[k], data[mirrored]] = cosine.coefficients(k, [data[k], data[mirrored]]);
-                }
-            });
-        });
-        let (first, data) = (block * LANES, &self.data);
-        widest!({
-            for (band, order) in plan.coefficients.iter().enumerate() {
-                transpose(
-                    #[inline(always)]
-                    |lane| data[order[lane]],
-                    #[inline(always)]
-                    |row, values| {
-                        let run = SampleRun { row: first + row, sample: band * LANES };
-                        // The last block may have rows below the image.
-                        if run.row < plan.shape.height {
-                            put(run, values.to_lanes());
-                        }
-                    },
-                );
-            }
-        });
-    }
-
-    /// Transforms rows of coefficients, which `take` gives, back to tiles.
-    pub fn inverse(&mut self, plan: &RowPlan, block: usize, take: &impl Fn(SampleRun) -> [f32; LANES]) {
-        let Self { data, .. } = self;
-        widest!({
-            for (band, order) in plan.coefficients.iter().enumerate() {
-                // Rows below the image stay 0, as the forward transform leaves them.
-                let mut tile = Tile::default();
-                for (row, lanes) in (block * LANES..plan.shape.height).zip(&mut tile) {
-                    *lanes = Complex::from_lanes(take(SampleRun { row, sample: band * LANES }));
-                }
-                scatter(data, order, &tile);
-            }
-        });
-        let cosine = &plan.cosine;
-        self.each_channel(cosine, |data, scratch| {
-            widest!({
-                for (k, mirrored) in cosine.pairs() {
-                    [data[k], data[mirrored]] = cosine.spectrum(k, [data[k], data[mirrored]]);
-                }
-            });
-            cosine.fourier(data, scratch);
-        });
-        self.store(plan, block);
-    }
-
-    fn each_channel(&mut self, cosine: &CosinePlan, mut work: impl FnMut(&mut [Complex], &mut [Complex])) {
-        let [length, _] = cosine.buffer_lengths();
-        // The number at the end takes what lies beyond the row; it belongs to no channel.
-        let last = self.data.len() - 1;
-        for data in self.data[..last].chunks_exact_mut(length) {
-            work(data, &mut self.scratch);
+            cosine.inverse(data, &mut self.scratch);
         }
+        self.store(plan, block);
     }
 
     /// Separates the columns of a block by channel.
