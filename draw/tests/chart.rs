@@ -1,8 +1,8 @@
 //! Any data can be drawn, and series can be distinguished.
 
 use modulo_draw::{
-    Axis, Bar, Bars, Chart, ChartBody, ChartError, ChartPanel, DataPoint, Emphasis, LabelledBox, PageWidth,
-    Picture, Pictures, Scale, Series, SeriesStyle, number,
+    Axis, Chart, ChartBody, ChartError, ChartPanel, DataPoint, Emphasis, LabelledBox, PageWidth, Picture,
+    Pictures, Scale, Series, SeriesStyle, number,
 };
 
 fn axis(scale: Scale) -> Axis {
@@ -219,31 +219,6 @@ fn a_narrow_page_puts_panels_below_each_other() {
         rest.split('"').next().unwrap().parse::<f32>().unwrap()
     };
     assert!(height(PageWidth::Narrow) > 1.8 * height(PageWidth::Wide), "{} px", height(PageWidth::Narrow));
-}
-
-#[test]
-fn bars_are_as_long_as_their_parts() {
-    let part = |name: &str, length| (name.to_owned(), length);
-    let row = |parts: Vec<(String, f64)>| Bar { label: "row".to_owned(), parts, note: "ms".to_owned() };
-    let rows = vec![row(vec![part("a", 10.0), part("b", 20.0)]), row(vec![part("b", 40.0)])];
-    let chart = chart(ChartBody::Bars(Bars { label: "ms".to_owned(), rows }));
-    for page in [PageWidth::Wide, PageWidth::Narrow] {
-        let svg = chart.svg(page).unwrap();
-        let widths: Vec<f32> = svg
-            .lines()
-            .filter(|line| line.contains("<title>"))
-            .map(|line| {
-                let (_, points) = line.split_once("points=\"").expect("a polygon");
-                let numbers: Vec<f32> =
-                    points.split(['"', ' ', ',']).take(4).map(|n| n.parse().unwrap()).collect();
-                numbers[2] - numbers[0]
-            })
-            .collect();
-        assert_eq!(widths.len(), 3);
-        for (width, share) in widths.iter().zip([0.25, 0.5, 1.0]) {
-            assert!((width - share * widths[2]).abs() < 0.3, "{page:?}: {widths:?}");
-        }
-    }
 }
 
 #[test]

@@ -15,7 +15,7 @@ use modulo_eval::below_100;
 use modulo_eval::grid::{
     Data, GridError, GridEvent, GridOptions, Request, Suite, draw_pictures, merge as merge_shards, run,
 };
-use modulo_eval::results::{Cell, Provenance, RESULTS, Results};
+use modulo_eval::results::{Cell, Provenance, Results};
 use modulo_eval::{budget as choices, report as page, store};
 use modulo_images::ImageError;
 use modulo_runtime::clock::utc;
@@ -107,31 +107,17 @@ pub fn grid(args: &Grid, source: &[String], out: &Path) -> Result<Ended, Failure
         outcome => outcome.map_err(failure)?,
     };
     progress.bar.finish_and_clear();
-    let (lost, whole) = (outcome.lost(), outcome.whole);
-    let mut results = outcome.results;
+    let (lost, whole) = (outcome.results.lost(), outcome.whole);
+    let results = outcome.results;
     results.cells.iter().for_each(print_cell);
     tell_unscored(&results);
     // The pictures compare all cells, so they are drawn when the last shard or run has made them complete.
-    let mut start = timer.ticks_ns();
     if whole {
         let pictures = draw_pictures(&request, &Suite, &timer, &results).map_err(failure)?;
         page::save_pictures(out, &pictures).map_err(failure)?;
-        start = add_stage(&mut results, "pictures", start, &timer);
     }
-    let charts = page::draw(out, &results).map_err(failure)?;
-    add_stage(&mut results, "charts", start, &timer);
-    store::save(out, &results).map_err(failure)?;
-    say!("{}", page::write_page(out, &results, &charts).map_err(failure)?.display());
+    say!("{}", page::write(out, &results).map_err(failure)?.display());
     Ok(if lost { Ended::WithLoss } else { Ended::Done })
-}
-
-/// Adds a stage that began at `start` to the time of this run. Returns its end.
-fn add_stage(results: &mut Results, stage: &str, start: u64, timer: &SystemClock) -> u64 {
-    let end = timer.ticks_ns();
-    if let Some(time) = results.runs.last_mut().and_then(|run| run.time.as_mut()) {
-        time.add(stage, end.saturating_sub(start) as f64 / 1e9);
-    }
-    end
 }
 
 /// The progress of a run: a bar on a terminal, else a line a minute.
@@ -205,7 +191,7 @@ pub fn merge(out: &Path, folders: &[PathBuf]) -> Result<Ended, Failure> {
     store::prepare(out).map_err(failure)?;
     let results = merge_shards(out, folders).map_err(failure)?;
     let Results { setup, cells, .. } = &results;
-    report(out)?;
+    say!("{}", page::write(out, &results).map_err(failure)?.display());
     say!("{} of {} cells", cells.len(), setup.grid.len());
     results.input.warnings.iter().for_each(|warning| eprintln!("modulo: {warning}"));
     tell_unscored(&results);
@@ -227,7 +213,7 @@ fn provenance() -> Provenance {
         processor: processor(),
         started: started.replace(' ', "T") + "Z",
         load: load.and_then(|text| text.split(' ').next()?.parse().ok()),
-        time: None,
+        wall_s: None,
     }
 }
 
@@ -294,7 +280,7 @@ fn print_cell(cell: &Cell) {
 
 /// Draws the charts and the report of the results in a folder.
 pub fn report(folder: &Path) -> Result<Ended, Failure> {
-    say!("{}", page::write(folder)?.display());
+    say!("{}", page::write(folder, &store::stored(folder)?)?.display());
     Ok(Ended::Done)
 }
 
@@ -303,8 +289,7 @@ pub fn budget(folder: &Path, ms: f64) -> Result<Ended, Failure> {
     if !(ms > 0.0 && ms.is_finite()) {
         return Err(usage(anyhow!("--ms is {ms}, it must be more than 0")));
     }
-    let results = store::load(folder)?;
-    let results = results.ok_or_else(|| GridError::NoResults(folder.join(RESULTS)))?;
+    let results = store::stored(folder)?;
     for found in choices::within(&results, ms) {
         say!("alpha {}, {}, times of {}:", found.alpha, found.conditions, found.pass);
         for choice in &found.front {

@@ -124,8 +124,7 @@ impl Auto {
             out.report.method = PASS_THROUGH;
         }
         // In a single colour, nothing contradicts a wrong region behind a hard edge. Differences between colours have few edges.
-        let may_hide =
-            y.channels() == 1 && self.needs_offset && f64::from(quality.steep) > self.limits.lines;
+        let may_hide = y.channels() == 1 && self.needs_offset && f64::from(quality.steep) > self.limits.lines;
         out.report.quality = Some(quality);
         out.report.trust = if !is_accepted || may_hide || range.bits() < FEWEST_BITS {
             Trust::Untrusted
@@ -175,12 +174,7 @@ impl Auto {
     }
 
     /// Unwraps by one candidate; returns the jumps of its result, if it has one.
-    fn try_one(
-        &mut self,
-        candidate: Candidate,
-        y: &Frame,
-        range: Range,
-    ) -> Result<Option<f32>, UnwrapError> {
+    fn try_one(&mut self, candidate: Candidate, y: &Frame, range: Range) -> Result<Option<f32>, UnwrapError> {
         let Self { gradient_tree, smoothed_tree, spud, other, .. } = self;
         let few = range.of_few_outliers();
         match candidate {
@@ -207,8 +201,7 @@ impl Auto {
     /// Writes the result of `lines` for the image that it has scanned. Where counts leave the range, alpha may be a little
     /// larger than it was given.
     fn finish_lines(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
-        let is_clamped =
-            |out: &Recovered| out.report.quality.is_some_and(|quality| quality.clamped > 0.0);
+        let is_clamped = |out: &Recovered| out.report.quality.is_some_and(|quality| quality.clamped > 0.0);
         self.lines.finish(y, range, out)?;
         if is_clamped(out) && range.widened().max_wraps() > range.max_wraps() {
             self.lines.unwrap(y, range.widened(), &mut self.other)?;

@@ -31,8 +31,7 @@ pub struct Choice<'a> {
 
 /// For each alpha, lens, noise and pass of the grid: the best choice that takes at most `ms` a frame.
 pub fn within(results: &Results, ms: f64) -> Vec<Budget<'_>> {
-    let mut alphas = distinct(results.cells.iter().map(|cell| cell.point.sensor.alpha));
-    alphas.sort_by(f64::total_cmp);
+    let alphas = labels::alphas(&results.cells.iter().collect::<Vec<_>>());
     let passes = distinct(results.cells.iter().filter_map(pass));
     let mut budgets = Vec::new();
     for conditions in labels::all_conditions(&results.cells) {

@@ -25,39 +25,29 @@ const KITTI: [&str; 8] = ["car", "van", "truck", "pedestrian", "person_sitting",
 pub type Table = BTreeMap<String, String>;
 
 /// Maps the classes of a model to those of the labels.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 pub struct ClassMap {
     /// Class of the labels by class of the model.
     pub table: Table,
-    unlisted: UnlistedClass,
-}
-
-/// Treatment of a class that the table does not list.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum UnlistedClass {
-    /// The class is kept under its own name.
-    Kept,
-    /// The class is kept if it is a class of KITTI, else dropped.
-    KittiKept,
-    /// The class is dropped.
-    Dropped,
+    /// Whether a class that the table does not list is kept under its own name; else it is dropped.
+    keeps: fn(&str) -> bool,
 }
 
 impl ClassMap {
     /// The identity, for labels with the class names of the model.
     pub fn same() -> Self {
-        Self { table: Table::new(), unlisted: UnlistedClass::Kept }
+        Self { table: Table::new(), keeps: |_| true }
     }
 
     /// Maps the classes of COCO to those of KITTI, and keeps those of KITTI.
     pub fn kitti() -> Self {
         // A model that was trained on KITTI has its class names already.
-        Self { table: embedded(COCO_TO_KITTI), unlisted: UnlistedClass::KittiKept }
+        Self { table: embedded(COCO_TO_KITTI), keeps: |class| KITTI.contains(&class) }
     }
 
     /// The mapping of the paper.
     pub fn paper() -> Self {
-        Self { table: embedded(PAPER), unlisted: UnlistedClass::Dropped }
+        Self { table: embedded(PAPER), keeps: |_| false }
     }
 
     /// Reads a mapping from a file. Classes that it does not list are dropped.
@@ -65,7 +55,7 @@ impl ClassMap {
     /// # Errors
     /// [`GridError::Table`] with the wrong line.
     pub fn read(path: &Path) -> Result<Self, GridError> {
-        Ok(Self { table: read(path)?, unlisted: UnlistedClass::Dropped })
+        Ok(Self { table: read(path)?, keeps: |_| false })
     }
 
     /// The class of the labels for a class of the model. `None` means that the class is dropped.
@@ -73,9 +63,7 @@ impl ClassMap {
         // A line `from:` without a class drops the class on purpose.
         match self.table.get(class) {
             Some(mapped) => Some(mapped.as_str()).filter(|mapped| !mapped.is_empty()),
-            None if self.unlisted == UnlistedClass::Kept => Some(class),
-            None if self.unlisted == UnlistedClass::KittiKept && KITTI.contains(&class) => Some(class),
-            None => None,
+            None => Some(class).filter(|class| (self.keeps)(class)),
         }
     }
 }

@@ -253,6 +253,13 @@ pub fn busy(cells: &[Cell]) -> Vec<String> {
     distinct(timed.iter().map(|(detector, _)| detector)).into_iter().filter_map(apart).collect()
 }
 
+/// The saturation factors of cells, in ascending order.
+pub fn alphas(cells: &[&Cell]) -> Vec<f64> {
+    let mut alphas = distinct(cells.iter().map(|cell| cell.point.sensor.alpha));
+    alphas.sort_by(f64::total_cmp);
+    alphas
+}
+
 /// The cells at the alpha nearest to 4, the largest of the paper.
 pub fn nearest_to_four<'a>(cells: &[&'a Cell]) -> Vec<&'a Cell> {
     let distance = |cell: &&Cell| (cell.point.sensor.alpha - 4.0).abs();

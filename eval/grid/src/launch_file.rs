@@ -16,8 +16,6 @@ use modulo_bags::source::{GroundTruth, from_detections};
 use modulo_core::Detection;
 use modulo_images::SaveError;
 use modulo_msgs::cdr::CdrError;
-use modulo_msgs::vision_msgs::Detection2DArray;
-use modulo_runtime::Message;
 use modulo_runtime::clock::nanos;
 use modulo_runtime::lockstep::{Lockstep, LockstepError, OnTopic};
 use modulo_video::VideoError;
@@ -26,6 +24,8 @@ use serde_json::{Value, json};
 pub use plan::{CameraPlan, DetectorStream, EvaluationPlan, NamedNodes, PlanError};
 pub use recordings::Recordings;
 use timeline::Timeline;
+
+use crate::messages::{arrays, found};
 
 /// Error of an evaluation.
 #[derive(Debug, thiserror::Error)]
@@ -259,20 +259,6 @@ impl Evaluation {
 
 /// Name of the file of the scores.
 pub const SCORES: &str = "scores.json";
-
-fn arrays<'a>(out: &'a [OnTopic], topic: &'a str) -> impl Iterator<Item = &'a Detection2DArray> {
-    out.iter().filter(move |(name, _)| name == topic).filter_map(|(_, message)| match message {
-        Message::Detections(array) => Some(&**array),
-        _ => None,
-    })
-}
-
-/// Returns the boxes on `topic`; `None` without an answer.
-fn found(out: &[OnTopic], topic: &str) -> Option<Vec<Detection>> {
-    arrays(out, topic)
-        .map(|array| array.detections.iter().filter_map(|box_| box_.to_detection()).collect::<Vec<_>>())
-        .reduce(|first, second| [first, second].concat())
-}
 
 /// File name of the image of a frame.
 fn file_name(number: u64) -> String {

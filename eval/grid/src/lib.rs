@@ -11,6 +11,7 @@ pub mod classes;
 pub mod grid;
 mod labels;
 pub mod launch_file;
+mod messages;
 /// The metrics of detections, one file each. The reports print the definition of each metric.
 pub mod metric {
     pub mod bootstrap;

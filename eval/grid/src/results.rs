@@ -12,14 +12,12 @@ use modulo_runtime::report::Percentiles;
 use modulo_runtime::{ParameterSet as _, SensorModel};
 use serde::{Deserialize, Serialize};
 
+use crate::chart::file_name;
+
 /// Name of the file of results.
 pub const RESULTS: &str = "results.json";
-/// Name of the file with the same figures as a table, one row for each cell.
-pub const TABLE: &str = "results.csv";
-/// Name of the table with one row for each frame of each cell.
-pub const FRAMES: &str = "frames.csv";
-/// Name of the table with one row for each box of each frame.
-pub const BOXES: &str = "boxes.csv";
+/// Name of the folder with a file for each cell, which has a line for each of its frames.
+pub const FRAMES: &str = "frames";
 
 /// Version of the computation of the figures. It is raised when the same request gives other figures than before, so that
 /// old and new ones are never joined.
@@ -55,27 +53,8 @@ pub struct Provenance {
     pub started: String,
     /// Mean number of running processes in the minute before the start. `None` where the system does not tell it.
     pub load: Option<f64>,
-    /// Where the time of the run went. `None` if the run was killed.
-    pub time: Option<RunTime>,
-}
-
-/// The wall time of a run by stage.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct RunTime {
-    /// Wall time, s.
-    pub wall_s: f64,
-    /// Number of frames that were scored in parallel.
-    pub workers: usize,
-    /// Wall time of each stage, s. That of the workers is their mean, so that the sum is `wall_s`.
-    pub stages_s: BTreeMap<String, f64>,
-}
-
-impl RunTime {
-    /// Adds a stage that came after all others.
-    pub fn add(&mut self, stage: &str, seconds: f64) {
-        self.wall_s += seconds;
-        *self.stages_s.entry(stage.to_owned()).or_default() += seconds;
-    }
+    /// Wall time of the run without its report, s. `None` if the run was killed.
+    pub wall_s: Option<f64>,
 }
 
 impl Provenance {
@@ -91,9 +70,15 @@ impl Results {
         self.cells.iter().any(|cell| cell.point == *point)
     }
 
-    /// Whether frames or labels are missing, or a cell has no AP because no labelled object is scored.
+    /// Number of the finished cells that are not among `points`.
+    pub fn others(&self, points: &[Point]) -> usize {
+        self.cells.iter().filter(|cell| !points.contains(&cell.point)).count()
+    }
+
+    /// Whether frames, labels or answers are missing, or a cell has no AP because no labelled object is scored.
     pub fn lost(&self) -> bool {
-        !self.input.warnings.is_empty() || self.cells.iter().any(Cell::is_unscored)
+        let lost = |cell: &Cell| cell.unanswered > 0 || cell.is_unscored();
+        !self.input.warnings.is_empty() || self.cells.iter().any(lost)
     }
 }
 
@@ -241,6 +226,13 @@ impl Stream {
     }
 }
 
+impl Point {
+    /// The description of the cell as the name of a file without its extension.
+    pub fn file_name(&self) -> String {
+        file_name(&self.to_string())
+    }
+}
+
 impl fmt::Display for Point {
     /// Describes the cell, such as `yolov10n recovered auto deblurred, alpha 4, blur 1.4 px`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -271,6 +263,9 @@ pub struct Cell {
     /// The settings of the cell.
     #[serde(flatten)]
     pub point: Point,
+    /// Name of the file with the frames of the cell, without its extension.
+    #[serde(default)]
+    pub name: String,
     /// Number of scored frames.
     pub frames: usize,
     /// Number of frames without an answer. They are scored as frames without a detection.
@@ -285,8 +280,6 @@ pub struct Cell {
     pub classes: BTreeMap<String, ClassScore>,
     /// AP50 for each difficulty (`easy`, `moderate`, `hard`, `all`) and group.
     pub difficulty: BTreeMap<Difficulty, BTreeMap<String, Option<f64>>>,
-    /// Precision at IoU 0.5 at the recalls 0, 0.01, ..., 1 of each group. Empty if no object is scored.
-    pub precision: BTreeMap<String, Vec<f64>>,
     /// Bounds of the 95 % bootstrap interval by figure: `ap50.vehicle`, `paper.f1`, ...
     pub interval95: BTreeMap<String, [f64; 2]>,
     /// The three figures of the paper.
@@ -314,8 +307,6 @@ pub struct Cell {
     pub ssim_sharp: Option<f64>,
     /// Durations of each stage: `sense`, `unwrap`, `tone` or `deblur`, `pre`, `infer`, `post`, ms.
     pub latency_ms: BTreeMap<String, Percentiles>,
-    /// Histogram of the time of a frame without `sense`: (upper bound in ms, frames). Empty buckets are left out.
-    pub latency_histogram: Vec<(f64, u64)>,
     /// Time of a frame from the captured image to the boxes, without `sense`. `None` if it was not measured.
     pub frame_ms: Option<FrameTime>,
     /// The machine and the settings of the durations.
@@ -417,6 +408,4 @@ pub struct Device {
     pub engine: String,
     /// Threads of one inference.
     pub threads: usize,
-    /// Number of frames that were processed at a time while durations were measured: 1.
-    pub jobs: usize,
 }

@@ -1,17 +1,16 @@
 //! Results as files, and the joining of shards. A file is complete at any time, even if the process is killed.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::fs::File;
-use std::io::Write;
+use std::collections::BTreeMap;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use csv::{ByteRecord, ByteRecordsIntoIter};
 use modulo_runtime::input::read_bytes;
-use modulo_runtime::{ParameterSet as _, SensorModel, Value, launcher};
+use modulo_runtime::launcher;
+use serde_json::Value;
 
 use crate::GridError;
 use crate::labels;
-use crate::results::{BOXES, Cell, FRAMES, Input, Point, RESULTS, Results, Setup, TABLE};
+use crate::results::{Cell, Device, FRAMES, Input, Point, RESULTS, Results, Setup};
 
 /// Size of the largest results, bytes.
 const LARGEST: u64 = 1 << 30;
@@ -27,9 +26,17 @@ pub fn load(folder: &Path) -> Result<Option<Results>, GridError> {
             let json = |source| GridError::Json(path.clone(), source);
             serde_json::from_slice(&text).map(Some).map_err(json)
         }
-        Err(why) if why.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        Err(why) if why.kind() == ErrorKind::NotFound => Ok(None),
         Err(why) => Err(GridError::io(&path, why)),
     }
+}
+
+/// Reads the results in `folder`.
+///
+/// # Errors
+/// [`GridError`] if there are none, or they cannot be read.
+pub fn stored(folder: &Path) -> Result<Results, GridError> {
+    load(folder)?.ok_or_else(|| GridError::NoResults(folder.join(RESULTS)))
 }
 
 /// Creates `folder` and checks that a file can be written into it.
@@ -43,18 +50,16 @@ pub fn prepare(folder: &Path) -> Result<(), GridError> {
     done.map_err(|why| GridError::Output(folder.to_owned(), why))
 }
 
-/// Writes [`RESULTS`] and [`TABLE`]. Creates `folder` if it is missing.
+/// Writes [`RESULTS`]. Creates `folder` if it is missing.
 ///
 /// # Errors
-/// [`GridError`] if they cannot be written.
+/// [`GridError`] if it cannot be written.
 pub fn save(folder: &Path, results: &Results) -> Result<(), GridError> {
-    std::fs::create_dir_all(folder).map_err(|why| GridError::io(folder, why))?;
     let path = folder.join(RESULTS);
     let mut text =
         serde_json::to_vec_pretty(results).map_err(|source| GridError::Json(path.clone(), source))?;
     text.push(b'\n');
-    replace(&path, &text)?;
-    replace(&folder.join(TABLE), &csv(&results.cells))
+    replace(&path, &text)
 }
 
 /// The results in `folder` with the grid of `empty`, which has no cell yet, or `empty` alone if there are none or they are
@@ -63,33 +68,31 @@ pub fn save(folder: &Path, results: &Results) -> Result<(), GridError> {
 /// # Errors
 /// [`GridError::OtherSetup`] if the cells of both cannot be shown together; the folder stays as it is.
 pub(crate) fn resume(folder: &Path, replaced: bool, empty: Results) -> Result<Results, GridError> {
-    let old = if replaced { None } else { load(folder)? };
-    let results = match old {
-        Some(old) => {
-            check_same(&folder.join(RESULTS), &old, &empty)?;
-            joined(old, empty)
-        }
-        None => empty,
-    };
-    // Lines of cells that were not finished are left out: these cells are run again.
-    gather(folder, &[folder.to_owned()], &results.cells)?;
-    Ok(results)
+    if replaced {
+        // Damaged results are replaced as well.
+        let old = load(folder).ok().flatten().unwrap_or_default();
+        // It fails where a cell has no frames.
+        old.cells.iter().for_each(|cell| drop(std::fs::remove_file(frames_of(folder, cell))));
+        return Ok(empty);
+    }
+    let Some(old) = load(folder)? else { return Ok(empty) };
+    check_same(&folder.join(RESULTS), &old, &empty)?;
+    Ok(joined(old, empty))
 }
 
-/// Stores a finished cell with its lines of frames and of boxes.
-pub(crate) fn keep(
-    folder: &Path,
-    results: &mut Results,
-    cell: Cell,
-    [frames, boxes]: [&CellLines; 2],
-) -> Result<(), GridError> {
-    // The lines come first: a cell without lines would never be run again.
-    append(folder, FRAMES, frames)?;
-    append(folder, BOXES, boxes)?;
+/// Stores a finished cell with the lines of its frames.
+pub(crate) fn keep(folder: &Path, results: &mut Results, cell: Cell, frames: &[u8]) -> Result<(), GridError> {
+    // The frames come first: a cell without them would never be run again.
+    replace(&frames_of(folder, &cell), frames)?;
     results.cells.push(cell);
     // Cells of an earlier run may come later in the grid.
     sort(&mut results.cells, &results.setup.grid);
     save(folder, results)
+}
+
+/// The file of the frames of a cell.
+fn frames_of(folder: &Path, cell: &Cell) -> PathBuf {
+    folder.join(FRAMES).join(format!("{}.jsonl", cell.point.file_name()))
 }
 
 /// The grid and the cells of `old` with those of `fresh`, which has no cell yet.
@@ -120,152 +123,10 @@ fn joined_grid(old: Vec<Point>, new: Vec<Point>) -> Vec<Point> {
     [old, more].concat()
 }
 
-/// Replaces the content of `path` by `bytes`, as [`launcher::replace`] does.
+/// Replaces the content of `path` by `bytes`, as [`launcher::replace`] does. Creates its folder if it is missing.
 pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<(), GridError> {
-    launcher::replace(path, bytes).map_err(|why| GridError::io(path, why))
-}
-
-/// Name of a column and its value in the row of a cell.
-type Column = (&'static str, fn(&Cell) -> String);
-
-const FIGURES: [Column; 9] = [
-    ("ap50_95", |cell| figure(cell.ap50_95)),
-    ("paper_iou", |cell| figure(Some(cell.paper.iou))),
-    ("paper_f1", |cell| figure(Some(cell.paper.f1))),
-    ("paper_accuracy", |cell| figure(Some(cell.paper.accuracy))),
-    ("exact_k", |cell| figure(cell.exact_k)),
-    ("psnr_db", |cell| figure(cell.psnr_db)),
-    ("ssim", |cell| figure(cell.ssim)),
-    ("psnr_sharp_db", |cell| figure(cell.psnr_sharp_db)),
-    ("ssim_sharp", |cell| figure(cell.ssim_sharp)),
-];
-
-/// The cells as comma-separated values, one row for each cell. A missing figure is an empty field.
-fn csv(cells: &[Cell]) -> Vec<u8> {
-    // The columns are the union over all cells: cells of different streams have different stages.
-    let groups: BTreeSet<&String> = cells.iter().flat_map(|cell| cell.ap50.keys()).collect();
-    let stages: BTreeSet<&String> = cells.iter().flat_map(|cell| cell.latency_ms.keys()).collect();
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    let mut write = |row: Vec<String>| writer.write_record(row).expect("rows of one length fit into memory");
-    let mut head = ["cell", "stream", "method", "deblur"].map(str::to_owned).to_vec();
-    head.extend(SensorModel::descriptors().iter().map(|parameter| parameter.name.to_owned()));
-    head.extend(["model", "input", "frames"].map(str::to_owned));
-    head.extend(groups.iter().map(|group| format!("ap50_{group}")));
-    head.extend(FIGURES.map(|(name, _)| name.to_owned()));
-    head.extend(stages.iter().map(|stage| format!("{stage}_ms_p50")));
-    write(head);
-    for cell in cells {
-        let Point { stream, method, deblur, sensor, model, input } = &cell.point;
-        let method = method.clone().unwrap_or_default();
-        let mut row = vec![cell.point.to_string(), stream.name(), method, deblur.to_string()];
-        row.extend(sensor.values().iter().map(Value::plain));
-        row.extend([model.clone(), input.clone(), cell.frames.to_string()]);
-        row.extend(groups.iter().map(|group| figure(cell.ap50.get(*group).copied().flatten())));
-        row.extend(FIGURES.map(|(_, value)| value(cell)));
-        row.extend(stages.iter().map(|stage| figure(cell.latency_ms.get(*stage).map(|p| p.p50))));
-        write(row);
-    }
-    writer.into_inner().expect("memory can be flushed")
-}
-
-/// A figure with all its digits; empty without a value.
-pub(crate) fn figure(value: Option<f64>) -> String {
-    // The sum with 0 removes the sign of a zero.
-    value.map_or(String::new(), |value| (value + 0.0).to_string())
-}
-
-/// Lines of a table whose first column is the name of a cell.
-pub(crate) struct CellLines {
-    /// The names of the columns.
-    pub head: Vec<String>,
-    /// The values of each line.
-    pub lines: Vec<Vec<String>>,
-}
-
-/// Adds lines to the table `file` in `folder`. Creates both if they are missing.
-///
-/// # Errors
-/// [`GridError`] if the table has other columns, or cannot be read or written.
-fn append(folder: &Path, file: &str, lines: &CellLines) -> Result<(), GridError> {
-    let path = folder.join(file);
-    std::fs::create_dir_all(folder).map_err(|why| GridError::io(folder, why))?;
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    let mut write =
-        |line: &Vec<String>| writer.write_record(line).expect("lines of one length fit into memory");
-    match read(&path)? {
-        Some((head, _)) if head != lines.head => return Err(other_columns(&path)),
-        Some(_) => {}
-        None => write(&lines.head),
-    }
-    lines.lines.iter().for_each(write);
-    let bytes = writer.into_inner().expect("memory can be flushed");
-    let file = File::options().create(true).append(true).open(&path);
-    file.and_then(|mut file| file.write_all(&bytes)).map_err(|why| GridError::io(&path, why))
-}
-
-/// Writes the tables of frames and boxes in `out` anew: the lines of `cells` in `folders`, in the order of `cells`. A cell has
-/// the lines of the first folder that knows it. Without cells, the tables are removed.
-///
-/// # Errors
-/// [`GridError`] if tables have different columns, or cannot be read or written.
-pub(crate) fn gather(out: &Path, folders: &[PathBuf], cells: &[Cell]) -> Result<(), GridError> {
-    for file in [FRAMES, BOXES] {
-        let path = out.join(file);
-        if cells.is_empty() && path.exists() {
-            std::fs::remove_file(&path).map_err(|why| GridError::io(&path, why))?;
-        } else if let Some(bytes) = gathered(folders, file, cells)? {
-            replace(&path, &bytes)?;
-        }
-    }
-    Ok(())
-}
-
-/// The table `file` of all `folders` with the lines of `cells`. `None` if no folder has it.
-fn gathered(folders: &[PathBuf], file: &str, cells: &[Cell]) -> Result<Option<Vec<u8>>, GridError> {
-    let places = cells.iter().enumerate().map(|(place, cell)| (cell.point.to_string().into_bytes(), place));
-    let places: BTreeMap<Vec<u8>, usize> = places.collect();
-    let mut head: Option<ByteRecord> = None;
-    let mut lines: BTreeMap<usize, (&PathBuf, Vec<ByteRecord>)> = BTreeMap::new();
-    for folder in folders {
-        let path = folder.join(file);
-        let Some((own, records)) = read(&path)? else { continue };
-        if head.get_or_insert_with(|| own.clone()) != &own {
-            return Err(other_columns(&path));
-        }
-        for record in records {
-            let record = record.map_err(|why| GridError::io(&path, why.into()))?;
-            // The last line is cut if the process was killed.
-            let name = record.get(0).filter(|_| record.len() == own.len());
-            let Some(place) = name.and_then(|name| places.get(name)) else { continue };
-            let (from, known) = lines.entry(*place).or_insert((folder, Vec::new()));
-            if *from == folder {
-                known.push(record);
-            }
-        }
-    }
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    let all = head.iter().chain(lines.values().flat_map(|(_, records)| records));
-    all.for_each(|line| writer.write_byte_record(line).expect("lines of one length fit into memory"));
-    Ok(head.is_some().then(|| writer.into_inner().expect("memory can be flushed")))
-}
-
-/// The head and the records of a table. `None` if there is no such file.
-fn read(path: &Path) -> Result<Option<(ByteRecord, ByteRecordsIntoIter<File>)>, GridError> {
-    let file = match File::open(path) {
-        Ok(file) => file,
-        Err(why) if why.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        Err(why) => return Err(GridError::io(path, why)),
-    };
-    let mut reader = csv::ReaderBuilder::new().flexible(true).from_reader(file);
-    let head = reader.byte_headers().map_err(|why| GridError::io(path, why.into()))?.clone();
-    Ok(Some((head, reader.into_byte_records())))
-}
-
-fn other_columns(path: &Path) -> GridError {
-    GridError::OtherSetup(
-        path.to_owned(),
-        "its columns are those of another version or other groups".to_owned(),
-    )
+    let folder = path.parent().map_or(Ok(()), std::fs::create_dir_all);
+    folder.and_then(|()| launcher::replace(path, bytes)).map_err(|why| GridError::io(path, why))
 }
 
 /// Joins the results of all `folders` in `out`, with the cells in the order of the grid.
@@ -277,82 +138,69 @@ pub fn merge(out: &Path, folders: &[PathBuf]) -> Result<Results, GridError> {
     let mut all: Option<Results> = None;
     for folder in folders {
         let path = folder.join(RESULTS);
-        let Some(part) = load(folder)? else {
-            return Err(GridError::io(&path, std::io::ErrorKind::NotFound.into()));
-        };
-        match &mut all {
-            None => all = Some(part),
-            Some(all) => add(all, part, &path)?,
+        let part = stored(folder)?;
+        let all = all.get_or_insert_with(|| Results { cells: Vec::new(), runs: Vec::new(), ..part.clone() });
+        check_same(&path, &part, all)?;
+        if part.setup.grid != all.setup.grid {
+            return Err(GridError::OtherSetup(path, "its cells are those of another grid".to_owned()));
+        }
+        all.runs.extend(part.runs);
+        for cell in part.cells {
+            match all.cells.iter().find(|known| known.point == cell.point) {
+                None => all.cells.push(copied(cell, folder, out)?),
+                // All figures but durations are the same in every run. Different figures of one cell cannot both be
+                // right, and a merge cannot decide between them.
+                Some(known) if timeless(known) == timeless(&cell) => {}
+                Some(_) => return Err(GridError::Contradiction(path, cell.point.to_string())),
+            }
         }
     }
     let mut all = all.ok_or(GridError::Empty("the list of folders"))?;
     sort(&mut all.cells, &all.setup.grid);
     save(out, &all)?;
-    gather(out, folders, &all.cells)?;
     Ok(all)
 }
 
-fn add(all: &mut Results, part: Results, path: &Path) -> Result<(), GridError> {
-    check_same(path, &part, all)?;
-    if part.setup.grid != all.setup.grid {
-        return Err(GridError::OtherSetup(path.to_owned(), "its cells are those of another grid".to_owned()));
+/// Copies the frames of `cell` from `folder` to `out`. A cell of an older version has none.
+fn copied(cell: Cell, folder: &Path, out: &Path) -> Result<Cell, GridError> {
+    let from = frames_of(folder, &cell);
+    match std::fs::read(&from) {
+        Ok(frames) => replace(&frames_of(out, &cell), &frames).map(|()| cell),
+        Err(why) if why.kind() == ErrorKind::NotFound => Ok(cell),
+        Err(why) => Err(GridError::io(&from, why)),
     }
-    all.runs.extend(part.runs);
-    for cell in part.cells {
-        match all.cells.iter().find(|known| known.point == cell.point) {
-            None => all.cells.push(cell),
-            // All figures but durations are the same in every run. Different figures of one cell cannot both be right,
-            // and a merge cannot decide between them.
-            Some(known) if timeless(known) == timeless(&cell) => {}
-            Some(_) => {
-                return Err(GridError::Contradiction(path.to_owned(), cell.point.to_string()));
-            }
-        }
-    }
-    Ok(())
 }
 
 /// The figures of a cell that must be the same in every run.
 fn timeless(cell: &Cell) -> Cell {
-    let (latency_ms, latency_histogram, device) = Default::default();
-    Cell { latency_ms, latency_histogram, device, frame_ms: None, ..cell.clone() }
+    Cell { latency_ms: BTreeMap::new(), device: Device::default(), frame_ms: None, ..cell.clone() }
 }
 
 /// Refuses the results `old` at `path` if they belong to another request than `new`. The grids may differ.
 fn check_same(path: &Path, old: &Results, new: &Results) -> Result<(), GridError> {
-    let pair = |of: fn(&Results) -> String| (of(old), of(new));
-    // Shards may have different models. Only a model that both know must be the same file.
-    let known = |name: &&String| old.setup.models.contains_key(*name) && new.setup.models.contains_key(*name);
-    let models = |results: &Results| {
-        let shared = results.setup.models.iter().filter(|(name, _)| known(name));
-        shared.map(|(name, hash)| format!("{name} sha256 {hash} ")).collect::<String>()
-    };
-    let compared = [
-        ("program version", pair(|results| results.setup.version.clone())),
-        ("version of the figures", pair(|results| results.setup.figures.to_string())),
-        ("protocol", pair(|results| format!("{:?}", results.setup.protocol))),
-        ("seed", pair(|results| results.setup.seed.to_string())),
-        ("difficulty", pair(|results| format!("{:?}", results.setup.difficulty))),
-        ("engine", pair(|results| results.setup.engine.clone())),
-        ("class map", pair(|results| format!("{:?}", results.setup.class_map))),
-        ("groups", pair(|results| format!("{:?}", results.setup.groups))),
-        ("models", (models(old), models(new))),
-        ("data", pair(|results| format!("{} (sha256 {})", results.setup.source, results.input.digest))),
-    ];
-    // The name of the data may differ, where only the folder was moved.
-    let differs = |what: &str, a: &str, b: &str| match what {
-        "data" => old.input.digest != new.input.digest,
-        _ => a != b,
-    };
-    match compared.iter().find(|(what, (a, b))| differs(what, a, b)) {
-        None => Ok(()),
-        Some((what, (a, b))) => {
-            let [old, new] = [old, new].map(|results| labels::grid(&results.setup.grid));
-            let why =
-                format!("its {what} is {a}, and that of this command is {b}. There: {old}. Here: {new}");
-            Err(GridError::OtherSetup(path.to_owned(), why))
-        }
+    let Some((what, a, b)) = difference(old, new) else { return Ok(()) };
+    let [old, new] = [old, new].map(|results| labels::grid(&results.setup.grid));
+    let why = format!("its {what} is {a}, and that of this command is {b}. There: {old}. Here: {new}");
+    Err(GridError::OtherSetup(path.to_owned(), why))
+}
+
+/// The first setting that must be the same in `old` and `new` and is not, with both values.
+fn difference(old: &Results, new: &Results) -> Option<(String, String, String)> {
+    if old.input.digest != new.input.digest {
+        let data = |of: &Results| format!("{} (sha256 {})", of.setup.source, of.input.digest);
+        return Some(("data".to_owned(), data(old), data(new)));
     }
+    let of = |results: &Results, others: &Results| {
+        // Shards may have different models. Only a model that both know must be the same file.
+        let mut setup = Setup { grid: Vec::new(), source: String::new(), ..results.setup.clone() };
+        setup.models.retain(|name, _| others.setup.models.contains_key(name));
+        serde_json::to_value(setup).expect("a setup has text keys")
+    };
+    let (old, new) = (of(old, new), of(new, old));
+    let differs = |(name, value): (&String, &Value)| {
+        (new[name] != *value).then(|| (name.replace('_', " "), value.to_string(), new[name].to_string()))
+    };
+    old.as_object()?.iter().find_map(differs)
 }
 
 /// Sorts the cells into the order of the grid.

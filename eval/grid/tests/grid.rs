@@ -97,12 +97,7 @@ fn cells(nodes: &dyn Nodes) -> Vec<Cell> {
     let folder = tempfile::tempdir().expect("a folder");
     let outcome =
         run(&still_request(folder.path()), nodes, &SystemClock::default(), &|_| {}).expect("evaluated");
-    let timeless = |cell: Cell| Cell {
-        latency_ms: Default::default(),
-        latency_histogram: Vec::new(),
-        frame_ms: None,
-        ..cell
-    };
+    let timeless = |cell: Cell| Cell { latency_ms: Default::default(), frame_ms: None, ..cell };
     outcome.results.cells.into_iter().map(timeless).collect()
 }
 
@@ -151,13 +146,14 @@ fn what_moves_has_ghosts_in_three_captures_and_none_in_one() {
 
     let pictures = draw_pictures(&request, &Suite, &SystemClock::default(), &results).expect("pictures");
     report::save_pictures(folder.path(), &pictures).expect("kept");
-    let page = std::fs::read_to_string(report::write(folder.path()).expect("a page")).expect("readable");
+    let page =
+        std::fs::read_to_string(report::write(folder.path(), &results).expect("a page")).expect("readable");
     assert!(page.contains("multi_exposure_still") && page.contains("data:image/jpeg;base64,"));
     assert!(folder.path().join("charts/pictures_streams.png").is_file());
     // The page is the same if it is written again from the files.
     assert_eq!(
         page,
-        std::fs::read_to_string(report::write(folder.path()).expect("a page")).expect("readable")
+        std::fs::read_to_string(report::write(folder.path(), &results).expect("a page")).expect("readable")
     );
 }
 

@@ -77,10 +77,7 @@ impl UnwrapParameters {
             tau: self.tau,
             threshold_on: self.threshold_on,
             threads: self.threads,
-            trust: TrustLimits {
-                lines: self.trust_lines,
-                jumps: self.trust_jumps,
-            },
+            trust: TrustLimits { lines: self.trust_lines, jumps: self.trust_jumps },
             successive: true,
         }
     }

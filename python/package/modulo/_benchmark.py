@@ -493,12 +493,10 @@ def _cell(method: str, sensor: Sensor, rows: list[Row], pictures: list[Frame], d
         "frame_ms": _time(times, [row["cpu_ms"] for row in answered]) if times else None,
         # What only the command measures.
         "difficulty": {},
-        "precision": {},
         "interval95": {},
         "paper": {"iou": 0.0, "f1": 0.0, "accuracy": 0.0},
         "worst": [],
         "latency_ms": {},
-        "latency_histogram": [],
     }
 
 
@@ -513,7 +511,7 @@ def _results(cells: list[Row], data: object, pictures: list[Frame], settings: Ro
     """Returns the content of `results.json`."""
     started = datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")
     host, processor, threads = platform.node(), _processor(), settings["threads"]
-    device = {"processor": processor, "engine": "python", "threads": threads, "jobs": 1}
+    device = {"processor": processor, "engine": "python", "threads": threads}
     for cell in cells:
         cell["device"] = device
         if cell["frame_ms"]:
@@ -558,7 +556,7 @@ def _results(cells: list[Row], data: object, pictures: list[Frame], settings: Ro
         # `modulo eval report` refuses figures of a cell that it does not know.
         "cells": [{name: value for name, value in cell.items() if name not in _OWN_FIGURES} for cell in cells],
         "field": {"facts": facts, "cells": [{name: value for name, value in cell.items() if name in _FIELD} for cell in cells]},
-        "runs": [{**run, "load": load, "time": None}],
+        "runs": [{**run, "load": load, "wall_s": None}],
     }
 
 

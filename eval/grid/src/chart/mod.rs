@@ -1,9 +1,8 @@
 //! The charts of a grid: from results to a [`Chart`]. This file has the charts over a setting of the sensor.
 
+mod frontier;
 pub(crate) mod pictures;
-pub(crate) mod published;
 mod sensors;
-mod time;
 
 use modulo_draw::{
     Axis, Chart, ChartBody, ChartError, ChartPanel, DataPoint, PageWidth, Series, SeriesStyle,
@@ -11,9 +10,8 @@ use modulo_draw::{
 
 use modulo_runtime::SensorModel;
 
-use crate::labels::{self, Conditions, GridSetting, distinct, number};
+use crate::labels::{self, GridSetting, distinct, number};
 use crate::results::{Cell, Results};
-pub use pictures::DetectionPicture;
 
 /// A chart with the name of its files.
 #[derive(Clone, Debug, PartialEq)]
@@ -62,24 +60,9 @@ impl NamedChart {
 /// All charts of the cells of `results`, those of the first conditions first.
 pub fn all(results: &Results) -> Vec<NamedChart> {
     let conditions = labels::all_conditions(&results.cells);
-    let each = |draw: fn(&Results, &Conditions) -> Vec<NamedChart>| {
-        conditions.iter().flat_map(|conditions| draw(results, conditions)).collect::<Vec<_>>()
-    };
-    let over = GridSetting::all().flat_map(|setting| over(results, setting)).collect();
-    [
-        each(time::frontiers),
-        over,
-        sensors::charts(results),
-        each(published::charts),
-        each(time::stages),
-        each(time::histograms),
-    ]
-    .concat()
-}
-
-/// The cells that belong to `conditions`.
-pub(crate) fn cells<'a>(results: &'a Results, conditions: &Conditions) -> Vec<&'a Cell> {
-    results.cells.iter().filter(|cell| labels::belongs(&cell.point, conditions)).collect()
+    let frontiers = conditions.iter().flat_map(|conditions| frontier::charts(results, conditions));
+    let over = GridSetting::all().flat_map(|setting| over(results, setting));
+    frontiers.chain(over).chain(sensors::charts(results)).collect()
 }
 
 /// The distinct models of cells.
@@ -102,19 +85,6 @@ fn subtitle(results: &Results) -> String {
     let frames = format!("{} labelled frames of {}", results.input.labelled, results.setup.source);
     let objects = format!("objects that count: {}", objects.join(", "));
     [vec![frames, objects], devices, busy].concat().join(" · ")
-}
-
-/// Adds a point to the series of a name, which is created if it is missing.
-pub(crate) fn add_point(series: &mut Vec<Series>, name: String, point: DataPoint, style: SeriesStyle) {
-    match series.iter_mut().find(|series| series.name == name) {
-        Some(series) => series.points.push(point),
-        None => series.push(Series { name, points: vec![point], style }),
-    }
-}
-
-/// The conditions as part of a file name.
-pub(crate) fn suffix(conditions: &Conditions) -> String {
-    labels::suffix(conditions, &["alpha"])
 }
 
 /// A text as part of a file name, with its words separated by `_`.

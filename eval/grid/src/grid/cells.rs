@@ -10,6 +10,7 @@ use modulo_runtime::{ParameterError, ParameterSet as _, SensorModel};
 
 use super::GridError;
 use super::pipeline::paper::SPUD_AS_PUBLISHED;
+use crate::chart::file_name;
 use crate::labels;
 use crate::results::{Point, Protocol, Stream};
 
@@ -227,11 +228,12 @@ impl Axes {
     }
 
     fn check_models(&self) -> Result<(), GridError> {
-        // A cell names its model without the folder. Two files of one name would share their cells.
+        // A cell names its model without the folder. Two files of one name would share their cells and files.
         let mut models: Vec<&PathBuf> = self.model.iter().collect();
         models.sort();
         models.dedup();
-        let mut names: Vec<String> = models.iter().map(|model| Self::model_name(model)).collect();
+        let name = |model: &&PathBuf| file_name(&Self::model_name(model));
+        let mut names: Vec<String> = models.iter().map(name).collect();
         names.sort();
         if let Some(pair) = names.windows(2).find(|pair| pair[0] == pair[1]) {
             let (value, possible) = (format!("twice {}", pair[0]), "one file for each name".to_owned());

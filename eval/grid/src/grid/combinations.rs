@@ -7,13 +7,6 @@ use super::cells::{Axes, DeblurChoice, can_be_mosaic};
 use crate::labels::distinct;
 use crate::results::{Point, Protocol, Stream};
 
-/// The options of an image: stream, method, and the lens, gains and mosaic of the sensor.
-struct Combination<'a> {
-    stream: Stream,
-    method: Option<&'a str>,
-    sensor: &'a SensorModel,
-}
-
 impl Axes {
     /// The options that no cell has, a sentence for each kind.
     pub fn unused(&self, protocol: Protocol, points: &[Point]) -> Vec<String> {
@@ -24,21 +17,21 @@ impl Axes {
 
     /// The combinations of the lists that none of `points` has, such as `--stream modulo --gains checkerboard (REASON)`.
     pub fn without_cells(&self, protocol: Protocol, points: &[Point]) -> Vec<String> {
-        let methods = self.methods(protocol);
+        let methods: Vec<Option<String>> = self.methods(protocol).into_iter().map(Some).collect();
         let mut without = Vec::new();
         for sensor in &self.sensor.sensors(&["gains", "mosaic", "psf_sigma"]) {
             for &stream in &self.stream {
-                // Gains have a method of their own.
+                // Gains have a method of their own, and the ideal image of the paper has no lens.
                 let choice = stream == Stream::Recovered && !sensor.gains;
-                let methods = if choice {
-                    methods.iter().map(|method| Some(method.as_str())).collect()
-                } else {
-                    vec![None]
+                let has = |point: &Point, method: &Option<String>| {
+                    point.stream == stream
+                        && (method.is_none() || point.method == *method)
+                        && (stream == Stream::Ideal || point.sensor.psf_sigma == sensor.psf_sigma)
+                        && (point.sensor.gains == sensor.gains && point.sensor.mosaic == sensor.mosaic)
                 };
-                for method in methods {
-                    let wanted = Combination { stream, method, sensor };
-                    if !points.iter().any(|point| wanted.has(point)) {
-                        without.push(wanted.text(self.deblur));
+                for method in if choice { &methods[..] } else { &[None] } {
+                    if !points.iter().any(|point| has(point, method)) {
+                        without.push(missing(stream, method.as_deref(), sensor, self.deblur));
                     }
                 }
             }
@@ -57,37 +50,26 @@ impl Axes {
     }
 }
 
-impl Combination<'_> {
-    /// Whether a cell has these options.
-    fn has(&self, point: &Point) -> bool {
-        // The ideal image of the paper has no lens.
-        point.stream == self.stream
-            && self.method.is_none_or(|method| point.method.as_deref() == Some(method))
-            && (self.stream == Stream::Ideal || point.sensor.psf_sigma == self.sensor.psf_sigma)
-            && (point.sensor.gains == self.sensor.gains && point.sensor.mosaic == self.sensor.mosaic)
-    }
-
-    /// The options with the reason.
-    fn text(&self, deblur: DeblurChoice) -> String {
-        let mut options = vec![format!("--stream {}", self.stream.name())];
-        options.extend(self.method.map(|method| format!("--method {method}")));
-        let SensorModel { gains, mosaic, psf_sigma, .. } = *self.sensor;
-        let of_two = matches!(self.stream, Stream::Saturated | Stream::Recovered);
-        let why = if gains && !of_two {
-            options.push(format!("--gains {}", Gains::word(gains)));
-            "a sensor with two gains has the streams saturated and recovered only"
-        } else if let Some(mosaic) = mosaic.filter(|_| !can_be_mosaic(self.stream, self.method)) {
-            options.push(format!("--mosaic {}", mosaic.word()));
-            "merged captures and spud_as_published have three chips only"
-        } else if deblur == DeblurChoice::On && psf_sigma == 0.0 {
-            options.extend([format!("--psf-sigma {psf_sigma}"), "--deblur on".to_owned()]);
-            "without a lens there is no blur to remove"
-        } else {
-            options.push("--deblur on".to_owned());
-            "spud_as_published removes no blur"
-        };
-        format!("{} ({why})", options.join(" "))
-    }
+/// The options of an image that no cell has, with the reason.
+fn missing(stream: Stream, method: Option<&str>, sensor: &SensorModel, deblur: DeblurChoice) -> String {
+    let mut options = vec![format!("--stream {}", stream.name())];
+    options.extend(method.map(|method| format!("--method {method}")));
+    let SensorModel { gains, mosaic, psf_sigma, .. } = *sensor;
+    let of_two = matches!(stream, Stream::Saturated | Stream::Recovered);
+    let why = if gains && !of_two {
+        options.push(format!("--gains {}", Gains::word(gains)));
+        "a sensor with two gains has the streams saturated and recovered only"
+    } else if let Some(mosaic) = mosaic.filter(|_| !can_be_mosaic(stream, method)) {
+        options.push(format!("--mosaic {}", mosaic.word()));
+        "merged captures and spud_as_published have three chips only"
+    } else if deblur == DeblurChoice::On && psf_sigma == 0.0 {
+        options.extend([format!("--psf-sigma {psf_sigma}"), "--deblur on".to_owned()]);
+        "without a lens there is no blur to remove"
+    } else {
+        options.push("--deblur on".to_owned());
+        "spud_as_published removes no blur"
+    };
+    format!("{} ({why})", options.join(" "))
 }
 
 #[cfg(test)]

@@ -3,55 +3,46 @@
 use std::collections::HashMap;
 use std::collections::hash_map::DefaultHasher;
 use std::hash::{Hash, Hasher};
-use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use modulo_core::{Detection, Frame, Samples};
-use modulo_detector::{DetectorParameters, EngineChoice, EngineDevice};
+use modulo_detector::DetectorParameters;
 use modulo_runtime::lockstep::Lockstep;
 use modulo_runtime::{Clock, Message, StampedFrame};
 
-use super::GridError;
 use super::pipeline::Nodes;
 use super::pipeline::{Stages, node_name, stamp};
+use super::{GridError, Request};
+use crate::messages::found;
+use crate::results::Point;
 
 /// Lowest score of a detection. AP needs detections of low confidence, too.
 const LEAST_SCORE: f64 = 0.001;
 
+/// Topic of the boxes.
+const DETECTIONS: &str = "/detector/detections";
+
 /// Number of outputs that the cache keeps, which bounds its memory on a large data set.
 const MOST_KEPT: usize = 20_000;
 
-/// The detections of one image.
-#[derive(Clone, Debug, Default)]
+/// Detections of one image by descending score. `None` if the detector gave no answer.
+pub type Found = Option<Arc<Vec<Detection>>>;
+
+/// Detections, and the durations of the stages.
 pub struct DetectorOutput {
-    /// Detections by descending score. `None` if the detector gave no answer.
-    pub found: Option<Arc<Vec<Detection>>>,
-    /// Durations of the stages. Empty if the detections were known.
+    /// The detections.
+    pub found: Found,
+    /// Durations of the stages.
     pub stages: Stages,
 }
 
-/// Detections by the number of the frame and the hash of its pixels, as in [`DetectorOutput::found`].
-type KnownDetections = HashMap<(usize, u64), Option<Arc<Vec<Detection>>>>;
+/// Detections by the number of the frame and the hash of its pixels.
+type KnownDetections = HashMap<(usize, u64), Found>;
 
 /// Detections of one model at one input size, shared by its workers: an image that equals an earlier one of the same frame
 /// is not detected again.
 #[derive(Default)]
 pub struct DetectionCache(Mutex<KnownDetections>);
-
-/// The settings of a detector.
-#[derive(Clone, Debug, PartialEq)]
-pub struct DetectorConfig<'a> {
-    /// ONNX file, or `demo`.
-    pub model: &'a Path,
-    /// The inference engine.
-    pub engine: EngineChoice,
-    /// The device that runs the model.
-    pub device: EngineDevice,
-    /// `auto` or `WIDTHxHEIGHT`.
-    pub input: &'a str,
-    /// Threads of one inference.
-    pub threads: usize,
-}
 
 /// One detector.
 pub struct DetectorWorker<'a> {
@@ -63,19 +54,21 @@ pub struct DetectorWorker<'a> {
 }
 
 impl<'a> DetectorWorker<'a> {
-    /// Loads and warms up a detector.
+    /// Loads and warms up the detector of the cell at `point`, which has `threads` threads for an inference.
     pub fn open(
+        request: &Request,
         nodes: &dyn Nodes,
         timer: &'a dyn Clock,
-        config: &DetectorConfig<'_>,
+        point: &Point,
+        threads: usize,
     ) -> Result<Self, GridError> {
         let node = nodes.detector(&DetectorParameters {
-            model: config.model.display().to_string(),
-            engine: config.engine,
-            device: config.device.to_string(),
+            model: request.model(&point.model)?.display().to_string(),
+            engine: request.options.engine,
+            device: request.options.device.to_string(),
             input: "/image".to_owned(),
-            input_size: config.input.to_owned(),
-            threads: config.threads,
+            input_size: point.input.clone(),
+            threads,
             score_threshold: LEAST_SCORE,
             ..DetectorParameters::default()
         })?;
@@ -85,44 +78,38 @@ impl<'a> DetectorWorker<'a> {
         let engine = of("engine").expect("the status of a detector names its engine");
         let threads = of("threads").and_then(|threads| threads.parse().ok());
         let threads = threads.expect("the status of a detector has the number of its threads");
-        let mut chain = Lockstep::new(timer, vec!["/detector/detections".to_owned()]);
+        let mut chain = Lockstep::new(timer, vec![DETECTIONS.to_owned()]);
         chain.add(node, &node_name("detector"))?;
         Ok(Self { chain, engine, threads })
     }
 
-    /// Detects objects in the image of frame `number`, or takes the output of an equal image of this frame.
+    /// Detects objects in the image of frame `number`, or takes those of an equal image of this frame.
     pub fn detect(
         &mut self,
         number: usize,
         image: Arc<StampedFrame>,
         cache: &DetectionCache,
-    ) -> Result<DetectorOutput, GridError> {
+    ) -> Result<Found, GridError> {
         // The sharp ideal image is the same for all lenses, and a recovered image is often the same for several
         // methods.
         let key = (number, digest(&image.frame));
         // The lock is not held during the inference. Two workers never have the same frame, so that no image is
         // detected twice.
         if let Some(found) = cache.lock().get(&key) {
-            return Ok(DetectorOutput { found: found.clone(), stages: Stages::new() });
+            return Ok(found.clone());
         }
-        let output = self.infer(number, image)?;
+        let found = self.infer(number, image)?.found;
         let mut kept = cache.lock();
         if kept.len() < MOST_KEPT {
-            kept.insert(key, output.found.clone());
+            kept.insert(key, found.clone());
         }
-        Ok(output)
+        Ok(found)
     }
 
     /// Detects objects in the image of frame `number`.
     pub fn infer(&mut self, number: usize, image: Arc<StampedFrame>) -> Result<DetectorOutput, GridError> {
         let out = self.chain.feed("/image", Message::Image(image), stamp(number))?;
-        let found = out.into_iter().find_map(|(_, message)| match message {
-            Message::Detections(array) => Some(array),
-            _ => None,
-        });
-        let found = found.map(|array| {
-            Arc::new(array.detections.iter().filter_map(|d| d.to_detection()).collect::<Vec<_>>())
-        });
+        let found = found(&out, DETECTIONS).map(Arc::new);
         Ok(DetectorOutput { found, stages: self.chain.stages().to_vec() })
     }
 }

@@ -1,18 +1,17 @@
 //! [`draw_pictures`]: images with the labelled and the detected boxes, for the report.
 
-use std::collections::BTreeMap;
-
 use modulo_ap::difficulty::DONT_CARE;
 use modulo_bags::source::GroundTruth;
 use modulo_core::{BBox, Detection, Frame};
 use modulo_draw::{LabelledBox, Picture, class_colour, distinct};
 use modulo_runtime::{Clock, StreamScale};
 
-use super::frames::{FrameWithNeighbours, Frames, FramesWithNeighbours, Neighbours};
-use super::pipeline::Nodes;
+use super::frames::{Frames, FramesWithNeighbours, Neighbours};
+use super::pipeline::{self, Nodes};
 use super::runner::CellRunner;
 use super::{GridError, Request};
-use crate::chart::{DetectionPicture, NamedChart, pictures};
+use crate::chart::NamedChart;
+use crate::chart::pictures::{self, CellFrame, DetectionPicture};
 use crate::results::{Point, Results, Stream};
 
 /// Lowest score of a box that is drawn.
@@ -38,9 +37,11 @@ pub fn draw_pictures(
     // The folder may have cells of models that are not at hand.
     let mut results = results.clone();
     results.cells.retain(|cell| request.model(&cell.point.model).is_ok());
-    let wanted = pictures::wanted(&results, busiest);
-    let pictures = detect(request, nodes, timer, &mut frames, &wanted)?;
-    Ok(pictures::charts(&results, &pictures))
+    let charts = pictures::planned(&results, busiest, &frames.names);
+    let wanted = distinct(charts.iter().flat_map(|chart| chart.wanted().cloned()));
+    let pictures = detect(request, nodes, timer, &mut frames, wanted)?;
+    let charts = charts.into_iter().filter(|_| !pictures.is_empty());
+    Ok(charts.map(|chart| chart.with(&results, &pictures)).collect())
 }
 
 /// Runs the wanted frames of the wanted cells again.
@@ -49,31 +50,26 @@ fn detect(
     nodes: &dyn Nodes,
     timer: &dyn Clock,
     frames: &mut Frames,
-    wanted: &[(Point, usize)],
+    mut wanted: Vec<CellFrame>,
 ) -> Result<Vec<DetectionPicture>, GridError> {
     let mut runner = CellRunner::new(request, nodes, timer);
-    let mut by_frame: BTreeMap<usize, Vec<&Point>> = BTreeMap::new();
-    wanted.iter().for_each(|(point, number)| by_frame.entry(*number).or_default().push(point));
     let truths = frames.truths.clone();
     let mut pictures = Vec::new();
     for frame in FramesWithNeighbours::new(frames, Neighbours::Dropped)? {
-        if by_frame.is_empty() {
+        if wanted.is_empty() {
             break;
         }
-        let FrameWithNeighbours { number, frame, .. } = frame?;
-        let Some(points) = by_frame.remove(&number) else { continue };
-        for point in points {
-            runner.load_detector(point)?;
-            let frame = frame.clone();
-            let name = frame.name.clone();
-            let input = runner.pipeline(point, false)?(FrameWithNeighbours { number, frame, around: None })?;
+        let frame = frame?;
+        let number = frame.number;
+        for of in wanted.extract_if(.., |(_, other)| *other == number) {
+            runner.load_detector(&of.0)?;
+            let input = pipeline::open(request, timer, &of.0, false)?(frame.clone())?;
             let (Some(image), Some(worker)) = (input.image, runner.workers.first_mut()) else { continue };
-            let output = worker.infer(number, image.clone())?;
-            let found = output.found.as_deref().map_or(&[][..], Vec::as_slice);
+            let found = worker.infer(number, image.clone())?.found.unwrap_or_default();
             let shown: Vec<&Detection> = found.iter().filter(|d| d.score >= LEAST_SHOWN).collect();
-            let Some(picture) = picture(&image.frame, point, &truths[number], &shown) else { continue };
+            let Some(picture) = picture(&image.frame, &of.0, &truths[number], &shown) else { continue };
             let classes = distinct(shown.into_iter().map(|d| d.class.clone()));
-            pictures.push(DetectionPicture { point: point.clone(), number, frame: name, classes, picture });
+            pictures.push(DetectionPicture { of, classes, picture });
         }
     }
     Ok(pictures)

@@ -5,7 +5,7 @@ use modulo_runtime::Clock;
 
 use super::frames::Frames;
 use super::pipeline::{Nodes, RECOVERY_DEFINITION, multi_exposure};
-use super::runner::{Account, CellRunner, INSPECT, LOAD, OTHER, SCORE, STORE, TIMES};
+use super::runner::CellRunner;
 use super::score::Scorer;
 use super::{GridEvent, GridOptions, Request, timing};
 use crate::classes::Table;
@@ -18,20 +18,11 @@ use crate::{GridError, store};
 pub struct GridOutcome {
     /// The results as they are in the folder.
     pub results: Results,
-    /// Number of frames without an answer, over all cells.
-    pub unanswered: usize,
     /// Whether all cells of the request are finished, over all shards.
     pub whole: bool,
 }
 
-impl GridOutcome {
-    /// Whether frames, labels or answers are missing.
-    pub fn lost(&self) -> bool {
-        self.unanswered > 0 || self.results.lost()
-    }
-}
-
-/// Runs the cells that are not finished yet, and writes `results.json`, `results.csv`, `frames.csv` and `boxes.csv` into the
+/// Runs the cells that are not finished yet, and writes `results.json` and the lines of their frames into the
 /// folder of the request after each of them. `timer` measures the stages.
 ///
 /// # Errors
@@ -43,53 +34,39 @@ pub fn run(
     timer: &dyn Clock,
     tell: &(dyn Fn(GridEvent<'_>) + Sync),
 ) -> Result<GridOutcome, GridError> {
-    let GridOptions { axes, protocol, shard, fresh, .. } = &request.options;
-    let mut account = Account::new(timer, request.jobs());
+    let (GridOptions { axes, protocol, shard, fresh, .. }, start) = (&request.options, timer.ticks_ns());
     let warn = |line: &String| tell(GridEvent::Warning(line));
     let points = axes.points(*protocol)?;
     multi_exposure::check(request, &points)?;
     axes.unused(*protocol, &points).iter().for_each(warn);
     let (map, groups) = (request.class_map()?, request.groups()?);
     let setup = request.setup(&map, &groups, &points)?;
-    account.book(OTHER);
     let mut frames = Frames::inspect(&request.data, &request.source())?;
-    account.book(INSPECT);
     // After the checks of the request, so that a wrong one makes no folder, and before the first cell.
     store::prepare(&request.out)?;
     let scorer = Scorer::new(request, map, groups, &mut frames)?;
-    account.book(LOAD);
     // Few drives are no loss, so that this warning is not among those of the input.
     frames.input.warnings.iter().chain(&frames.input.interval_warning()).for_each(warn);
-    let (input, definitions) = (frames.input.clone(), definitions());
-    let empty = Results { setup, input, definitions, ..Results::default() };
+    let input = frames.input.clone();
+    let empty = Results { setup, input, definitions: definitions(), ..Results::default() };
     let mut results = store::resume(&request.out, *fresh, empty)?;
     results.runs.push(request.provenance.clone());
     let (done, todo): (Vec<&Point>, Vec<&Point>) = shard.of(&points).partition(|point| results.has(point));
-    let others = results.cells.iter().filter(|cell| !points.contains(&cell.point)).count();
-    tell(GridEvent::Resumed { cells: done.len(), others });
-    let mut runner = CellRunner::new(request, nodes, timer);
-    let each = frames.len() as u64;
+    tell(GridEvent::Resumed { cells: done.len(), others: results.others(&points) });
+    let (each, mut runner) = (frames.len() as u64, CellRunner::new(request, nodes, timer));
     for (index, &point) in todo.iter().enumerate() {
-        let name = point.to_string();
-        tell(GridEvent::Cell { frames: (index as u64 * each, todo.len() as u64 * each), name: &name });
-        account.book(OTHER);
-        let found = runner.run(point, &mut frames, &mut account, &|| tell(GridEvent::Frame))?;
-        let (cell, listing) = (scorer.cell(point.clone(), &found), scorer.listing(point, &found));
-        account.book(SCORE);
-        store::keep(&request.out, &mut results, cell, [&listing.frames, &listing.boxes])?;
-        account.book(STORE);
+        let frames_of_all = (index as u64 * each, todo.len() as u64 * each);
+        tell(GridEvent::Cell { frames: frames_of_all, name: &point.to_string() });
+        let found = runner.run(point, &mut frames, &|| tell(GridEvent::Frame))?;
+        store::keep(&request.out, &mut results, scorer.cell(point.clone(), &found), &scorer.listing(&found))?;
     }
     drop(runner);
     timing::measure(request, nodes, timer, &mut frames, &mut results, tell)?;
-    account.book(TIMES);
-    store::gather(&request.out, std::slice::from_ref(&request.out), &results.cells)?;
-    account.book(STORE);
-    results.runs.last_mut().expect("this run was added").time = Some(account.finish());
+    let run = results.runs.last_mut().expect("this run was added");
+    run.wall_s = Some(timer.ticks_ns().saturating_sub(start) as f64 / 1e9);
     // A run without any cell to process writes its files, too.
     store::save(&request.out, &results)?;
-    let unanswered = results.cells.iter().map(|cell| cell.unanswered).sum();
-    let whole = points.iter().all(|point| results.has(point));
-    Ok(GridOutcome { results, unanswered, whole })
+    Ok(GridOutcome { whole: points.iter().all(|point| results.has(point)), results })
 }
 
 /// The definition of each figure, by its name.

@@ -8,7 +8,6 @@ use modulo_ap::difficulty::DONT_CARE;
 use modulo_ap::matching::ImageBoxes;
 use modulo_bags::source::GroundTruth;
 use modulo_core::Detection;
-use modulo_core::unwrap::Trust;
 use modulo_detector::{EngineOptions, describe};
 
 use super::frames::Frames;
@@ -79,19 +78,9 @@ impl Scorer {
             .collect();
         // The figures of the paper are computed for every protocol, as a comparison with COCO's.
         let papers = self.papers(&found);
-        let recoveries = frames.iter().filter_map(|frame| frame.recovery.as_ref());
-        let samples: u64 = recoveries.clone().map(|r| r.samples).sum();
-        let exact: u64 = recoveries.clone().map(|r| r.exact).sum();
-        let (psnr_db, ssim) = ImageSimilarity::mean(recoveries.clone().map(|r| &r.ideal));
-        let (psnr_sharp_db, ssim_sharp) = ImageSimilarity::mean(recoveries.clone().map(|r| &r.sharp));
-        let share = |counts: &mut dyn Iterator<Item = bool>| {
-            let flags: Vec<f64> = counts.map(|flag| f64::from(u8::from(flag))).collect();
-            (!flags.is_empty()).then(|| average::mean(&flags))
-        };
-        let unwrapped = recoveries.clone().filter(|r| r.samples > 0);
-        let wrong = |r: &&RecoveryQuality| r.trust == Trust::Trusted && r.exact_share() < LEAST_TRUSTED_SHARE;
         let means: Vec<f64> = groups.values().filter_map(|images| average::ap50_95(images)).collect();
         Cell {
+            name: point.file_name(),
             point,
             frames: frames.len(),
             unanswered: frames.iter().filter(|frame| frame.found.is_none()).count(),
@@ -100,20 +89,11 @@ impl Scorer {
             objects: by_group(&groups, |images| images.iter().map(ImageBoxes::objects).sum()),
             classes: self.classes(&found, mapped),
             difficulty: self.difficulties(&found),
-            precision: by_group(&groups, |images| average::curve(images, 0.5).unwrap_or_default()),
             interval95: self.intervals(&groups, &papers),
             paper: paper::mean(&papers),
             worst: self.worst(&papers),
-            exact_k: (samples > 0).then(|| exact as f64 / samples as f64),
-            exact_frames: share(&mut unwrapped.clone().map(|r| r.exact == r.samples)),
-            trusted: share(&mut recoveries.clone().filter_map(|r| r.trust.claim())),
-            trusted_wrong: (samples > 0).then(|| unwrapped.filter(wrong).count()),
-            psnr_db,
-            ssim,
-            psnr_sharp_db,
-            ssim_sharp,
             // The times are measured in a pass of their own.
-            ..Cell::default()
+            ..recovered(frames)
         }
     }
 
@@ -246,6 +226,32 @@ fn mapped_classes(
         all.insert(name, mapped);
     }
     Ok(all)
+}
+
+/// A cell with the figures of its recovered, merged or saturated images alone.
+fn recovered(frames: &[FrameResult]) -> Cell {
+    let recoveries = frames.iter().filter_map(|frame| frame.recovery.as_ref());
+    let samples: u64 = recoveries.clone().map(|r| r.samples).sum();
+    let exact: u64 = recoveries.clone().map(|r| r.exact).sum();
+    let (psnr_db, ssim) = ImageSimilarity::mean(recoveries.clone().map(|r| &r.ideal));
+    let (psnr_sharp_db, ssim_sharp) = ImageSimilarity::mean(recoveries.clone().map(|r| &r.sharp));
+    let share = |counts: &mut dyn Iterator<Item = bool>| {
+        let flags: Vec<f64> = counts.map(|flag| f64::from(u8::from(flag))).collect();
+        (!flags.is_empty()).then(|| average::mean(&flags))
+    };
+    let unwrapped = recoveries.clone().filter(|r| r.samples > 0);
+    let wrong = |r: &&RecoveryQuality| r.trusted == Some(true) && r.exact_share() < LEAST_TRUSTED_SHARE;
+    Cell {
+        exact_k: (samples > 0).then(|| exact as f64 / samples as f64),
+        exact_frames: share(&mut unwrapped.clone().map(|r| r.exact == r.samples)),
+        trusted: share(&mut recoveries.filter_map(|r| r.trusted)),
+        trusted_wrong: (samples > 0).then(|| unwrapped.filter(wrong).count()),
+        psnr_db,
+        ssim,
+        psnr_sharp_db,
+        ssim_sharp,
+        ..Cell::default()
+    }
 }
 
 fn by_group<T>(

@@ -13,10 +13,10 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
 
-use super::detect::{DetectorConfig, DetectorWorker};
+use super::detect::DetectorWorker;
 use super::frames::{FrameWithNeighbours, Frames, FramesWithNeighbours, Neighbours};
 use super::pipeline::{self, FramePipeline, Nodes, Stages, multi_exposure};
-use super::{GridError, GridEvent, Request};
+use super::{GridError, GridEvent, GridOptions, Request};
 use crate::labels::{self, SENSE};
 use crate::metric::latency;
 use crate::results::{Cell, Device, FrameTime, Results};
@@ -39,13 +39,6 @@ impl Clock for SwitchClock<'_> {
     fn ticks_ns(&self) -> u64 {
         if self.counts_cpu.load(Ordering::Relaxed) { cpu_time_ns() } else { self.wall.ticks_ns() }
     }
-}
-
-/// The durations of one cell, frame by frame.
-#[derive(Clone, Default)]
-struct CellTimes {
-    wall: Vec<Stages>,
-    cpu: Vec<Stages>,
 }
 
 /// Measures the times of the cells anew if some of them have none or were measured in another pass. Cells whose models this
@@ -77,7 +70,11 @@ pub fn measure(
     if !measured && request.options.time_frames > 0 {
         let frames_of_cell = request.options.time_frames as u64;
         tell(GridEvent::Cell { frames: (0, cells.len() as u64 * frames_of_cell), name: "times" });
-        timed = measure_cells(request, nodes, timer, frames, &mut cells, &|| tell(GridEvent::Frame));
+        let clock = SwitchClock { wall: timer, counts_cpu: AtomicBool::new(false) };
+        let done = || tell(GridEvent::Frame);
+        timed = cells
+            .chunk_by_mut(|a, b| detector(a) == detector(b))
+            .try_for_each(|cells| measure_group(request, nodes, &clock, frames, cells, &done));
         labels::busy(&cells).iter().for_each(|warning| tell(GridEvent::Warning(warning)));
     }
     cells.extend(others);
@@ -86,25 +83,15 @@ pub fn measure(
     timed
 }
 
-/// Measures all `cells` on the first frames of the data and calls `done` after each frame of each cell. Cells of one model
-/// and input size are neighbours in `cells`.
-fn measure_cells(
-    request: &Request,
-    nodes: &dyn Nodes,
-    timer: &dyn Clock,
-    frames: &mut Frames,
-    cells: &mut [Cell],
-    done: &dyn Fn(),
-) -> Result<(), GridError> {
-    let clock = SwitchClock { wall: timer, counts_cpu: AtomicBool::new(false) };
-    let same_detector =
-        |a: &Cell, b: &Cell| (&a.point.model, &a.point.input) == (&b.point.model, &b.point.input);
-    cells
-        .chunk_by_mut(same_detector)
-        .try_for_each(|cells| measure_group(request, nodes, &clock, frames, cells, done))
+/// A cell with its pipeline and its durations, frame by frame.
+struct TimedCell<'a, 'p> {
+    cell: &'a mut Cell,
+    pipeline: FramePipeline<'p>,
+    wall: Vec<Stages>,
+    cpu: Vec<Stages>,
 }
 
-/// Measures the cells of one detector.
+/// Measures the `cells` of one detector on the first frames of the data and calls `done` after each frame of each cell.
 fn measure_group(
     request: &Request,
     nodes: &dyn Nodes,
@@ -113,56 +100,77 @@ fn measure_group(
     cells: &mut [Cell],
     done: &dyn Fn(),
 ) -> Result<(), GridError> {
-    let first = &cells[0].point;
-    let config = DetectorConfig {
-        model: request.model(&first.model)?,
-        engine: request.options.engine,
-        device: request.options.device,
-        input: &first.input,
-        threads: request.options.threads,
-    };
-    let mut detector = DetectorWorker::open(nodes, clock, &config)?;
-    let open = |cell: &Cell| pipeline::open(request, nodes, clock, &cell.point, false);
-    let mut pipelines = cells.iter().map(open).collect::<Result<Vec<_>, _>>()?;
-    let mut measured = vec![CellTimes::default(); cells.len()];
+    let GridOptions { threads, time_frames, .. } = request.options;
+    let mut detector = DetectorWorker::open(request, nodes, clock, &cells[0].point, threads)?;
     let moving = cells.iter().any(|cell| multi_exposure::neighbours(cell.point.stream) == Neighbours::Kept);
     let neighbours = if moving { Neighbours::Kept } else { Neighbours::Dropped };
-    let (mut sizes, mut index, wanted) = (BTreeSet::new(), 0, request.options.time_frames);
-    for _ in 0..wanted.div_ceil(frames.len()) {
-        for frame in FramesWithNeighbours::new(frames, neighbours)?.take(wanted - index) {
+    let mut timed = Vec::with_capacity(cells.len());
+    for cell in cells {
+        let pipeline = pipeline::open(request, clock, &cell.point, false)?;
+        timed.push(TimedCell { cell, pipeline, wall: Vec::new(), cpu: Vec::new() });
+    }
+    let (mut sizes, mut index) = (BTreeSet::new(), 0);
+    for _ in 0..time_frames.div_ceil(frames.len()) {
+        for frame in FramesWithNeighbours::new(frames, neighbours)?.take(time_frames - index) {
             let frame = frame?;
             // The first frame of a size makes buffers and plans, which later frames of this size reuse.
             if sizes.insert(frame.frame.radiance.dim()) {
-                pipelines
+                timed
                     .iter_mut()
-                    .try_for_each(|pipeline| run_frame(pipeline, &mut detector, &frame).map(drop))?;
+                    .try_for_each(|one| run_frame(&mut one.pipeline, &mut detector, &frame).map(drop))?;
             }
             // A cell after a slow one may find a warmer processor: no cell has the same neighbours on all frames.
-            let mut order: Vec<usize> = (0..pipelines.len()).collect();
-            order.shuffle(&mut Pcg64::seed_from_u64(index as u64));
-            for cell in order {
-                let (pipeline, measured) = (&mut pipelines[cell], &mut measured[cell]);
-                measured.wall.extend(run_frame(pipeline, &mut detector, &frame)?);
-                if index < CPU_FRAMES {
-                    clock.counts_cpu.store(true, Ordering::Relaxed);
-                    measured.cpu.extend(run_frame(pipeline, &mut detector, &frame)?);
-                    clock.counts_cpu.store(false, Ordering::Relaxed);
-                }
-                done();
-            }
+            timed.shuffle(&mut Pcg64::seed_from_u64(index as u64));
+            let mut measure =
+                |one: &mut TimedCell| one.measure(&mut detector, clock, &frame, index < CPU_FRAMES);
+            timed.iter_mut().try_for_each(|one| measure(one).inspect(|()| done()))?;
             index += 1;
         }
     }
-    let device = Device {
-        processor: request.provenance.processor.clone(),
-        engine: detector.engine,
-        threads: detector.threads,
-        jobs: 1,
-    };
-    for (cell, measured) in cells.iter_mut().zip(&measured) {
-        store(cell, measured, &device, &request.provenance.pass());
-    }
+    let DetectorWorker { engine, threads, .. } = detector;
+    let device = Device { processor: request.provenance.processor.clone(), engine, threads };
+    timed.into_iter().for_each(|one| one.store(&device, &request.provenance.pass()));
     Ok(())
+}
+
+impl TimedCell<'_, '_> {
+    /// Adds the durations of `frame`.
+    fn measure(
+        &mut self,
+        detector: &mut DetectorWorker<'_>,
+        clock: &SwitchClock<'_>,
+        frame: &FrameWithNeighbours,
+        with_cpu: bool,
+    ) -> Result<(), GridError> {
+        self.wall.extend(run_frame(&mut self.pipeline, detector, frame)?);
+        if with_cpu {
+            clock.counts_cpu.store(true, Ordering::Relaxed);
+            self.cpu.extend(run_frame(&mut self.pipeline, detector, frame)?);
+            clock.counts_cpu.store(false, Ordering::Relaxed);
+        }
+        Ok(())
+    }
+
+    /// Puts the durations into the cell.
+    fn store(self, device: &Device, pass: &str) {
+        let Self { cell, wall, cpu, .. } = self;
+        let sums = |frames: &[Stages]| {
+            let sum = |frame: &Stages| {
+                let stages = frame.iter().filter(|(stage, _)| *stage != SENSE);
+                stages.map(|(_, ns)| *ns as f64 / 1e6).sum::<f64>()
+            };
+            let mut sums: Vec<f64> = frames.iter().map(sum).collect();
+            sums.sort_by(f64::total_cmp);
+            sums
+        };
+        // Without an answered frame there is nothing to show, and the cell stays without times.
+        let medians = (latency::median(&sums(&wall)), latency::median(&sums(&cpu)));
+        let (Some((p50, interval95)), Some((cpu_ms, _))) = medians else { return };
+        cell.latency_ms = latency::by_stage(wall.iter().map(Vec::as_slice));
+        cell.frame_ms =
+            Some(FrameTime { p50, interval95, cpu_ms, frames: wall.len(), pass: pass.to_owned() });
+        cell.device = device.clone();
+    }
 }
 
 /// The durations of all stages of one frame. `None` if a node gave no answer.
@@ -175,25 +183,4 @@ fn run_frame(
     let Some(image) = input.image else { return Ok(None) };
     let output = detector.infer(frame.number, image)?;
     Ok(output.found.is_some().then(|| [input.stages, output.stages].concat()))
-}
-
-/// Puts the durations into the cell.
-fn store(cell: &mut Cell, measured: &CellTimes, device: &Device, pass: &str) {
-    let sums = |frames: &[Stages]| {
-        let sum = |frame: &Stages| {
-            let stages = frame.iter().filter(|(stage, _)| *stage != SENSE);
-            stages.map(|(_, ns)| *ns as f64 / 1e6).sum::<f64>()
-        };
-        let mut sums: Vec<f64> = frames.iter().map(sum).collect();
-        sums.sort_by(f64::total_cmp);
-        sums
-    };
-    let wall = sums(&measured.wall);
-    // Without an answered frame there is nothing to show, and the cell stays without times.
-    let medians = (latency::median(&wall), latency::median(&sums(&measured.cpu)));
-    let (Some((p50, interval95)), Some((cpu_ms, _))) = medians else { return };
-    cell.latency_ms = latency::by_stage(measured.wall.iter().map(Vec::as_slice));
-    cell.latency_histogram = latency::histogram(measured.wall.iter().map(Vec::as_slice));
-    cell.frame_ms = Some(FrameTime { p50, interval95, cpu_ms, frames: wall.len(), pass: pass.to_owned() });
-    cell.device = device.clone();
 }

@@ -8,11 +8,12 @@ use modulo_core::{Detection, Frame};
 use modulo_draw::{Picture, RgbImage, distinct, sheet};
 use modulo_images::save_png;
 use modulo_runtime::lockstep::OnTopic;
-use modulo_runtime::{Message, Qos, sensor_info};
+use modulo_runtime::{Qos, sensor_info};
 use ndarray::Array3;
 
 use super::plan::{CameraPlan, DetectorStream, EvaluationPlan};
-use super::{EvalError, file_name, found};
+use super::{EvalError, file_name};
+use crate::messages::{found, image, value};
 use crate::video::AnnotatedVideo;
 
 /// The recordings of an evaluation.
@@ -92,7 +93,7 @@ impl Recordings {
         }
         for stream in camera.streams.iter().filter(|_| self.images) {
             if let Some(frame) = image(out, &stream.images) {
-                save_png(&plan.folder.join(&stream.name).join(file_name(number)), frame)?;
+                save_png(&plan.folder.join(&stream.name).join(file_name(number)), &frame.frame)?;
             }
         }
         if !self.shows() {
@@ -149,7 +150,7 @@ impl Shown {
         let boxes: Vec<Detection> = found(out, &stream.detections).unwrap_or_default();
         Self {
             title: said.map_or_else(|| stream.name.clone(), |said| format!("{}: {said}", stream.name)),
-            picture: stream.annotated.as_deref().and_then(|topic| picture(image(out, topic)?)),
+            picture: stream.annotated.as_deref().and_then(|topic| picture(&image(out, topic)?.frame)),
             classes: boxes.into_iter().map(|found| found.class).collect(),
         }
     }
@@ -163,26 +164,14 @@ fn save_sheet(folder: &Path, sheet: &RgbImage) -> Result<(), EvalError> {
     Ok(save_png(&folder.join("grid.png"), &frame)?)
 }
 
-fn image<'a>(out: &'a [OnTopic], topic: &str) -> Option<&'a Frame> {
-    out.iter().filter(|(name, _)| name == topic).find_map(|(_, message)| match message {
-        Message::Image(image) => Some(&image.frame),
-        _ => None,
-    })
-}
-
 /// Returns the method that has unwrapped the image of this frame, and whether it trusts its result.
 fn recovery(out: &[OnTopic], topic: &str) -> Option<String> {
-    let said = out.iter().filter(|(name, _)| name == topic).find_map(|(_, message)| match message {
-        Message::Diagnostics(said) => said.status.first(),
-        _ => None,
-    })?;
-    let value = |key: &str| said.values.iter().find(|pair| pair.key == key).map(|pair| pair.value.as_str());
-    let trust = match value("trusted") {
+    let trust = match value(out, topic, "trusted") {
         Some("true") => ", trusted",
         Some(_) => ", not trusted",
         None => "",
     };
-    Some(format!("{}{trust}", value("method_used")?))
+    Some(format!("{}{trust}", value(out, topic, "method_used")?))
 }
 
 /// An annotated frame. `None` unless it is 8-bit RGB.

@@ -1,11 +1,9 @@
-//! Quantiles and histogram of durations.
+//! Quantiles of durations.
 
 use std::collections::BTreeMap;
 
 use modulo_core::metric::quantile;
 use modulo_runtime::report::Percentiles;
-
-use crate::labels::SENSE;
 
 /// The definition of a latency for the report.
 pub const DEFINITION: &str = "\
@@ -28,22 +26,6 @@ pub fn by_stage<'a>(
         sums.into_iter().for_each(|(stage, ns)| stages.entry(stage).or_default().push(ns));
     }
     stages.into_iter().map(|(stage, durations)| (stage.to_owned(), percentiles(durations))).collect()
-}
-
-/// Number of histogram buckets for a factor of ten.
-const BUCKETS: f64 = 20.0;
-
-/// Histogram of the time of a frame without the simulation of the sensor, as ascending (upper bound in ms, frames). The
-/// bounds are `10^(n / 20)`; empty buckets are left out.
-pub fn histogram<'a>(frames: impl Iterator<Item = &'a [(&'static str, u64)]>) -> Vec<(f64, u64)> {
-    let mut counts: BTreeMap<i32, u64> = BTreeMap::new();
-    for frame in frames {
-        let ns: u64 = frame.iter().filter(|(stage, _)| *stage != SENSE).map(|(_, ns)| ns).sum();
-        // A duration of 0 has no logarithm. A clock of low resolution can measure it.
-        let ms = (ns as f64 / 1e6).max(1e-6);
-        *counts.entry((ms.log10() * BUCKETS).floor() as i32 + 1).or_default() += 1;
-    }
-    counts.into_iter().map(|(bucket, count)| (10f64.powf(f64::from(bucket) / BUCKETS), count)).collect()
 }
 
 /// Median of `sorted` values and the bounds of its 95 % interval. `None` without a value.
@@ -86,17 +68,5 @@ mod tests {
         assert_eq!(stages["infer"], Percentiles { p50: 50.0, p95: 95.0, p99: 99.0 });
         assert_eq!(stages["pre"].p50, 3e-6);
         assert!(by_stage([].into_iter()).is_empty());
-    }
-
-    #[test]
-    fn a_histogram_counts_every_frame_below_its_bound() {
-        let ms = [1.0, 1.05, 9.0, 30.0, 31.0];
-        let frames: Vec<Vec<(&'static str, u64)>> =
-            ms.iter().map(|ms| vec![("sense", 1_000_000_000), ("infer", (ms * 1e6) as u64)]).collect();
-        let counted = histogram(frames.iter().map(|frame| &frame[..]));
-        assert_eq!(counted.iter().map(|(_, count)| *count).collect::<Vec<_>>(), [2, 1, 2]);
-        for ((bound, _), most) in counted.iter().zip([1.05, 9.0, 31.0]) {
-            assert!(*bound > most && *bound < most * 1.13, "{bound} ms for {most} ms");
-        }
     }
 }

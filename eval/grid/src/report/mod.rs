@@ -1,6 +1,7 @@
 //! The report: one HTML page that needs no network, and the charts beside it. The script of the page only sorts tables.
 
-pub(crate) mod tables;
+mod published;
+mod tables;
 
 use std::path::{Path, PathBuf};
 
@@ -8,10 +9,10 @@ use maud::{Markup, PreEscaped, html};
 use modulo_draw::{ChartError, html_page, number};
 
 use crate::GridError;
-use crate::chart::{self, NamedChart, RenderedChart, published};
+use crate::chart::{self, NamedChart, RenderedChart};
 use crate::labels::{self, distinct};
-use crate::results::{Provenance, RESULTS, Results};
-use crate::store::{load, replace};
+use crate::results::{Provenance, Results};
+use crate::store::replace;
 
 /// The whole page with `charts` in their order.
 pub fn page(results: &Results, charts: &[RenderedChart]) -> String {
@@ -86,7 +87,6 @@ fn setup(results: &Results) -> Markup {
         h2 { "Runs" }
         @for run in &results.runs {
             p { code { (run.command) } br; (run_facts(run)) }
-            @if let Some(time) = &run.time { (tables::run_time(time)) }
         }
         h2 { "Configuration" }
         @for warning in &input.warnings { p { (warning) } }
@@ -97,9 +97,11 @@ fn setup(results: &Results) -> Markup {
 /// When and where a run was made.
 fn run_facts(run: &Provenance) -> String {
     let load = run.load.map_or_else(|| "unknown".to_owned(), |load| number(load, 1));
+    let wall =
+        run.wall_s.map_or_else(|| "ended early".to_owned(), |wall| format!("took {} s", number(wall, 1)));
     let Provenance { commit, host, processor, started, .. } = run;
     format!(
-        "{started}, commit {commit}, on {host} ({processor}); load of the minute before: {load} processes"
+        "{started}, {wall}, commit {commit}, on {host} ({processor}); load of the minute before: {load} processes"
     )
 }
 
@@ -110,35 +112,15 @@ const CHARTS: &str = "charts";
 /// First part of the names of charts with images. These charts cannot be drawn from the results.
 const PICTURES: &str = "pictures";
 
-/// Draws all charts of the results in `folder` into `folder/charts` and writes [`PAGE`], which also shows the charts with
+/// Draws all charts of `results` into `folder/charts` and writes [`PAGE`] into `folder`, which also shows the charts with
 /// images that are in that folder. Returns the path of the page.
 ///
 /// # Errors
-/// [`GridError`] if there are no results, or a file cannot be read or written.
-pub fn write(folder: &Path) -> Result<PathBuf, GridError> {
-    let found = load(folder)?;
-    let results = found.ok_or_else(|| GridError::NoResults(folder.join(RESULTS)))?;
-    let charts = draw(folder, &results)?;
-    write_page(folder, &results, &charts)
-}
-
-/// Draws all charts of `results` into `folder/charts`. Returns them with the charts with images that are in that folder.
-///
-/// # Errors
-/// [`GridError`] if a chart cannot be drawn or written.
-pub fn draw(folder: &Path, results: &Results) -> Result<Vec<RenderedChart>, GridError> {
-    let folder = folder.join(CHARTS);
-    let drawn: Result<Vec<_>, _> = chart::all(results).iter().map(|named| save(&folder, named)).collect();
-    Ok([drawn?, pictures(&folder)?].concat())
-}
-
-/// Writes [`PAGE`] with `charts` into `folder`. Returns its path.
-///
-/// # Errors
-/// [`GridError`] if it cannot be written.
-pub fn write_page(folder: &Path, results: &Results, charts: &[RenderedChart]) -> Result<PathBuf, GridError> {
-    let path = folder.join(PAGE);
-    replace(&path, page(results, charts).as_bytes())?;
+/// [`GridError`] if a chart cannot be drawn, or a file cannot be read or written.
+pub fn write(folder: &Path, results: &Results) -> Result<PathBuf, GridError> {
+    let (path, charts) = (folder.join(PAGE), folder.join(CHARTS));
+    let drawn: Result<Vec<_>, _> = chart::all(results).iter().map(|named| save(&charts, named)).collect();
+    replace(&path, page(results, &[drawn?, pictures(&charts)?].concat()).as_bytes())?;
     Ok(path)
 }
 
@@ -152,7 +134,6 @@ pub fn save_pictures(folder: &Path, pictures: &[NamedChart]) -> Result<(), GridE
 
 /// Writes `NAME.svg`, `NAME.png`, and for charts with images `NAME.narrow.svg`.
 fn save(folder: &Path, named: &NamedChart) -> Result<RenderedChart, GridError> {
-    std::fs::create_dir_all(folder).map_err(|why| GridError::io(folder, why))?;
     let chart = |source: ChartError| GridError::Chart(named.name.clone(), source);
     let drawn = named.render().map_err(chart)?;
     let file = |extension: &str| folder.join(format!("{}.{extension}", named.name));

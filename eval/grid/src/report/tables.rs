@@ -3,7 +3,7 @@
 use maud::{Markup, Render, html};
 
 use crate::labels::{self, Conditions, GridSetting, STAGES, distinct, number};
-use crate::results::{Cell, Results, RunTime};
+use crate::results::{Cell, Results};
 
 /// One cell of a table.
 pub enum Td {
@@ -91,45 +91,11 @@ fn group_tables(results: &Results, model: &str, conditions: &Conditions) -> Mark
             h3 { (group) " (" (objects(group)) " objects)" }
             (by_alpha(&cells, |cell| ap50(cell, group)))
         }
-        @let unwrapped: Vec<&Cell> = cells.iter().filter(|cell| cell.exact_k.is_some()).copied().collect();
-        @if !unwrapped.is_empty() {
-            h3 { "exactness" }
-            p {
-                "Exact samples have the true wrap count, wholly exact frames have no other ones. A trusted frame is wrong if "
-                "less than 99.9 % of its samples are exact."
-            }
-            (exactness(&unwrapped))
-        }
     }
 }
 
-/// One row for each stream and alpha.
-fn exactness(cells: &[&Cell]) -> Markup {
-    let head = [
-        "stream",
-        "alpha",
-        "exact samples, %",
-        "wholly exact frames, %",
-        "trusted frames, %",
-        "trusted but wrong frames",
-    ];
-    let mut sorted = cells.to_vec();
-    let names = distinct(cells.iter().map(|cell| labels::stream(&cell.point)));
-    let place = |cell: &Cell| names.iter().position(|name| *name == labels::stream(&cell.point));
-    sorted
-        .sort_by(|a, b| place(a).cmp(&place(b)).then(a.point.sensor.alpha.total_cmp(&b.point.sensor.alpha)));
-    let row = |cell: &&Cell| {
-        let mut row = vec![Td::Text(labels::stream(&cell.point)), Td::setting(cell.point.sensor.alpha)];
-        row.extend([cell.exact_k, cell.exact_frames, cell.trusted].map(Td::percent));
-        row.push(Td::number(cell.trusted_wrong.map(|count| count as f64), 0));
-        row
-    };
-    table(&head, &sorted.iter().map(row).collect::<Vec<_>>())
-}
-
 fn by_alpha(cells: &[&Cell], figure_of: impl Fn(&Cell) -> Td) -> Markup {
-    let mut alphas = distinct(cells.iter().map(|cell| cell.point.sensor.alpha));
-    alphas.sort_by(f64::total_cmp);
+    let alphas = labels::alphas(cells);
     let head = [vec!["stream".to_owned()], alphas.iter().map(|alpha| format!("alpha {alpha}")).collect()];
     let row = |name: &String| {
         let figure = |alpha: &f64| {
@@ -155,23 +121,6 @@ fn ap50(cell: &Cell, group: &str) -> Td {
     Td::Number(text, value)
 }
 
-/// The wall time of a run by stage, the longest first.
-pub fn run_time(time: &RunTime) -> Markup {
-    let mut stages: Vec<(&String, &f64)> = time.stages_s.iter().collect();
-    stages.sort_by(|a, b| b.1.total_cmp(a.1));
-    let row = |(stage, seconds): (&String, &f64)| {
-        let share = (time.wall_s > 0.0).then(|| seconds / time.wall_s);
-        vec![Td::Text(stage.clone()), Td::number(Some(*seconds), 1), Td::percent(share)]
-    };
-    html! {
-        p {
-            "The run took " (number(time.wall_s, 1)) " s with " (time.workers) " workers. The stages of the workers are "
-            "their mean, so that all stages add up to this time."
-        }
-        (table(&["stage", "s", "share, %"], &stages.into_iter().map(row).collect::<Vec<_>>()))
-    }
-}
-
 /// The section with the table of all cells, one row for each.
 pub fn cells(results: &Results) -> Markup {
     let groups = distinct(results.cells.iter().flat_map(|cell| cell.ap50.keys().cloned()));
@@ -183,8 +132,9 @@ pub fn cells(results: &Results) -> Markup {
     html! {
         h2 { "All cells" }
         p {
-            "Figures are in percent unless a unit is named. Click on the name of a column to sort by it. These and more "
-            "figures are in results.json and results.csv beside this page."
+            "Figures are in percent unless a unit is named. Exact samples have the true wrap count, wholly exact frames have no "
+            "other ones, and a trusted frame is wrong if less than 99.9 % of its samples are exact. Click on the name of a column to sort by it. These and more "
+            "figures are in results.json beside this page, and those of each frame in the folder frames."
         }
         (table(&cell_head(columns), &rows))
     }
@@ -203,8 +153,10 @@ fn cell_head((settings, groups, stages): Columns<'_>) -> Vec<String> {
         "paper IoU",
         "F1",
         "accuracy",
-        "exact k",
-        "trusted",
+        "exact samples",
+        "wholly exact frames",
+        "trusted frames",
+        "trusted but wrong frames",
         "PSNR dB",
         "SSIM",
         "ms a frame",
@@ -223,7 +175,8 @@ fn cell_row(cell: &Cell, (settings, groups, stages): Columns<'_>) -> Vec<Td> {
     row.extend(groups.iter().map(|group| Td::percent(cell.ap50.get(group).copied().flatten())));
     row.push(Td::percent(cell.ap50_95));
     row.extend([cell.paper.iou, cell.paper.f1, cell.paper.accuracy].map(|figure| Td::percent(Some(figure))));
-    row.extend([cell.exact_k, cell.trusted].map(Td::percent));
+    row.extend([cell.exact_k, cell.exact_frames, cell.trusted].map(Td::percent));
+    row.push(Td::number(cell.trusted_wrong.map(|count| count as f64), 0));
     row.extend([Td::number(cell.psnr_db, 2), Td::number(cell.ssim, 4)]);
     let time = cell.frame_ms.as_ref();
     let text = time.map(|time| {

@@ -7,17 +7,13 @@ mod suite;
 
 use std::sync::Arc;
 
-use modulo_bags::source::Source;
-use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_core::metric::{LEAST_SIDE, mse, psnr_db, ssim};
-use modulo_core::unwrap::Trust;
 use modulo_core::{Exposure, Frame, Gains, Psf, Sensor, SensorConfig, tone};
 use modulo_detector::{Detector, DetectorParameters};
-use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_msgs::std_msgs::Header;
 use modulo_runtime::{Clock, Node, NodeName, StampedFrame};
-use modulo_unwrap::{UnwrapNode, UnwrapParameters};
 use ndarray::Array3;
+use serde::Serialize;
 
 use super::Request;
 use super::frames::FrameWithNeighbours;
@@ -39,32 +35,14 @@ pub struct DetectorInput {
     pub stages: Stages,
     /// Quality of a recovered, merged or saturated image. `None` if nothing is compared.
     pub recovery: Option<RecoveryQuality>,
-    /// Duration of the comparison, ns. It is no work of a camera.
-    pub compare_ns: u64,
 }
 
 /// Turns the frames of one cell into images for the detector. Each worker has its own.
 pub type FramePipeline<'a> =
     Box<dyn FnMut(FrameWithNeighbours) -> Result<DetectorInput, GridError> + Send + 'a>;
 
-/// Makes nodes. A test can replace some of them.
+/// Makes the detectors. A test can replace them.
 pub trait Nodes: Sync {
-    /// Makes a camera that reads `source`.
-    ///
-    /// # Errors
-    /// [`GridError`] for an impossible parameter.
-    fn camera(&self, source: Box<dyn Source>, with: &CameraParameters) -> Result<Box<dyn Node>, GridError> {
-        Ok(Box::new(ModuloCamera::over(source, with)?))
-    }
-
-    /// Makes an unwrapping node.
-    ///
-    /// # Errors
-    /// [`GridError`] for an impossible parameter.
-    fn unwrap(&self, with: &UnwrapParameters) -> Result<Box<dyn Node>, GridError> {
-        Ok(Box::new(UnwrapNode::new(with)?))
-    }
-
     /// Makes a detector and warms it up.
     ///
     /// # Errors
@@ -74,17 +52,15 @@ pub trait Nodes: Sync {
     }
 }
 
-/// Makes the nodes of the suite.
+/// Makes the detectors of the suite.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Suite;
 
 impl Nodes for Suite {}
 
-/// The nodes, clock, seed and comparison of a pipeline.
+/// The clock, seed and comparison of a pipeline.
 #[derive(Clone, Copy)]
 pub struct PipelineConfig<'a> {
-    /// Makes the nodes.
-    pub nodes: &'a dyn Nodes,
     /// Measures the stages.
     pub timer: &'a dyn Clock,
     /// Seed of the noise of the first frame.
@@ -99,12 +75,11 @@ pub struct PipelineConfig<'a> {
 /// [`GridError`] for an impossible parameter.
 pub fn open<'a>(
     request: &Request,
-    nodes: &'a dyn Nodes,
     timer: &'a dyn Clock,
     point: &Point,
     compares: bool,
 ) -> Result<FramePipeline<'a>, GridError> {
-    let config = PipelineConfig { nodes, timer, seed: request.options.seed, compares };
+    let config = PipelineConfig { timer, seed: request.options.seed, compares };
     if request.options.protocol == Protocol::Paper {
         let mut pipeline = PaperPipeline::new(point, timer)?;
         return Ok(Box::new(move |frame| pipeline.run(&frame.frame)));
@@ -153,25 +128,23 @@ impl Truth {
         quality: impl FnOnce(&[Exposure; 2]) -> Option<RecoveryQuality>,
     ) -> Result<(), GridError> {
         if config.compares {
-            let start = config.timer.ticks_ns();
             let [blurred, sharp] = &self.0;
             let truth = [blurred.expose(radiance.view(), seed)?, sharp.expose(radiance.view(), seed)?];
             input.recovery = quality(&truth);
-            input.compare_ns = config.timer.ticks_ns().saturating_sub(start);
         }
         Ok(())
     }
 }
 
 /// The quality of one frame.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct RecoveryQuality {
     /// Number of samples with the true wrap count.
     pub exact: u64,
     /// Number of samples; with two gains, of those of full gain.
     pub samples: u64,
-    /// Whether the method trusts its result.
-    pub trust: Trust,
+    /// Whether the method trusts its result. `None` if it makes no statement.
+    pub trusted: Option<bool>,
     /// The method that was used, which `auto` selects. Empty if the node does not tell it.
     pub method_used: String,
     /// Similarity to the ideal image through the same lens.
@@ -181,7 +154,7 @@ pub struct RecoveryQuality {
 }
 
 /// Similarity of two 8-bit images.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ImageSimilarity {
     /// Mean squared difference of the samples.
     pub mse: f64,
@@ -202,11 +175,11 @@ pub const RECOVERY_DEFINITION: &str = "\
 
 impl RecoveryQuality {
     /// The quality of an unwrapped image. `counts` is x_hat in code units, `image` the 8-bit image for the detector,
-    /// `truth` the exposures with and without the lens. `None` if an image has another size than the truth.
-    pub fn of_unwrapped(
+    /// `value` gives what the node says about the image, and `truth` the exposures with and without the lens. `None` if an image has another size than the truth.
+    pub fn of_unwrapped<'a>(
         counts: &Frame,
         image: &Frame,
-        diagnostics: Option<&DiagnosticArray>,
+        value: impl Fn(&str) -> Option<&'a str>,
         truth: &[Exposure; 2],
     ) -> Option<Self> {
         let peak = truth[0].range().peak();
@@ -227,12 +200,8 @@ impl RecoveryQuality {
         Some(Self {
             exact,
             samples,
-            trust: match value(diagnostics, "trusted") {
-                Some("true") => Trust::Trusted,
-                Some("false") => Trust::Untrusted,
-                _ => Trust::Unknown,
-            },
-            method_used: value(diagnostics, "method_used").unwrap_or_default().to_owned(),
+            trusted: value("trusted").and_then(|word| word.parse().ok()),
+            method_used: value("method_used").unwrap_or_default().to_owned(),
             ..Self::of_merged(image, truth)?
         })
     }
@@ -263,12 +232,6 @@ impl RecoveryQuality {
         let sharp = if none == lens { ideal } else { ImageSimilarity::of(image, &none.demosaiced())? };
         Some(Self { ideal, sharp, ..Self::default() })
     }
-}
-
-/// The value of `key` in the diagnostics of the unwrapping node.
-fn value<'a>(diagnostics: Option<&'a DiagnosticArray>, key: &str) -> Option<&'a str> {
-    let mut values = diagnostics?.status.iter().flat_map(|status| &status.values);
-    values.find(|value| value.key == key).map(|value| value.value.as_str())
 }
 
 impl ImageSimilarity {

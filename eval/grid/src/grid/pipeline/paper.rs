@@ -164,7 +164,6 @@ fn stretched(values: &Array3<f32>) -> Array3<f32> {
 mod tests {
     use modulo_runtime::{ManualClock, SensorModel};
 
-    use super::super::Suite;
     use super::*;
 
     /// One row of grey codes of 8 bits.
@@ -259,7 +258,7 @@ mod tests {
             sensor: sensor(1.5, 1.4),
             ..Point::default()
         };
-        let config = PipelineConfig { nodes: &Suite, timer: &clock, seed: 0, compares: true };
+        let config = PipelineConfig { timer: &clock, seed: 0, compares: true };
         let mut pipeline = PublishedSpudPipeline::new(&point(SPUD_AS_PUBLISHED), config).expect("possible");
         let image = pipeline.run(0, &ramp).expect("passed").image.expect("an image");
         let brightest = |image: &[u8]| *image.iter().max().expect("pixels");

@@ -1,19 +1,17 @@
 //! [`SuitePipeline`]: a frame through the camera and the unwrapping node of the suite, in lockstep.
 
-use std::sync::Arc;
-
 use modulo_bags::source::{Source, SourceError, SourceFrame};
-use modulo_camera::CameraParameters;
+use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_core::unwrap::Method;
-use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_msgs::std_msgs::Header;
-use modulo_runtime::lockstep::{Lockstep, OnTopic};
-use modulo_runtime::{Message, StampedFrame, sensor_info};
-use modulo_unwrap::UnwrapParameters;
+use modulo_runtime::lockstep::Lockstep;
+use modulo_runtime::{Message, sensor_info};
+use modulo_unwrap::{UnwrapNode, UnwrapParameters};
 use ndarray::Array3;
 
 use super::{DetectorInput, PipelineConfig, RecoveryQuality, Truth, node_name, stamp};
 use crate::GridError;
+use crate::messages::{image, value};
 use crate::results::{Point, Stream};
 
 /// The nodes of one cell before its detector.
@@ -37,7 +35,7 @@ impl<'a> SuitePipeline<'a> {
             let with = UnwrapParameters { method, deblur, sensor: own, ..Default::default() };
             let topics = ["/recovered", "/hdr", "/diagnostics"].map(str::to_owned).to_vec();
             let mut chain = Lockstep::new(config.timer, topics);
-            chain.add(config.nodes.unwrap(&with)?, &node_name("unwrap"))?;
+            chain.add(Box::new(UnwrapNode::new(&with)?), &node_name("unwrap"))?;
             // By its parameters alone, the node knows no perfect lens.
             chain.feed(
                 "/sensor_info",
@@ -71,10 +69,10 @@ impl<'a> SuitePipeline<'a> {
         // a frame would depend on the frames that this worker had before.
         let mut camera = Lockstep::new(self.config.timer, vec![sensed.to_owned()]);
         let source = Box::new(SingleFrame(Some(frame)));
-        camera.add(self.config.nodes.camera(source, &with)?, &node_name("camera"))?;
+        camera.add(Box::new(ModuloCamera::over(source, &with)?), &node_name("camera"))?;
         // The camera skips a frame that it cannot expose. The cell counts it as unanswered.
         let Some(out) = camera.tick(0, stamp(number))? else { return Ok(DetectorInput::default()) };
-        let (image_sensed, stages) = (image(&out, sensed), camera.stages().to_vec());
+        let (image_sensed, stages) = (image(&out, sensed).cloned(), camera.stages().to_vec());
         let mut passed = DetectorInput { image: image_sensed, stages, ..DetectorInput::default() };
         let scene = radiance.as_ref().map(|radiance| (radiance, seed.unsigned_abs()));
         if self.unwrap.is_some() {
@@ -97,29 +95,20 @@ impl<'a> SuitePipeline<'a> {
         let (Some(unwrap), Some(modulo)) = (&mut self.unwrap, passed.image.take()) else { return Ok(()) };
         let out = unwrap.feed("/modulo", Message::Image(modulo), stamp_ns)?;
         passed.stages.extend(unwrap.stages());
-        passed.image = image(&out, "/recovered");
+        passed.image = image(&out, "/recovered").cloned();
         // The quality is computed outside the chain, whose stages are timed.
         if let (Some(scene), Some(toned), Some(counts)) = (scene, passed.image.clone(), image(&out, "/hdr")) {
             self.truth.compare(self.config, scene, passed, |truth| {
-                RecoveryQuality::of_unwrapped(&counts.frame, &toned.frame, diagnostics(&out), truth)
+                RecoveryQuality::of_unwrapped(
+                    &counts.frame,
+                    &toned.frame,
+                    |key| value(&out, "/diagnostics", key),
+                    truth,
+                )
             })?;
         }
         Ok(())
     }
-}
-
-fn image(out: &[OnTopic], topic: &str) -> Option<Arc<StampedFrame>> {
-    out.iter().find(|(name, _)| name == topic).and_then(|(_, message)| match message {
-        Message::Image(image) => Some(image.clone()),
-        _ => None,
-    })
-}
-
-fn diagnostics(out: &[OnTopic]) -> Option<&DiagnosticArray> {
-    out.iter().find_map(|(_, message)| match message {
-        Message::Diagnostics(array) => Some(&**array),
-        _ => None,
-    })
 }
 
 /// A source that has a single frame.

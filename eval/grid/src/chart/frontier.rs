@@ -1,10 +1,10 @@
-//! The charts of time: speed against accuracy, the stages of a frame, and the distribution of its time.
+//! Speed against accuracy.
 
-use modulo_draw::{Axis, Bar, Bars, ChartBody, ChartPanel, DataPoint, Emphasis, Series, SeriesStyle};
+use modulo_draw::{Axis, ChartBody, ChartPanel, DataPoint, Emphasis, Series, SeriesStyle};
 
-use super::{NamedChart, add_point, models, suffix};
+use super::{NamedChart, models};
 use crate::budget::{Candidate, pareto_front};
-use crate::labels::{self, Conditions, SENSE, STAGES, distinct, number};
+use crate::labels::{self, Conditions, distinct, number};
 use crate::results::{Cell, Results, Stream};
 
 /// Name of the line in the legend.
@@ -12,9 +12,9 @@ const FRONT: &str = "Pareto front";
 
 /// Speed against accuracy: one chart for each alpha, the alpha nearest to 4 first, with a point for each model, stream and
 /// method.
-pub fn frontiers(results: &Results, conditions: &Conditions) -> Vec<NamedChart> {
-    let mut cells = super::cells(results, conditions);
-    cells.retain(|cell| labels::frame_ms(cell).is_some());
+pub fn charts(results: &Results, conditions: &Conditions) -> Vec<NamedChart> {
+    let own = |cell: &&Cell| labels::belongs(&cell.point, conditions) && labels::frame_ms(cell).is_some();
+    let cells: Vec<&Cell> = results.cells.iter().filter(own).collect();
     let mut alphas = distinct(cells.iter().map(|cell| cell.point.sensor.alpha));
     alphas.sort_by(|a, b| (a - 4.0).abs().total_cmp(&(b - 4.0).abs()));
     alphas.into_iter().map(|alpha| frontier(results, &cells, alpha, conditions)).collect()
@@ -29,7 +29,7 @@ fn frontier(results: &Results, cells: &[&Cell], alpha: f64, conditions: &Conditi
                  Towards the upper left is better.";
     let title = format!("Speed against accuracy, alpha {alpha}, {}", labels::conditions(conditions));
     let body = ChartBody::Panels(groups.iter().map(|group| frontier_panel(&cells, group)).collect());
-    let name = format!("frontier_alpha{alpha}_{}", suffix(conditions));
+    let name = format!("frontier_alpha{alpha}_{}", labels::suffix(conditions, &["alpha"]));
     NamedChart::new(name, title, results, footer.to_owned(), body)
 }
 
@@ -59,7 +59,10 @@ fn frontier_panel(cells: &[&Cell], group: &str) -> ChartPanel {
             label: if several { model } else { name.clone() },
             emphasis: if kept { Emphasis::Normal } else { Emphasis::Faded },
         };
-        add_point(&mut series, name, point, SeriesStyle::Markers);
+        match series.iter_mut().find(|series| series.name == name) {
+            Some(series) => series.points.push(point),
+            None => series.push(Series { name, points: vec![point], style: SeriesStyle::Markers }),
+        }
     }
     series.push(Series { name: FRONT.to_owned(), points: steps(&front), style: SeriesStyle::Line });
     ChartPanel {
@@ -101,68 +104,4 @@ fn steps(front: &[&(&Cell, Candidate)]) -> Vec<DataPoint> {
         points.push(at(*cost, *gain));
     }
     points
-}
-
-/// One chart at the alpha nearest to 4: the stages of a frame, a bar for each stream, method and model.
-pub fn stages(results: &Results, conditions: &Conditions) -> Vec<NamedChart> {
-    let mut cells = super::cells(results, conditions);
-    cells.retain(|cell| labels::frame_ms(cell).is_some());
-    let cells = labels::nearest_to_four(&cells);
-    let Some(alpha) = cells.first().map(|cell| cell.point.sensor.alpha) else { return Vec::new() };
-    let rows = cells.iter().map(|cell| bar(cell)).collect();
-    let label = format!("median time of a frame, ms, {}", labels::timed_frames(&cells));
-    let footer = "Medians over the frames of a cell, stage by stage. The capture and the simulation of the sensor are \
-                 not in it.";
-    let title = format!("Where the time of a frame goes, alpha {alpha}, {}", labels::conditions(conditions));
-    let body = ChartBody::Bars(Bars { label, rows });
-    let name = format!("latency_{}", suffix(conditions));
-    vec![NamedChart::new(name, title, results, footer.to_owned(), body)]
-}
-
-fn bar(cell: &Cell) -> Bar {
-    let label = format!("{}, {}", labels::stream(&cell.point), labels::model(&cell.point));
-    let timed = |stage: &&str| Some(((*stage).to_owned(), cell.latency_ms.get(*stage)?.p50));
-    let parts = STAGES.iter().filter(|stage| **stage != SENSE).filter_map(timed).collect();
-    let note = labels::frame_ms(cell).map_or(String::new(), |ms| format!("{} ms", number(ms, 1)));
-    Bar { label, parts, note }
-}
-
-/// Upper bound of a bucket divided by its lower bound: `10^(1 / 20)`.
-const BUCKET: f64 = 1.122_018_454_301_963_3;
-
-/// One chart at the alpha nearest to 4: the distribution of the time of a frame, with a panel for each model and a line
-/// for each stream and method.
-pub fn histograms(results: &Results, conditions: &Conditions) -> Vec<NamedChart> {
-    let mut cells = super::cells(results, conditions);
-    cells.retain(|cell| !cell.latency_histogram.is_empty());
-    let cells = labels::nearest_to_four(&cells);
-    let Some(alpha) = cells.first().map(|cell| cell.point.sensor.alpha) else { return Vec::new() };
-    let footer = "Share of the frames that take at most this time, from the captured image to the boxes, in buckets of \
-                 1/20 of a power of ten; the capture and the simulation of the sensor are not in it.";
-    let title = format!("How long frames take, alpha {alpha}, {}", labels::conditions(conditions));
-    let body = ChartBody::Panels(models(&cells).iter().map(|model| panel(&cells, model)).collect());
-    let name = format!("histogram_{}", suffix(conditions));
-    vec![NamedChart::new(name, title, results, footer.to_owned(), body)]
-}
-
-fn panel(cells: &[&Cell], model: &str) -> ChartPanel {
-    let own = cells.iter().filter(|cell| labels::model(&cell.point) == model);
-    ChartPanel {
-        x: Axis::log(format!("time of a frame, ms, {model}")),
-        y: Axis::percent(format!("share of frames, %, {}", labels::timed_frames(cells)), 1.0),
-        series: own.map(|cell| series(cell)).collect(),
-    }
-}
-
-/// The share of the frames up to each bound of the buckets. Single buckets would cover those of other cells.
-fn series(cell: &Cell) -> Series {
-    let all: u64 = cell.latency_histogram.iter().map(|(_, count)| count).sum();
-    let (mut points, mut sum) = (Vec::new(), 0);
-    for (bound, count) in &cell.latency_histogram {
-        let share = |sum: u64| sum as f64 / all.max(1) as f64;
-        let below = DataPoint { x: bound / BUCKET, y: share(sum), ..DataPoint::default() };
-        sum += count;
-        points.extend([below, DataPoint { x: *bound, y: share(sum), ..DataPoint::default() }]);
-    }
-    Series { name: labels::stream(&cell.point), points, style: SeriesStyle::Line }
 }

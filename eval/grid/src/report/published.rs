@@ -1,13 +1,11 @@
-//! The figures of the paper beside those of the grid: the published tables, a chart, and a section of the report.
+//! The figures of the paper beside those of the grid.
 
 use maud::{Markup, html};
-use modulo_draw::{Axis, ChartBody, ChartPanel, DataPoint, Series, SeriesStyle, number};
 
-use super::{NamedChart, add_point, cells, file_name, models, suffix};
+use super::tables::{Td, table};
 use crate::grid::CAPTURES;
-use crate::labels::{self, Conditions, GridSetting};
-use crate::report::tables::{Td, table};
-use crate::results::{Cell, Protocol, Results, Stream};
+use crate::labels::{self, GridSetting};
+use crate::results::{Cell, Results, Stream};
 
 /// The saturation factors of table 1.
 pub const ALPHAS: [f64; 4] = [1.5, 2.0, 3.0, 4.0];
@@ -21,11 +19,6 @@ const TABLES: &str = include_str!("published.txt");
 pub struct Published(char);
 
 impl Published {
-    /// The size of the model: n, s, m, b, l or x.
-    pub fn letter(&self) -> char {
-        self.0
-    }
-
     /// The model with a name such as `yolov10n` or `yolov10n_dyn_w16`. `None` for other models.
     pub fn of(model: &str) -> Option<Self> {
         let (_, rest) = model.split_once("yolov10")?;
@@ -58,88 +51,6 @@ impl Published {
         let row = TABLES.lines().find_map(|line| line.strip_prefix(&format!("{} {name} ", self.0)))?;
         Some(row.split_whitespace().map(|n| n.parse().expect("the table holds numbers")).collect())
     }
-}
-
-/// Name of a figure of the paper, its key in intervals, and its value in a cell.
-type Figure = (&'static str, &'static str, fn(&Cell) -> f64);
-
-const FIGURES: [Figure; 3] = [
-    ("IoU", "paper.iou", |cell| cell.paper.iou),
-    ("F1", "paper.f1", |cell| cell.paper.f1),
-    ("accuracy", "paper.accuracy", |cell| cell.paper.accuracy),
-];
-const STREAMS: [Stream; 4] = [Stream::Saturated, Stream::Modulo, Stream::Recovered, Stream::Ideal];
-
-/// One chart for each model of the paper.
-pub fn charts(results: &Results, conditions: &Conditions) -> Vec<NamedChart> {
-    let cells = cells(results, conditions);
-    let chart = |model: String| {
-        let own: Vec<&Cell> =
-            cells.iter().filter(|cell| labels::model(&cell.point) == model).copied().collect();
-        let published = Published::of(&own.first()?.point.model)?;
-        Some(chart_of(results, &own, (&model, published), conditions))
-    };
-    models(&cells).into_iter().filter_map(chart).collect()
-}
-
-fn chart_of(
-    results: &Results,
-    cells: &[&Cell],
-    (model, published): (&str, Published),
-    conditions: &Conditions,
-) -> NamedChart {
-    let protocol = match results.setup.protocol {
-        Protocol::Suite => "the suite's protocol",
-        Protocol::Paper => "the paper's protocol",
-    };
-    let panels = STREAMS.iter().flat_map(|stream| {
-        FIGURES.iter().enumerate().map(|(index, figure)| panel(cells, published, *stream, index, *figure))
-    });
-    let title =
-        format!("The paper's figures beside ours: {model}, {}, {protocol}", labels::conditions(conditions));
-    let footer = format!(
-        "Bars: 95 % bootstrap intervals of ours. Paper: table 1, YOLOv10{} with its official weights on 100 KITTI images that are not named. Ours: {} \
-         labelled frames and the model file at hand; the figures are comparable in their course over alpha, not in \
-         their height.",
-        published.letter(),
-        results.input.labelled
-    );
-    let name = format!("paper_{}_{}", file_name(model), suffix(conditions));
-    NamedChart::new(name, title, results, footer, ChartBody::Panels(panels.collect()))
-}
-
-fn panel(
-    cells: &[&Cell],
-    published: Published,
-    stream: Stream,
-    index: usize,
-    (name, key, value): Figure,
-) -> ChartPanel {
-    let theirs = ALPHAS.iter().filter_map(|alpha| {
-        let figure = published.figures(stream, *alpha)?[index];
-        Some(point(*alpha, figure / 100.0, None, &format!("paper, {}, {name}", stream.name())))
-    });
-    let mut series = vec![Series {
-        name: "paper".to_owned(),
-        points: theirs.collect(),
-        style: SeriesStyle::LineAndMarkers,
-    }];
-    let mut own: Vec<&&Cell> = cells.iter().filter(|cell| cell.point.stream == stream).collect();
-    own.sort_by(|a, b| a.point.sensor.alpha.total_cmp(&b.point.sensor.alpha));
-    for cell in &own {
-        let ours = labels::stream(&cell.point);
-        let interval = cell.interval95.get(key).copied();
-        let point = point(cell.point.sensor.alpha, value(cell), interval, &format!("{ours}, {name}"));
-        add_point(&mut series, ours, point, SeriesStyle::LineAndMarkers);
-    }
-    let frames = labels::frames(own.iter().map(|cell| cell.frames));
-    let label = format!("{name}, {}, %, {frames}", stream.name());
-    ChartPanel { x: Axis::settings(labels::ALPHA), y: Axis::percent(label, 1.0), series }
-}
-
-fn point(alpha: f64, value: f64, interval: Option<[f64; 2]>, what: &str) -> DataPoint {
-    let hover = format!("{what}, alpha {alpha}: {} %", number(100.0 * value, 1));
-    DataPoint { x: alpha, y: value, interval, hover, ..DataPoint::default() }
 }
 
 /// The section with the tables. It is empty if no model is one of the paper.
