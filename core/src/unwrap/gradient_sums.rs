@@ -12,7 +12,7 @@
 //! All paths go from row to row, so that the pixels of a row are the lanes of vectors. The two gradients share nothing, so that each can
 //! have a thread.
 
-use super::mosaic::MosaicImage;
+use super::mosaic_image::MosaicImage;
 use crate::mosaic::GREEN;
 use crate::simd::widest;
 use crate::workers::{Workers, WorkersError};

@@ -2,7 +2,7 @@
 
 use super::gradient_sums::{GradientSums, GreenCodes};
 use super::margin_tree::MarginTree;
-use super::mosaic::MosaicImage;
+use super::mosaic_image::MosaicImage;
 use super::smoothing::noise;
 use super::{Range, Recovered, UnwrapError, congruence};
 

@@ -3,19 +3,17 @@
 //! `auto` takes the gradient sums ([`green_sums`](super::green_sums)) for green, unless there is much noise or they contradict each other.
 //! Else, and for the other methods, green is unwrapped as follows.
 //!
-//! The green pixels form a square lattice that is turned by 45 degrees, with sides of sqrt(2) px. Along its rows and columns a
-//! method works on it as on any image. Both other colours go with them as channels, since a jump by one peak in one colour is
-//! hardly one in all three. At each green pixel, one of them is the mean of the neighbours to the left and right, and the other one is
-//! the mean of the neighbours above and below. The mean of two wrapped samples is right where they differ by less than half a peak.
+//! The method works along the [`lattice`](super::lattice) of the green pixels. Both other colours go with them as channels, since a jump by
+//! one peak in one colour is hardly one in all three.
 //!
 //! A result that is not trusted is improved by further passes, in which the other colours, as far as they are known by then, replace their
 //! wrapped means. The passes end when green no longer has fewer jumps than before.
 
-use ndarray::Array3;
-
 use super::auto::{FEWEST_BITS, STRONG_NOISE};
 use super::defects::Defects;
 use super::green_sums::{Doubts, FEW_CONTRADICTIONS, GreenSums};
+use super::lattice::{Lattice, Others};
+use super::mosaic_image::MosaicImage;
 use super::offset::OffsetFinder;
 use super::other_colour::{OtherColour, OtherDoubts};
 use super::{
@@ -23,11 +21,8 @@ use super::{
     Unwrap, UnwrapError, edges, jumps, offset,
 };
 use crate::frame::Frame;
-use crate::mosaic::{GREEN, Mosaic, mirrored};
+use crate::mosaic::Mosaic;
 use crate::workers::Workers;
-
-/// Pixels beyond the border of the image that belong to the lattice. Beyond them, its rows repeat their last pixel.
-const MARGIN: isize = 2;
 
 /// The most passes for one image. More of them hardly improve a result: 99.73 instead of 99.70 % of the counts are exact with six passes
 /// (20 KITTI frames, alpha 4, a lens of 1.4 px).
@@ -42,9 +37,6 @@ const MOST_OUTSIDE: f64 = 5e-5;
 /// The jumps of green and of the differences from it that a trusted result of gradient sums may have, over those of other results. Neighbours
 /// of one colour are farther apart here, and contradictions show wrong regions as well.
 const JUMPS_OF_SUMS: f64 = 20.0;
-
-/// Pixels of the mirror image around the image: the margin and the neighbours of its pixels.
-const PADDING: usize = MARGIN as usize + 1;
 
 /// A method that also takes mosaics.
 pub(super) struct MosaicUnwrap {
@@ -257,178 +249,9 @@ impl MosaicUnwrap {
     }
 }
 
-/// The codes of a mosaic image, row-major.
-pub(super) struct MosaicImage {
-    pub codes: Vec<u16>,
-    pub height: usize,
-    pub width: usize,
-    pub mosaic: Mosaic,
-}
-
-impl MosaicImage {
-    /// Writes counts to every second pixel of a row from (row, column) on; returns how many were out of range.
-    pub(super) fn write_row(
-        &self,
-        (row, first): (usize, usize),
-        counts: impl Iterator<Item = i32>,
-        range: Range,
-        out: &mut Recovered,
-    ) -> usize {
-        let (from, most, peak) = (row * self.width, i32::from(range.max_wraps()), range.peak());
-        let (x, k) = out.buffers();
-        let codes = &self.codes[from..][..self.width];
-        let (x, k) = (&mut x[from..][..self.width], &mut k[from..][..self.width]);
-        let mut outside = 0;
-        for (column, count) in (first..self.width).step_by(2).zip(counts) {
-            let inside = count.clamp(0, most);
-            outside += usize::from(inside != count);
-            k[column] = inside as u8;
-            x[column] = f32::from(codes[column]) + inside as f32 * peak;
-        }
-        outside
-    }
-
-    /// Returns the sum of row and column of the green pixels, modulo 2.
-    fn parity(&self) -> usize {
-        let (row, column) = self.mosaic.red();
-        // Beside red there is green.
-        (row + column + 1) % 2
-    }
-
-    /// Returns the width of the image with its mirror image around it.
-    fn padded_width(&self) -> usize {
-        self.width + 2 * PADDING
-    }
-}
-
-/// Returns the image with [`PADDING`] pixels of its mirror image around it, in which all colours keep their places.
-fn padded<T: Copy>(image: &[T], height: usize, width: usize) -> Vec<T> {
-    let around = |count: usize| {
-        (0..count + 2 * PADDING).map(move |at| mirrored(at as isize - PADDING as isize, count))
-    };
-    let columns: Vec<usize> = around(width).collect();
-    around(height).flat_map(|row| columns.iter().map(move |&column| image[row * width + column])).collect()
-}
-
-/// The wrapped samples of the other colours at each pixel with the mirror image around it, of which only those at green pixels
-/// have a meaning: the mean of the neighbours in the row, and of those in the column.
-struct Others {
-    along: Vec<u16>,
-    across: Vec<u16>,
-}
-
-impl Others {
-    /// Takes the samples from wrapped codes.
-    fn wrapped(image: &MosaicImage, range: Range) -> Self {
-        let shift = 16 - range.bits();
-        let codes: Vec<u16> =
-            padded(&image.codes, image.height, image.width).iter().map(|y| y << shift).collect();
-        // In the upper bits of a word, half of the signed difference is half of the wrapped one.
-        let mean =
-            |a: u16, b: u16| a.wrapping_add((b.wrapping_sub(a).cast_signed() >> 1).cast_unsigned()) >> shift;
-        Self::between(&codes, image.padded_width(), mean)
-    }
-
-    /// Takes the samples from known radiance.
-    fn known(image: &MosaicImage, out: &Recovered, range: Range) -> Self {
-        let mask = (1 << range.bits()) - 1;
-        let x = padded(
-            out.x.as_slice().expect("prepare has made the layout standard"),
-            image.height,
-            image.width,
-        );
-        Self::between(&x, image.padded_width(), |a, b| ((0.5 * (a + b)) as u32 & mask) as u16)
-    }
-
-    /// Takes the means of the neighbours of each pixel.
-    fn between<T: Copy>(image: &[T], width: usize, mean: impl Fn(T, T) -> u16) -> Self {
-        let of_distance = |distance: usize| {
-            let mut means = vec![0; image.len()];
-            let neighbours = image.iter().zip(&image[2 * distance..]);
-            means[distance..].iter_mut().zip(neighbours).for_each(|(to, (&a, &b))| *to = mean(a, b));
-            means
-        };
-        // A green pixel has one colour beside it, and the other one above and below.
-        Self { along: of_distance(1), across: of_distance(width) }
-    }
-}
-
-/// The lattice of the green pixels: row b and column a are the pixel in row `a - b` and column `a + b + parity`.
-struct Lattice {
-    height: isize,
-    width: isize,
-    /// The sum of row and column of the green pixels, modulo 2.
-    parity: isize,
-    /// The number b of the first row.
-    first: isize,
-    rows: usize,
-    columns: usize,
-}
-
-impl Lattice {
-    fn new(image: &MosaicImage) -> Self {
-        let [height, width] = [image.height, image.width].map(usize::cast_signed);
-        let parity = image.parity().cast_signed();
-        let first = -((height - 1 + parity) / 2);
-        let last = (width - 1 - parity).div_euclid(2);
-        let columns = ((height + width - 2 - parity) / 2 + 1).cast_unsigned();
-        Self { height, width, parity, first, rows: (last - first + 1).cast_unsigned(), columns }
-    }
-
-    /// Returns the first and the last column of a row that lie in the image.
-    fn inside(&self, b: isize) -> (isize, isize) {
-        (b.max(-b - self.parity), (self.height - 1 + b).min(self.width - 1 - self.parity - b))
-    }
-
-    /// Returns green and the two other colours along the lattice.
-    fn frame(&self, image: &MosaicImage, others: &Others, range: Range) -> Frame {
-        let green = padded(&image.codes, image.height, image.width);
-        let (padding, width) = (PADDING.cast_signed(), image.padded_width().cast_signed());
-        let red_row = image.mosaic.red().0.cast_signed();
-        let mut pixels = Vec::with_capacity(3 * self.rows * self.columns);
-        for b in (self.first..).take(self.rows) {
-            let (least, most) = self.inside(b);
-            // The next pixel of a row is one row and one column further.
-            pixels.extend((0..self.columns.cast_signed()).flat_map(|a| {
-                let a = a.clamp(least - MARGIN, most + MARGIN);
-                let (row, column) = (a - b, a + b + self.parity);
-                let at = ((row + padding) * width + column + padding).cast_unsigned();
-                // In a row with red pixels, red lies beside green, and blue above and below it.
-                match row & 1 == red_row {
-                    true => [others.along[at], green[at], others.across[at]],
-                    false => [others.across[at], green[at], others.along[at]],
-                }
-            }));
-        }
-        let pixels = Array3::from_shape_vec((self.rows, self.columns, 3), pixels);
-        frame(pixels.expect("each row has its columns"), range)
-    }
-
-    /// Writes the green pixels of the lattice to the image.
-    fn scatter(&self, green: &Recovered, out: &mut Recovered) {
-        for (index, b) in (self.first..).take(self.rows).enumerate() {
-            let (least, most) = self.inside(b);
-            for a in least..=most {
-                let at = ((a - b).cast_unsigned(), (a + b + self.parity).cast_unsigned(), 0);
-                let from = (index, a.cast_unsigned(), GREEN);
-                (out.x[at], out.k[at]) = (green.x[from], green.k[from]);
-            }
-        }
-    }
-}
-
-/// Returns codes of 8 bits where they fit, which methods unwrap faster.
-pub(super) fn frame(codes: Array3<u16>, range: Range) -> Frame {
-    let frame = if range.bits() <= 8 {
-        Frame::from_u8(codes.mapv(|code| code as u8))
-    } else {
-        Frame::from_u16(codes)
-    };
-    frame.expect("the shape is that of an image")
-}
-
 #[cfg(test)]
 mod tests {
+    use ndarray::Array3;
     use proptest::prelude::*;
 
     use super::*;
@@ -482,23 +305,6 @@ mod tests {
             }
         }
 
-        #[test]
-        fn the_lattice_has_each_green_pixel_once(height in 2usize..12, width in 2usize..12, which in 1usize..5) {
-            let mosaic = Mosaic::WORDS[which].1.unwrap();
-            let image = MosaicImage { codes: vec![0; height * width], height, width, mosaic };
-            let lattice = Lattice::new(&image);
-            let mut seen = Array3::<i32>::zeros((height, width, 1));
-            for b in (lattice.first..).take(lattice.rows) {
-                let (least, most) = lattice.inside(b);
-                prop_assert!(least >= 0 && least <= most && most.cast_unsigned() < lattice.columns);
-                for a in least..=most {
-                    seen[((a - b).cast_unsigned(), (a + b + lattice.parity).cast_unsigned(), 0)] += 1;
-                }
-            }
-            for ((i, j, _), &count) in seen.indexed_iter() {
-                prop_assert_eq!(count, i32::from(mosaic.channel(i, j) == 1), "({}, {})", i, j);
-            }
-        }
     }
 
     /// The other colours help to find green, and the lattice reaches beyond the image. Jumps of the counts there do not matter.

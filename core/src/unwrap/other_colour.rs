@@ -5,7 +5,7 @@
 
 use ndarray::Array3;
 
-use super::mosaic::{MosaicImage, frame};
+use super::mosaic_image::{MosaicImage, frame};
 use super::{Auto, Options, Range, Recovered, Report, Trust, Unwrap, UnwrapError, congruence};
 use crate::mosaic::mirrored;
 use crate::simd::widest;

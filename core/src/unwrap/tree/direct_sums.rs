@@ -6,10 +6,11 @@
 //! of the tree.
 
 use super::forest::EdgeSource;
+use super::image_edges::ImageEdges;
 use super::pixels::{EdgeDirection, Quad};
+use super::radiance::finish;
 use super::regions::Region;
 use super::segments::each_set;
-use super::{ImageEdges, finish};
 use crate::simd::widest;
 use crate::unwrap::wrapped::wrap_step;
 use crate::unwrap::{Integers, Range, Recovered, congruence};

@@ -19,23 +19,24 @@
 
 mod direct_sums;
 mod forest;
+mod image_edges;
 mod keys;
 mod pixels;
+mod radiance;
 mod regions;
 mod segments;
 
-use std::ops::Range as Indices;
-
 pub(super) use direct_sums::DirectSums;
 pub(super) use forest::{BACKGROUND, EdgeSource, Edges, Forest};
+pub(super) use image_edges::{FLAT, ImageEdges};
 pub(super) use keys::{MAX_KEY, first_difference_keys, key_of_change, second_difference_keys};
 use pixels::add;
 pub(super) use pixels::{Bounds, EdgeDirection, Pixels, Quad, subtract, wrap_steps};
+use radiance::finish;
 pub(super) use regions::Region;
 
-use super::{Integers, Range, Recovered, Trust, Unwrap, UnwrapError, congruence};
+use super::{Integers, Range, Recovered, Unwrap, UnwrapError, congruence};
 use crate::frame::Frame;
-use crate::simd::widest;
 
 /// The method with its buffers.
 #[derive(Default)]
@@ -96,90 +97,6 @@ impl Unwrap for Tree {
     }
 }
 
-/// The largest key that counts as flat, 56 of 256 codes.
-pub(super) const FLAT: u16 = 56 << 6;
-
-/// The edges of an image whose differences are `M_b(d y) + n * 2^b`.
-pub(super) struct ImageEdges<'a> {
-    pub pixels: &'a Pixels,
-    pub bounds: Bounds,
-    /// The edges by [`first_difference_keys`] with [`FLAT`]; broken also where n is not 0.
-    pub edges: Edges<'a>,
-    /// The n by pixel, to the right and down; empty where all are 0.
-    pub n: [&'a [Quad]; 2],
-    /// The pixels, to the right and down, at which n may differ from 0, in ascending order.
-    pub changed: [&'a [u32]; 2],
-}
-
-impl EdgeSource for ImageEdges<'_> {
-    const FLAT: u16 = FLAT;
-
-    #[inline(always)]
-    fn width(&self) -> usize {
-        self.pixels.width()
-    }
-
-    #[inline(always)]
-    fn extent(&self) -> (usize, usize) {
-        (self.pixels.count() / self.pixels.width(), self.pixels.width())
-    }
-
-    #[inline(always)]
-    fn edges(&self) -> &Edges<'_> {
-        &self.edges
-    }
-
-    #[inline(always)]
-    fn mask(&self) -> Option<&[u8]> {
-        None
-    }
-
-    #[inline(always)]
-    fn background_key(&self, _at: usize) -> u16 {
-        MAX_KEY
-    }
-
-    #[inline(always)]
-    fn interval(&self, pixels: Indices<usize>) -> Region {
-        // Most segments have no bright code, so one look at the mask settles the whole segment.
-        if !self.pixels.limited()[pixels.clone()].contains(&1) {
-            return Region { low: [0; 4], high: self.bounds.widest(), size: pixels.len() as u32 };
-        }
-        Region::of_equal(pixels, |at| {
-            let code = self.pixels.code(at);
-            match self.bounds.of_clipped(code).filter(|_| self.is_plateau(at)) {
-                Some(most) => (most, most),
-                None => ([0; 4], self.bounds.highest(code)),
-            }
-        })
-    }
-
-    #[inline(always)]
-    fn step(&self, to: EdgeDirection, at: usize) -> Quad {
-        let step = wrap_steps(self.pixels.code(at), self.pixels.code(at + self.pixels.stride(to)));
-        self.n[to as usize].get(at).map_or(step, |&n| add(step, n))
-    }
-}
-
-impl ImageEdges<'_> {
-    /// Returns whether the 3 x 3 pixels around `at` have one code.
-    fn is_plateau(&self, at: usize) -> bool {
-        let width = self.pixels.width();
-        let column = at % width;
-        // In a single channel, codes of full scale meet by chance too often to tell a plateau from a slope.
-        let inside = self.pixels.has_colours()
-            && column > 0
-            && column + 1 < width
-            && at >= width
-            && at + width < self.pixels.count();
-        let code = self.pixels.code(at);
-        inside
-            && [at - width, at, at + width]
-                .iter()
-                .all(|&middle| (middle - 1..=middle + 1).all(|there| self.pixels.code(there) == code))
-    }
-}
-
 /// Writes `out`: the largest region at the offset that keeps it in range, others at their least. A result with
 /// clamped counts contradicts itself and is not trusted.
 pub(super) fn place(forest: &mut Forest, y: Integers<'_>, range: Range, out: &mut Recovered) {
@@ -188,17 +105,6 @@ pub(super) fn place(forest: &mut Forest, y: Integers<'_>, range: Range, out: &mu
         _ => write_counts::<3>(forest, range, out),
     };
     finish(outside, y, range, out);
-}
-
-/// Completes `out` from its counts, of which `outside` were out of range.
-fn finish(outside: usize, y: Integers<'_>, range: Range, out: &mut Recovered) {
-    if outside > 0 {
-        out.report.trust = Trust::Untrusted;
-    }
-    match y {
-        Integers::U8(y) => write_radiance(y, range, out),
-        Integers::U16(y) => write_radiance(y, range, out),
-    }
 }
 
 /// Writes the counts, and returns the number of segments that are out of range.
@@ -218,16 +124,6 @@ fn write_counts<const CHANNELS: usize>(forest: &mut Forest, range: Range, out: &
         counts[segment.pixels()].fill(std::array::from_fn(|channel| k[channel].clamp(0, most) as u8));
     }
     outside
-}
-
-fn write_radiance<T: Copy + Into<f32>>(y: &[T], range: Range, out: &mut Recovered) {
-    let (x, k) = out.buffers();
-    let peak = range.peak();
-    widest!({
-        for ((x, y), k) in x.iter_mut().zip(y).zip(&*k) {
-            *x = (*y).into() + f32::from(*k) * peak;
-        }
-    });
 }
 
 /// Returns the k of the root `main` by channel.
