@@ -54,7 +54,7 @@ pub(super) const FEWEST_BITS: u8 = 4;
 pub(super) const STRONG_NOISE: f32 = 0.09;
 
 /// The bends of least squares count so many times: they make smooth what they do not find.
-const HANDICAP: f64 = 1.05;
+const HANDICAP: f64 = 1.02;
 
 /// The method with the buffers of its candidates.
 pub struct Auto {

@@ -17,10 +17,10 @@
 use ndarray::Array3;
 
 use super::Range;
-use super::jumps::{free_of_jumps, largest_region};
+use super::jumps::Regions;
 
 /// The least weight of the best predictor with which a frame can be predicted. Strong noise and the contours of a perfect lens have less.
-const LEAST_WEIGHT: f32 = 2.5;
+const LEAST_WEIGHT: f32 = 2.0;
 
 /// The greatest weight of the best predictor of an image that is noise: there no neighbour says more than the nearest one.
 const WEIGHT_OF_NOISE: f32 = 1.3;
@@ -52,6 +52,7 @@ pub(super) enum Predictability {
 /// The method with its buffers.
 #[derive(Default)]
 pub(super) struct Growth {
+    regions: Regions,
     /// The known pixels, with a margin around the image.
     known: Vec<bool>,
     /// The level of each pixel in the queue, and the pixels that have entered each level.
@@ -130,7 +131,8 @@ impl Growth {
         self.known.clear();
         self.known.resize((height + 2 * MARGIN) * (width + 2 * MARGIN), false);
         let mut size = 0;
-        for run in largest_region(&free_of_jumps(x, 1, range), width) {
+        self.regions.find(x, 1, range);
+        for run in self.regions.largest() {
             size += run.len();
             self.known[layout.padded(run.start)..][..run.len()].fill(true);
         }
