@@ -20,7 +20,8 @@ use crate::green_rows::radiance_of_low;
 use crate::mosaic::{GREEN, Mosaic, PLACES};
 use crate::range::Range;
 use crate::simd::widest;
-use crate::unwrap::{Integers, Recovered, Trust, Unwrap, UnwrapError, edges};
+use crate::unwrap::edges::{self, Arrangement};
+use crate::unwrap::{Integers, Recovered, Sharpness, Trust, Unwrap, UnwrapError};
 
 /// The gains of the pixels of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
@@ -154,6 +155,7 @@ pub struct TwoGains {
     pattern: GainPattern,
     prediction: Prediction,
     mosaic: MosaicRadiance,
+    sharpness: Sharpness,
 }
 
 /// The counts that bring samples nearest to their predictions.
@@ -198,7 +200,8 @@ impl TwoGains {
     pub fn new(gains: Gains) -> Option<Self> {
         let Gains::Two { pattern, ratio } = gains else { return None };
         let prediction = Prediction { ratio: ratio as f32, ..Prediction::default() };
-        let made = Self { pattern, prediction, mosaic: MosaicRadiance::default() };
+        let (mosaic, sharpness) = (MosaicRadiance::default(), Sharpness::default());
+        let made = Self { pattern, prediction, mosaic, sharpness };
         (pattern != GainPattern::Colours).then_some(made)
     }
 
@@ -286,6 +289,10 @@ impl Unwrap for TwoGains {
         self.pattern.method()
     }
 
+    fn expect_edges(&mut self, sharpness: Sharpness) {
+        self.sharpness = sharpness;
+    }
+
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
         let samples = Integers::checked(y, range)?;
         out.prepare(y.dim(), self.pattern.method());
@@ -293,7 +300,7 @@ impl Unwrap for TwoGains {
             Integers::U8(codes) => self.recover_any(codes, y.mosaic(), range, out),
             Integers::U16(codes) => self.recover_any(codes, y.mosaic(), range, out),
         }
-        edges::withhold_trust(out, true, range);
+        edges::withhold_trust(out, Arrangement::TwoGains, self.sharpness, range);
         Ok(())
     }
 }

@@ -13,7 +13,7 @@ use ndarray::Array3;
 use super::colour_costs::ColourCosts;
 use super::path_sums::{MARGIN, MOST_CANDIDATES, PathSums, Shape};
 use super::{
-    Integers, NEAREST_COLOUR, Options, PATH_SUMS, Range, Recovered, Trust, Unwrap, UnwrapError, edges,
+    Integers, NEAREST_COLOUR, Options, PATH_SUMS, Range, Recovered, Trust, Unwrap, UnwrapError,
     nearest_colour,
 };
 use crate::frame::Frame;
@@ -248,7 +248,6 @@ impl Unwrap for ColourGains {
             Integers::U8(codes) => self.recover(GreenRows::new(codes, dim, mosaic, self.ratio), range, out),
             Integers::U16(codes) => self.recover(GreenRows::new(codes, dim, mosaic, self.ratio), range, out),
         }
-        edges::withhold_trust(out, true, range);
         Ok(())
     }
 }

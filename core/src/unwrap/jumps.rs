@@ -210,6 +210,11 @@ impl Regions {
         let Self { free, runs, earlier, sizes, .. } = self;
         runs.clear();
         earlier.clear();
+        sizes.clear();
+        // Reserved for the worst case, so that no later image of this size allocates.
+        runs.reserve(free.len());
+        earlier.reserve(free.len());
+        sizes.reserve(free.len());
         let mut above = 0;
         for (row, line) in free.chunks_exact(columns).enumerate() {
             let (first, mut at) = (runs.len(), row * columns);
@@ -228,14 +233,14 @@ impl Regions {
                 // The last of them may also touch the next run.
                 for upper in (above..first).take_while(|&upper| runs[upper].start + columns < run.end) {
                     let roots = [upper, here].map(|run| root(earlier, run));
-                    earlier[roots[0].max(roots[1])] = roots[0].min(roots[1]);
-                    // The ways to the first run are shortened.
-                    [upper, here].map(|run| earlier[run] = roots[0].min(roots[1]));
+                    // The ways to the first run are shortened, too.
+                    for run in [roots[0], roots[1], upper, here] {
+                        earlier[run] = roots[0].min(roots[1]);
+                    }
                 }
             }
             above = first;
         }
-        sizes.clear();
         sizes.resize(runs.len(), 0);
         for (at, run) in runs.iter().enumerate() {
             sizes[root(earlier, at)] += run.len();

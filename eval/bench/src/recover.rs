@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Parser;
 use clap::builder::Resettable;
-use modulo_core::unwrap::{DefectMap, Options, of_gains};
+use modulo_core::unwrap::{DefectMap, Options, Sharpness, of_gains};
 use modulo_core::{Frame, GainPattern, Mosaic, Psf, Recovered, Unwrap, UnwrapError, tone};
 use modulo_images::{read_codes, save_png};
 use modulo_runtime::SensorModel;
@@ -174,11 +174,12 @@ fn of_file(
     methods: &mut [(Box<dyn Unwrap>, DefectMap)],
 ) -> Result<Vec<UnwrapRow>, BenchError> {
     // A sigma of 0 stands for a lens that is not given.
-    let range = if sensor.psf() == Psf::None { sensor.range()? } else { sensor.range_behind_lens()? };
-    let (gains, mosaic) = (sensor.gains()?, sensor.mosaic);
+    let sharpness = if sensor.psf() == Psf::None { Sharpness::Unknown } else { sensor.sharpness() };
+    let (range, gains, mosaic) = (sensor.range()?, sensor.gains()?, sensor.mosaic);
     let y = modulo_image(file, sensor)?;
     let row = |(method, map): &mut (Box<dyn Unwrap>, DefectMap)| {
         let mut recovered = Recovered::default();
+        method.expect_edges(sharpness);
         map.fit(y.dim()).expect("a map that was not read has no size of its own");
         let (unwrapped, ms) = timed(|| map.unwrap(method.as_mut(), &y, range, gains, &mut recovered));
         unwrapped.map_err(|why| BenchError::NotCodes(file.to_owned(), why.to_string()))?;

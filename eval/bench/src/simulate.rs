@@ -238,7 +238,8 @@ impl InputImage<'_> {
         exposure: &Exposure,
         method: &mut dyn Unwrap,
     ) -> Result<SimulationRow, BenchError> {
-        let (range, modulo) = (model.range_behind_lens()?, exposure.modulo());
+        let (range, modulo) = (exposure.range(), exposure.modulo());
+        method.expect_edges(model.sharpness());
         let mut recovered = Recovered::default();
         // One call, with the allocation of its buffers: the duration is only a rough figure.
         let (unwrapped, ms) = timed(|| method.unwrap(&modulo, range, &mut recovered));

@@ -17,8 +17,8 @@ use std::sync::Arc;
 use modulo_core::deblur::Deblur;
 use modulo_core::denoise::Denoise;
 use modulo_core::unwrap::{
-    DefectMap, Method, Options, QualityMetrics, Recovered, Report, ThresholdOn, Trust, TrustLimits, Unwrap,
-    UnwrapError, of_gains,
+    DefectMap, Method, Options, QualityMetrics, Recovered, Report, Sharpness, ThresholdOn, Trust,
+    TrustLimits, Unwrap, UnwrapError, of_gains,
 };
 use modulo_core::{Frame, FrameError, Gains, MAX_THREADS, Psf, Range, tone};
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
@@ -45,8 +45,8 @@ const UNDESCRIBED: &str = "no sensor description has come on the topic sensor_in
 modulo_runtime::parameters! {
     /// The parameters of the `unwrap` node.
     pub struct UnwrapParameters {
-        /// Unwrapping method. auto starts with lines and takes gradient_tree where the image is too steep for lines; where noise
-        /// makes it steep, it takes a tree on smoothed codes, or spud. Images of a sensor with two gains (see gains) have a
+        /// Unwrapping method. auto tries lines, gradient_tree, a tree on smoothed codes, and growth of what is known (spud where noise hides
+        /// all), until a result does not contradict itself. Images of a sensor with two gains (see gains) have a
         /// method of their own.
         method: Method = Method::Auto => Method::ALL,
         /// Number of threads that unwrapping may use. The result does not depend on it.
@@ -60,10 +60,8 @@ modulo_runtime::parameters! {
         /// Path of a file with known hot, dead and stuck samples, which are left out: CSV with a line x,y or x,y,channel for each, in px
         /// from the upper left pixel (0,0). Empty: only those that auto finds, and those that it has found in most of 30 frames.
         defects: String = String::new(),
-        /// For auto: the largest fraction of steep 2 x 2 loops with which it trusts lines.
+        /// For auto: the largest fraction of steep 2 x 2 loops with which it trusts a result in a single colour.
         trust_lines: f64 = TrustLimits::default().lines => 0.0..=1.0,
-        /// For auto: the smallest fraction of each row and column that must agree before it trusts lines.
-        trust_consensus: f64 = TrustLimits::default().consensus => 0.0..=1.0,
         /// For auto: the largest number of second differences of the result above one peak, per sample, with which it trusts
         /// a result.
         trust_jumps: f64 = TrustLimits::default().jumps => 0.0..=2.0,
@@ -82,10 +80,7 @@ impl UnwrapParameters {
             tau: self.tau,
             threshold_on: self.threshold_on,
             threads: self.threads,
-            trust: TrustLimits {
-                lines: self.trust_lines,
-                jumps: self.trust_jumps,
-            },
+            trust: TrustLimits { lines: self.trust_lines, jumps: self.trust_jumps },
             successive: true,
         }
     }
@@ -185,15 +180,17 @@ impl UnwrapNode {
         if self.sensor.as_ref().is_none_or(|prepared| prepared.model != model) {
             let blur = Some(model.psf()).filter(|psf| self.parameters.deblur && *psf != Psf::None);
             let deblur = blur.map(Deblur::new);
-            let range = if camera.is_some() || self.parameters.sensor.has_lens() {
+            let sharpness = if camera.is_some() || self.parameters.sensor.has_lens() {
                 model.warn_if_unfit();
-                model.range_behind_lens()?
+                model.sharpness()
             } else {
-                model.range()?
+                Sharpness::Unknown
             };
+            let range = model.range()?;
             let gains = model.gains()?;
             let of_gains = of_gains(gains, &self.parameters.options());
-            let of_gains = of_gains.map_err(|why| self.parameters.refused_threads(&why))?;
+            let mut of_gains = of_gains.map_err(|why| self.parameters.refused_threads(&why))?;
+            of_gains.as_mut().unwrap_or(&mut self.method).expect_edges(sharpness);
             let denoise = if self.parameters.denoise { Denoise::new(model.config()?) } else { None };
             self.sensor = Some(Prepared { model, range, deblur, denoise, of_gains, gains });
         }
@@ -473,12 +470,11 @@ fn describe(node: &str, header: &Header, method: &str, report: &Report) -> Diagn
     if let Some(evidence) = report.offset_evidence() {
         values.push(("offset", evidence.to_owned()));
     }
-    if let Some(QualityMetrics { residues, steep, consensus, clamped, jumps, defects }) = report.quality {
+    if let Some(QualityMetrics { residues, steep, clamped, jumps, defects }) = report.quality {
         let share = |value: f32| format!("{value:.3e}");
         let shares = [
             ("residues", residues),
             ("steep", steep),
-            ("consensus", consensus),
             ("clamped", clamped),
             ("jumps", jumps),
             ("defects", defects),

@@ -33,6 +33,7 @@ use pixels::add;
 pub(super) use pixels::{Bounds, EdgeDirection, Pixels, Quad, subtract, wrap_steps};
 pub(super) use regions::Region;
 
+use super::congruence::OUTLIERS;
 use super::{Integers, Range, Recovered, Trust, Unwrap, UnwrapError, congruence};
 use crate::frame::Frame;
 use crate::simd::widest;
@@ -54,6 +55,7 @@ pub(super) fn recover(
     forest: &mut Forest,
     y: Integers<'_>,
     range: Range,
+    outliers: f64,
     out: &mut Recovered,
 ) -> bool {
     // Memory is reserved also for a frame that needs no tree, since a later one may need it.
@@ -61,9 +63,9 @@ pub(super) fn recover(
     let grown = !sums.agree(image);
     if grown {
         forest.grow(image);
-        place(forest, y, range, out);
+        place(forest, y, range, outliers, out);
     } else {
-        sums.place(y, range, out);
+        sums.place(y, range, outliers, out);
     }
     grown
 }
@@ -91,7 +93,7 @@ impl Unwrap for Tree {
             n: [&[], &[]],
             changed: [&[], &[]],
         };
-        recover(&image, sums, forest, samples, range, out);
+        recover(&image, sums, forest, samples, range, OUTLIERS, out);
         Ok(())
     }
 }
@@ -182,10 +184,10 @@ impl ImageEdges<'_> {
 
 /// Writes `out`: the largest region at the offset that keeps it in range, others at their least. A result with
 /// clamped counts contradicts itself and is not trusted.
-pub(super) fn place(forest: &mut Forest, y: Integers<'_>, range: Range, out: &mut Recovered) {
+pub(super) fn place(forest: &mut Forest, y: Integers<'_>, range: Range, outliers: f64, out: &mut Recovered) {
     let outside = match out.k.dim().2 {
-        1 => write_counts::<1>(forest, range, out),
-        _ => write_counts::<3>(forest, range, out),
+        1 => write_counts::<1>(forest, range, outliers, out),
+        _ => write_counts::<3>(forest, range, outliers, out),
     };
     finish(outside, y, range, out);
 }
@@ -202,10 +204,15 @@ fn finish(outside: usize, y: Integers<'_>, range: Range, out: &mut Recovered) {
 }
 
 /// Writes the counts, and returns the number of segments that are out of range.
-fn write_counts<const CHANNELS: usize>(forest: &mut Forest, range: Range, out: &mut Recovered) -> usize {
+fn write_counts<const CHANNELS: usize>(
+    forest: &mut Forest,
+    range: Range,
+    outliers: f64,
+    out: &mut Recovered,
+) -> usize {
     let main = forest.regions.largest();
     let most = i16::from(range.max_wraps());
-    let level = level(forest, main, range);
+    let level = level(forest, main, range, outliers);
     let regions = &forest.regions;
     let mut outside = 0;
     let (counts, _) = out.buffers().1.as_chunks_mut::<CHANNELS>();
@@ -231,7 +238,12 @@ fn write_radiance<T: Copy + Into<f32>>(y: &[T], range: Range, out: &mut Recovere
 }
 
 /// Returns the k of the root `main` by channel.
-fn level(Forest { regions, segments, levels, .. }: &mut Forest, main: u32, range: Range) -> Quad {
+fn level(
+    Forest { regions, segments, levels, .. }: &mut Forest,
+    main: u32,
+    range: Range,
+    outliers: f64,
+) -> Quad {
     let parts = || {
         let parts = segments.iter().filter(|segment| regions.root(segment.node) == main);
         parts.map(|segment| (regions.offset_from_root(segment.node), segment.pixels().len()))
@@ -253,6 +265,6 @@ fn level(Forest { regions, segments, levels, .. }: &mut Forest, main: u32, range
     std::array::from_fn(|lane| {
         let levels = &levels[lane * stride..][..width(lane)];
         // Counts are relative to the root, so the k of the root is what brings the base level to 0.
-        -(low[lane] + congruence::base_level_index(levels, range) as i16)
+        -(low[lane] + congruence::base_level_index(levels, range, outliers) as i16)
     })
 }
