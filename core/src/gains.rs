@@ -17,7 +17,8 @@ use crate::gains_mosaic::{MosaicGains, MosaicRadiance, radiance_of_low};
 use crate::mosaic::{Mosaic, PLACES};
 use crate::range::Range;
 use crate::simd::widest;
-use crate::unwrap::{Integers, Recovered, Trust, Unwrap, UnwrapError, edges};
+use crate::unwrap::edges::{self, Arrangement};
+use crate::unwrap::{Integers, Recovered, Sharpness, Trust, Unwrap, UnwrapError};
 
 /// The gains of the pixels of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
@@ -87,6 +88,7 @@ pub(crate) fn is_low(row: usize, column: usize) -> bool {
 pub struct TwoGains {
     prediction: Prediction,
     mosaic: MosaicRadiance,
+    sharpness: Sharpness,
 }
 
 /// The counts that bring samples nearest to their predictions.
@@ -134,7 +136,7 @@ impl TwoGains {
     pub fn new(gains: Gains) -> Option<Self> {
         let Gains::Checkerboard { ratio } = gains else { return None };
         let prediction = Prediction { ratio: ratio as f32, ..Prediction::default() };
-        Some(Self { prediction, mosaic: MosaicRadiance::default() })
+        Some(Self { prediction, mosaic: MosaicRadiance::default(), sharpness: Sharpness::default() })
     }
 
     /// Writes radiance and wrap counts of the codes `y` into `out`.
@@ -221,6 +223,10 @@ impl Unwrap for TwoGains {
         Self::NAME
     }
 
+    fn expect_edges(&mut self, sharpness: Sharpness) {
+        self.sharpness = sharpness;
+    }
+
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
         let samples = Integers::checked(y, range)?;
         out.prepare(y.dim(), Self::NAME);
@@ -228,7 +234,7 @@ impl Unwrap for TwoGains {
             Integers::U8(codes) => self.recover_any(codes, y.mosaic(), range, out),
             Integers::U16(codes) => self.recover_any(codes, y.mosaic(), range, out),
         }
-        edges::withhold_trust(out, true, range);
+        edges::withhold_trust(out, Arrangement::TwoGains, self.sharpness, range);
         Ok(())
     }
 }

@@ -10,20 +10,9 @@ pub struct Range {
     alpha: f64,
     /// The full scale of a picture over `alpha * 2^bits`.
     headroom: f64,
-    /// The share of the pixels that a method may leave below the least count.
-    outliers: f64,
     /// The columns at the left border at which the radiance is 0.
     black: usize,
-    /// The largest second difference of an edge behind the lens, in peaks; `None` for an unknown lens.
-    edge: Option<f64>,
 }
-
-/// The share of the pixels of an image that may be out of range at a greater base level: hot pixels and small wrong regions must
-/// not raise the whole image.
-const OUTLIERS: f64 = 0.02;
-
-/// The same for a result without contradictions, in which hardly a sample can be wrong.
-const FEW_OUTLIERS: f64 = 0.002;
 
 /// The relative error of alpha with which no count is lost.
 const ALPHA_TOLERANCE: f64 = 0.02;
@@ -64,7 +53,7 @@ impl Range {
         if !(alpha > 0.0 && alpha <= 256.0) {
             return Err(RangeError::Alpha { alpha });
         }
-        Ok(Self { bits, alpha, headroom: 1.0, outliers: OUTLIERS, black: 0, edge: None })
+        Ok(Self { bits, alpha, headroom: 1.0, black: 0 })
     }
 
     /// Returns this range for pictures whose full scale is `headroom` in (0, 1] of its end.
@@ -88,17 +77,6 @@ impl Range {
     /// Returns the number of columns at the left border at which the radiance is 0.
     pub fn black(self) -> usize {
         self.black
-    }
-
-    /// Returns this range for a known lens, behind which the second differences of an edge from black to the end of the range are at
-    /// most `edge` peaks, see [`Psf::bend`](crate::Psf::bend). Infinity stands for a sensor whose counts nobody can vouch for.
-    pub fn with_edge(self, edge: f64) -> Self {
-        Self { edge: Some(edge), ..self }
-    }
-
-    /// Returns the largest second difference of an edge behind the lens, in peaks; `None` for an unknown lens.
-    pub fn edge(self) -> Option<f64> {
-        self.edge
     }
 
     /// Returns b, the bits of the converter.
@@ -132,25 +110,14 @@ impl Range {
         self.headroom * self.limit()
     }
 
-    /// Returns the range of the difference of two values of this range, as far as 256 peaks hold it. It has either sign, so that its
-    /// least value is no outlier.
+    /// Returns the range of the difference of two values of this range, as far as 256 peaks hold it.
     pub(crate) fn of_differences(self) -> Self {
-        Self { alpha: (2.0 * self.alpha).min(256.0), outliers: 0.0, ..self }
-    }
-
-    /// Returns this range for results that are expected to be without contradictions: hardly a pixel may be below the least count.
-    pub(crate) fn of_few_outliers(self) -> Self {
-        Self { outliers: self.outliers.min(FEW_OUTLIERS), ..self }
+        Self { alpha: (2.0 * self.alpha).min(256.0), ..self }
     }
 
     /// Returns the range whose alpha is as much larger as the true one may be.
     pub(crate) fn widened(self) -> Self {
         Self { alpha: ((1.0 + ALPHA_TOLERANCE) * self.alpha).min(256.0), ..self }
-    }
-
-    /// Returns the share of the pixels that a method may leave below the least count.
-    pub(crate) fn outliers(self) -> f64 {
-        self.outliers
     }
 
     /// Returns `ceil(alpha) - 1`, the largest wrap count k of radiance in range.

@@ -17,12 +17,11 @@ struct Plane {
     word: i64,
 }
 
-/// Counts for the quality metrics, and the share of the line with the least agreement.
+/// Counts for the quality metrics.
 struct Seen {
     residues: usize,
     steep: usize,
     clamped: usize,
-    least_agreement: f32,
 }
 
 fn centered(value: i64, period: i64) -> i64 {
@@ -95,42 +94,41 @@ impl Plane {
             seen.residues += usize::from(round != 0);
             seen.steep += usize::from(8 * self.m(mixed).abs() > 3 * self.peak);
         }
-        self.subtract_constants(&mut n, seen);
+        self.subtract_constants(&mut n);
         let mut k = vec![vec![0; width]; height];
         for (i, j) in (0..height).flat_map(|i| (1..width).map(move |j| (i, j))) {
             k[i][j] = self.count(k[i][j - 1] + self.wrap_step(self.y[i][j] - self.y[i][j - 1]) + n[i][j - 1]);
         }
-        self.join(&mut k, seen);
+        self.join(&mut k);
         self.place(k, seen)
     }
 
-    fn subtract_constants(&self, n: &mut [Vec<i64>], seen: &mut Seen) {
+    fn subtract_constants(&self, n: &mut [Vec<i64>]) {
         let (height, mut check) = (n.len(), MajorityCheck::default());
         for j in 0..n[0].len() {
             let line: Vec<_> = n.iter().map(|n| n[j]).collect();
-            let (mut constant, mut agree) = mode(&line);
+            let (mut constant, agree) = mode(&line);
             let steep = (0..height).filter(|&i| self.steep(self.d((i, j), (0, 1)))).count();
             if check.needs_second_vote(agree, steep, height) && j > 0 {
                 let second = |i: usize| {
                     let change = self.d((i, j), (0, 1)) - self.d((i, j - 1), (0, 1));
                     self.count(line[i] - n[i][j - 1] - self.wrap_step(change))
                 };
-                let (second_vote, count) = mode(&(0..height).map(second).collect::<Vec<_>>());
+                let (second_vote, _) = mode(&(0..height).map(second).collect::<Vec<_>>());
                 check.record(second_vote != constant, self.most);
-                (constant, agree) = (second_vote, count);
+                constant = second_vote;
             }
-            seen.least_agreement = seen.least_agreement.min(agree as f32 / height as f32);
             n.iter_mut().for_each(|n| n[j] = self.count(n[j] - constant));
         }
     }
 
-    fn join(&self, k: &mut [Vec<i64>], seen: &mut Seen) {
+    fn join(&self, k: &mut [Vec<i64>]) {
         let (width, mut check) = (k[0].len(), MajorityCheck::default());
         for i in 1..k.len() {
             let wrap_step = |i: usize, j: usize| self.wrap_step(self.y[i][j] - self.y[i - 1][j]);
             let first: Vec<_> =
                 (0..width).map(|j| self.count(wrap_step(i, j) + k[i - 1][j] - k[i][j])).collect();
-            let (mut join, mut agree) = mode(&first);
+            let (mut join, agree) = mode(&first);
             let steep = (0..width).filter(|&j| self.steep(self.d((i - 1, j), (1, 0)))).count();
             if check.needs_second_vote(agree, steep, width) && i > 1 {
                 let second = |j: usize| {
@@ -142,11 +140,10 @@ impl Plane {
                 // The second vote is taken even with slightly fewer columns, as noise blurs second differences more.
                 let departs = 10 * count > 9 * agree && second_vote != join;
                 if 10 * count > 9 * agree {
-                    (join, agree) = (second_vote, count);
+                    join = second_vote;
                 }
                 check.record(departs, self.most);
             }
-            seen.least_agreement = seen.least_agreement.min(agree as f32 / width as f32);
             k[i].iter_mut().for_each(|k| *k = self.count(*k + join));
         }
     }
@@ -171,8 +168,7 @@ impl Plane {
 
 fn reference(y: &Array3<u16>, range: Range, word: i64) -> (Array3<u8>, QualityMetrics) {
     let (height, width, channels) = y.dim();
-    let (mut k, mut seen) =
-        (Array3::zeros(y.dim()), Seen { residues: 0, steep: 0, clamped: 0, least_agreement: 1.0 });
+    let (mut k, mut seen) = (Array3::zeros(y.dim()), Seen { residues: 0, steep: 0, clamped: 0 });
     for c in 0..channels {
         let row = |i: usize| (0..width).map(|j| i64::from(y[[i, j, c]])).collect();
         let y = (0..height).map(row).collect();
@@ -183,7 +179,7 @@ fn reference(y: &Array3<u16>, range: Range, word: i64) -> (Array3<u8>, QualityMe
     }
     let share = |count: usize, of: usize| if of == 0 { 0.0 } else { count as f32 / of as f32 };
     let loops = (height - 1) * (width - 1) * channels;
-    let Seen { residues, steep, clamped, least_agreement } = seen;
+    let Seen { residues, steep, clamped } = seen;
     let (residues, steep) = (share(residues, loops), share(steep, loops));
     let x = y.mapv(f32::from) + k.mapv(f32::from) * range.peak();
     (
@@ -191,7 +187,6 @@ fn reference(y: &Array3<u16>, range: Range, word: i64) -> (Array3<u8>, QualityMe
         QualityMetrics {
             residues,
             steep,
-            consensus: least_agreement,
             clamped: share(clamped, y.len()),
             jumps: share(jumps(&x, range), y.len()),
             defects: 0.0,

@@ -10,8 +10,8 @@ use pyo3::types::PyDict;
 use crate::image::{Image, frame_to_numpy, to_numpy, value_error};
 use crate::parameters::parse;
 
-/// Residues, steep, consensus, clamped, jumps and defects.
-type Quality = (f32, f32, f32, f32, f32, f32);
+/// Residues, steep, clamped, jumps and defects.
+type Quality = (f32, f32, f32, f32, f32);
 
 /// The method used, whether it trusts its result, the evidence for the offset, the quality metrics, and the confidence image.
 type Report<'py> =
@@ -27,15 +27,17 @@ pub fn unwrap<'py>(
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Report<'py>)> {
     let parameters = parse(parameters)?;
     let sensor = SensorModel::from(&parameters);
-    // A sigma of 0 stands for a lens that is not given.
-    let range = if sensor.psf() == Psf::None { sensor.range() } else { sensor.range_behind_lens() };
     let (mosaic, range, gains) =
-        (sensor.mosaic, range.map_err(value_error)?, sensor.gains().map_err(value_error)?);
+        (sensor.mosaic, sensor.range().map_err(value_error)?, sensor.gains().map_err(value_error)?);
     let options = UnwrapParameters::from(&parameters);
     let mut method = match of_gains(gains) {
         Some(method) => method,
         None => options.method().map_err(value_error)?,
     };
+    // A sigma of 0 stands for a lens that is not given.
+    if sensor.psf() != Psf::None {
+        method.expect_edges(sensor.sharpness());
+    }
     let Image { pixels, is_flat } = Image::new("y", y)?;
     let mut frame = pixels.view().to_frame().map_err(value_error)?;
     if let Some(mosaic) = mosaic {
@@ -49,8 +51,8 @@ pub fn unwrap<'py>(
     })?;
     let Recovered { x, k, report, .. } = recovered;
     let quality = report.quality.map(|quality| {
-        let QualityMetrics { residues, steep, consensus, clamped, jumps, defects } = quality;
-        (residues, steep, consensus, clamped, jumps, defects)
+        let QualityMetrics { residues, steep, clamped, jumps, defects } = quality;
+        (residues, steep, clamped, jumps, defects)
     });
     let confidence = confidence.map(|frame| frame_to_numpy(py, frame, true));
     let report = (report.method, report.trust.claim(), report.offset_evidence(), quality, confidence);

@@ -1,25 +1,19 @@
-//! Auto: the cheapest method that suffices for the frame, and whether its result can be trusted.
+//! Auto: candidates from cheap to dear, of which one score chooses, and whether the result can be trusted.
 //!
-//! The method `lines` runs first and inspects every 2 x 2 loop of y. Its metrics select the method:
+//! The candidates are `lines`, `gradient_tree` (unless the noise is strong), `smoothed_tree`, and [`growth`](super::growth) of the last
+//! result; `spud` instead of growth for an image that is noise. The first one is the result whose second differences do not contradict it: at most
+//! [`TrustLimits::jumps`] of them are above one peak. In a single colour, `lines` also needs a y without steep loops. If no candidate is accepted, the
+//! one that bends least is the result ([`jumps::bends`]).
 //!
-//! | metrics of y | method used | trusted |
-//! |---|---|---|
-//! | hardly a steep loop, each line agrees, all counts in range, hardly a jump | lines; pass_through if all k are 0 | yes |
-//! | nearly all loops as steep as chance makes them | spud | no |
-//! | strong noise | smoothed_tree | no |
-//! | else | gradient_tree | if all counts are in range, and hardly a second difference of the result is above one peak (4 bits and more); in a single colour also if hardly a loop is steep |
+//! Why second differences? If those of x and of another result for the same y, along rows and columns, are all below half a peak, then both
+//! differ by whole peaks `a + b i + c j + d i j`, which the range makes constant. Around a wrong region they are off by one peak.
+//!
+//! An accepted result is trusted with evidence for the absolute offset ([`offset`]; without it, it is [`Trust::Relative`]), from 4 bits on, in a
+//! single colour only without steep loops, and unless an edge may hide a multiple of the peak, see [`edges`](super::edges).
 //!
 //! Hot, dead and stuck samples are left out first, see [`defects`](super::defects).
-//!
-//! Where `gradient_tree` is not trusted and there is noise, `smoothed_tree` runs as well, and the result with the smaller
-//! second differences is kept ([`jumps::bends`]).
-//!
-//! In every case trust also needs evidence for the absolute offset, see [`offset`]; without it, the result is
-//! [`Trust::Relative`].
-//!
-//! Trust is withheld at last where an edge may hide a multiple of the peak, see [`edges`](super::edges), and where the result leaves the
-//! range. Without a known lens, some errors of a sharp one leave no trace in y and cannot be detected: [`edges`](super::edges) lists them.
 
+use super::congruence::{FEW_OUTLIERS, OUTLIERS};
 use super::defects::Defects;
 use super::growth::Predictability;
 use super::smoothed_tree::SmoothedTree;
@@ -54,13 +48,16 @@ pub(super) const FEWEST_BITS: u8 = 4;
 pub(super) const STRONG_NOISE: f32 = 0.09;
 
 /// The bends of least squares count so many times: they make smooth what they do not find.
-const HANDICAP: f64 = 1.05;
+const HANDICAP: f64 = 1.02;
 
 /// The method with the buffers of its candidates.
 pub struct Auto {
     limits: TrustLimits,
     /// Whether trust needs evidence for the absolute offset.
     needs_offset: bool,
+    /// The share of the pixels that may be below the least count, in a result without contradictions and in others.
+    few_outliers: f64,
+    outliers: f64,
     defects: Defects,
     lines: Lines,
     gradient_tree: GradientTree,
@@ -88,6 +85,8 @@ impl Auto {
         Ok(Self {
             limits: options.trust,
             needs_offset: true,
+            few_outliers: FEW_OUTLIERS,
+            outliers: OUTLIERS,
             defects: Defects::default(),
             lines: Lines::default(),
             gradient_tree: GradientTree::new(options.threads)?,
@@ -102,7 +101,8 @@ impl Auto {
     /// # Errors
     /// The errors of [`Auto::new`].
     pub(super) fn of_differences(options: &Options) -> Result<Self, UnwrapError> {
-        Ok(Self { needs_offset: false, ..Self::new(options)? })
+        // Differences have either sign, so that the least one is no outlier.
+        Ok(Self { needs_offset: false, few_outliers: 0.0, outliers: 0.0, ..Self::new(options)? })
     }
 
     /// Unwraps the image that `lines` has scanned, of whose samples a share of `defects` was replaced.
@@ -113,18 +113,20 @@ impl Auto {
         range: Range,
         out: &mut Recovered,
     ) -> Result<(), UnwrapError> {
-        self.finish_lines(y, range.of_few_outliers(), out)?;
+        self.finish_lines(y, range, out)?;
         // Another candidate overwrites the report, but the metrics of y remain those of `lines`.
         let quality = out.report.quality.expect("lines always gives its quality");
         let mut quality = QualityMetrics { defects, ..quality };
-        let mut is_accepted = self.accepts(quality.jumps);
+        // In a single colour, nothing contradicts a wrong region behind a hard edge.
+        let may_hide = y.channels() == 1 && f64::from(quality.steep) > self.limits.lines;
+        let mut is_accepted = self.accepts(quality.jumps) && !may_hide;
         if !is_accepted {
             is_accepted = self.try_others(y, range, &mut quality, out)?;
         } else if out.k.iter().all(|&k| k == 0) {
             out.report.method = PASS_THROUGH;
         }
-        // In a single colour, nothing contradicts a wrong region behind a hard edge. Differences between colours have few edges.
-        let may_hide = y.channels() == 1 && self.needs_offset && f64::from(quality.steep) > self.limits.lines;
+        // Differences between colours have few edges.
+        let may_hide = may_hide && self.needs_offset;
         out.report.quality = Some(quality);
         out.report.trust = if !is_accepted || may_hide || range.bits() < FEWEST_BITS {
             Trust::Untrusted
@@ -176,10 +178,10 @@ impl Auto {
     /// Unwraps by one candidate; returns the jumps of its result, if it has one.
     fn try_one(&mut self, candidate: Candidate, y: &Frame, range: Range) -> Result<Option<f32>, UnwrapError> {
         let Self { gradient_tree, smoothed_tree, spud, other, .. } = self;
-        let few = range.of_few_outliers();
+        let few = self.few_outliers;
         match candidate {
-            Candidate::Tree => gradient_tree.unwrap(y, few, other)?,
-            Candidate::SmoothedTree => smoothed_tree.unwrap(gradient_tree, y.dim(), few, other),
+            Candidate::Tree => gradient_tree.unwrap_within(y, range, few, other)?,
+            Candidate::SmoothedTree => smoothed_tree.unwrap(gradient_tree, y.dim(), range, few, other),
             Candidate::Growth => match smoothed_tree.grow(range, other) {
                 Predictability::Predictable => {}
                 Predictability::Divided => return Ok(None),
@@ -192,8 +194,8 @@ impl Auto {
         }
         // Wrong regions must not raise the whole image.
         match candidate {
-            Candidate::Tree => gradient_tree.place(y, range, other)?,
-            _ => smoothed_tree.place(gradient_tree, range, other),
+            Candidate::Tree => gradient_tree.place(Integers::of(y)?, range, self.outliers, other),
+            _ => smoothed_tree.place(gradient_tree, range, self.outliers, other),
         }
         Ok(Some(jumps::share(&other.x, range)))
     }
@@ -202,9 +204,11 @@ impl Auto {
     /// larger than it was given.
     fn finish_lines(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
         let is_clamped = |out: &Recovered| out.report.quality.is_some_and(|quality| quality.clamped > 0.0);
-        self.lines.finish(y, range, out)?;
+        self.lines.finish(y, range, self.few_outliers, out)?;
         if is_clamped(out) && range.widened().max_wraps() > range.max_wraps() {
-            self.lines.unwrap(y, range.widened(), &mut self.other)?;
+            let range = range.widened();
+            self.lines.scan_from(0, y, range)?;
+            self.lines.finish(y, range, self.few_outliers, &mut self.other)?;
             // The counts beyond the range are right only if they explain the whole image.
             if !is_clamped(&self.other) {
                 std::mem::swap(out, &mut self.other);

@@ -11,6 +11,13 @@ use std::f64::consts::TAU;
 use super::{Range, Recovered};
 use crate::dct::LANES;
 
+/// The share of the pixels of an image that may be below the least count at a greater base level: hot pixels and small wrong regions
+/// must not raise the whole image.
+pub(super) const OUTLIERS: f64 = 0.02;
+
+/// The same for a result without contradictions, in which hardly a sample can be wrong.
+pub(super) const FEW_OUTLIERS: f64 = 0.002;
+
 /// Finds the absolute offset of `k`, clamps to the range, and writes one channel of `out`, which must be
 /// prepared. `levels` is a buffer.
 pub(super) fn write_channel(
@@ -22,7 +29,7 @@ pub(super) fn write_channel(
     out: &mut Recovered,
 ) {
     let most = i32::from(range.max_wraps());
-    let zero = base_level(k, range, levels);
+    let zero = base_level(k, range, OUTLIERS, levels);
     let k = k.iter().map(|k| (k.saturating_sub(zero)).clamp(0, most) as u8);
     let peak = range.peak();
     let channels = out.x.dim().2;
@@ -37,7 +44,7 @@ pub(super) fn write_channel(
 
 /// Returns the count that stands for k = 0. Of all levels that leave nearly as many pixels in `0..=most` as the
 /// best one does, it is the highest, which makes the image darkest.
-pub(super) fn base_level(k: &[i32], range: Range, levels: &mut Vec<usize>) -> i32 {
+pub(super) fn base_level(k: &[i32], range: Range, outliers: f64, levels: &mut Vec<usize>) -> i32 {
     let low = *k.iter().min().expect("an image has pixels");
     let high = *k.iter().max().expect("an image has pixels");
     levels.clear();
@@ -46,23 +53,23 @@ pub(super) fn base_level(k: &[i32], range: Range, levels: &mut Vec<usize>) -> i3
     levels.resize(high.abs_diff(low) as usize + 1, 0);
     k.iter().for_each(|&k| levels[k.abs_diff(low) as usize] += 1);
     // An estimate may contain any integers, so no sum may overflow.
-    low.saturating_add(base_level_index(levels, range) as i32)
+    low.saturating_add(base_level_index(levels, range, outliers) as i32)
 }
 
 /// Returns the index of the [`base_level`] for `counts` pixels at each level. A level below the first holds no
 /// more pixels than the first itself.
-pub(super) fn base_level_index(counts: &[usize], range: Range) -> usize {
+pub(super) fn base_level_index(counts: &[usize], range: Range, outliers: f64) -> usize {
     let pixels = counts.iter().sum();
     let in_range =
         |zero: usize| counts[zero..].iter().take(usize::from(range.max_wraps()) + 1).sum::<usize>();
     let best = (0..counts.len()).map(in_range).max().expect("an image has at least one level");
-    let enough = (0..counts.len()).rfind(|&zero| is_enough(in_range(zero), best, pixels, range));
+    let enough = (0..counts.len()).rfind(|&zero| is_enough(in_range(zero), best, pixels, outliers));
     enough.expect("the best level is enough")
 }
 
-/// Returns whether `share` is nearly `best`, within the outliers among so many `pixels`.
-pub(super) fn is_enough(share: usize, best: usize, pixels: usize, range: Range) -> bool {
-    share as f64 >= best as f64 - range.outliers() * pixels as f64
+/// Returns whether `share` is nearly `best`, within the share of outliers among so many `pixels`.
+pub(super) fn is_enough(share: usize, best: usize, pixels: usize, outliers: f64) -> bool {
+    share as f64 >= best as f64 - outliers * pixels as f64
 }
 
 /// The number of steps of one peak; 16 bits hold residuals of up to 256 peaks.
@@ -147,7 +154,7 @@ impl Histogram {
         for (residual, &count) in counted {
             levels[(wraps(residual, offset) - low) as usize] += count as usize;
         }
-        let zero = low + base_level_index(&levels, range) as i32;
+        let zero = low + base_level_index(&levels, range, OUTLIERS) as i32;
         CountRule { offset, zero, most: range.max_wraps().into() }
     }
 
@@ -207,14 +214,14 @@ mod tests {
         let mut k = vec![3; 1000];
         k[0] = 2;
         let range = with_counts_to(1);
-        assert_eq!(base_level(&k, range, &mut Vec::new()), 3);
-        assert_eq!(base_level(&k, range.of_differences(), &mut Vec::new()), 2);
+        assert_eq!(base_level(&k, range, OUTLIERS, &mut Vec::new()), 3);
+        assert_eq!(base_level(&k, range.of_differences(), 0.0, &mut Vec::new()), 2);
     }
 
     #[test]
     fn darkest_offset_that_keeps_the_image_in_range() {
-        assert_eq!(base_level(&[5, 5, 6, 7], with_counts_to(3), &mut Vec::new()), 5);
-        assert_eq!(base_level(&[-1, -1, 0, 0], with_counts_to(1), &mut Vec::new()), -1);
+        assert_eq!(base_level(&[5, 5, 6, 7], with_counts_to(3), OUTLIERS, &mut Vec::new()), 5);
+        assert_eq!(base_level(&[-1, -1, 0, 0], with_counts_to(1), OUTLIERS, &mut Vec::new()), -1);
     }
 
     #[test]
@@ -222,9 +229,13 @@ mod tests {
         let mut k = vec![3; 1000];
         k[500..].fill(4);
         k[..19].fill(-7);
-        assert_eq!(base_level(&k, with_counts_to(1), &mut Vec::new()), 3);
+        assert_eq!(base_level(&k, with_counts_to(1), OUTLIERS, &mut Vec::new()), 3);
         k[..30].fill(2);
-        assert_eq!(base_level(&k, with_counts_to(2), &mut Vec::new()), 2, "more than 2 % are no outliers");
+        assert_eq!(
+            base_level(&k, with_counts_to(2), OUTLIERS, &mut Vec::new()),
+            2,
+            "more than 2 % are no outliers"
+        );
     }
 
     #[test]

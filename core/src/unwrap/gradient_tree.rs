@@ -11,6 +11,7 @@
 
 use std::ops::Range as Indices;
 
+use super::congruence::OUTLIERS;
 use super::tree::{
     BACKGROUND, Bounds, DirectSums, EdgeDirection, EdgeSource, Edges, FLAT as FLAT_IMAGE_KEY, Forest,
     ImageEdges, MAX_KEY, Pixels, Quad, Region, first_difference_keys, key_of_change, place, recover,
@@ -79,20 +80,35 @@ impl Unwrap for GradientTree {
     }
 
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
-        let samples = Integers::checked(y, range)?;
-        out.prepare(y.dim(), self.name());
-        self.unwrap_codes(samples, y.dim(), range, out);
-        Ok(())
+        self.unwrap_within(y, range, OUTLIERS, out)
     }
 }
 
 impl GradientTree {
+    /// Unwraps `y` at the offset that leaves at most a share of `outliers` below the least count.
+    ///
+    /// # Errors
+    /// Those of [`Unwrap::unwrap`].
+    pub(super) fn unwrap_within(
+        &mut self,
+        y: &Frame,
+        range: Range,
+        outliers: f64,
+        out: &mut Recovered,
+    ) -> Result<(), UnwrapError> {
+        let samples = Integers::checked(y, range)?;
+        out.prepare(y.dim(), self.name());
+        self.unwrap_codes(samples, y.dim(), range, outliers, out);
+        Ok(())
+    }
+
     /// Unwraps `samples` of an image of `dim`, all below 2^b, into `out`, which must be prepared.
     pub(super) fn unwrap_codes(
         &mut self,
         samples: Integers<'_>,
         (_, width, channels): (usize, usize, usize),
         range: Range,
+        outliers: f64,
         out: &mut Recovered,
     ) {
         let bounds = self.pixels.read(samples, (width, channels), range);
@@ -107,22 +123,15 @@ impl GradientTree {
             n: [&right.n, &down.n],
             changed: [&right.changed, &down.changed],
         };
-        self.grown = recover(&image, &mut self.sums, &mut self.forest, samples, range, out);
+        self.grown = recover(&image, &mut self.sums, &mut self.forest, samples, range, outliers, out);
     }
 
-    /// Writes the result of the last image, which was `y`, anew, at the offset that the outliers of `range` allow.
-    pub(super) fn place(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
-        out.prepare(y.dim(), self.name());
-        self.place_codes(Integers::of(y)?, range, out);
-        Ok(())
-    }
-
-    /// Writes the result for the last `samples` anew into `out`, which must be prepared, at the offset that the outliers of `range` allow.
-    pub(super) fn place_codes(&mut self, samples: Integers<'_>, range: Range, out: &mut Recovered) {
+    /// Writes the result for the last `samples` anew into `out`, which must be prepared, at the offset that so many outliers allow.
+    pub(super) fn place(&mut self, samples: Integers<'_>, range: Range, outliers: f64, out: &mut Recovered) {
         if self.grown {
-            place(&mut self.forest, samples, range, out);
+            place(&mut self.forest, samples, range, outliers, out);
         } else {
-            self.sums.place(samples, range, out);
+            self.sums.place(samples, range, outliers, out);
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Green sums: unwraps the green pixels of a mosaic by [`gradient_sums`](super::gradient_sums).
 
+use super::congruence::{FEW_OUTLIERS, OUTLIERS};
 use super::gradient_sums::{GradientSums, GreenCodes};
 use super::margin_tree::MarginTree;
 use super::mosaic_image::MosaicImage;
@@ -54,8 +55,8 @@ impl GreenSums {
         tree.grow(codes, sums, range.max_wraps());
         let contradictions = tree.contradictions(codes, sums);
         // Wrong regions must not raise the whole image.
-        let of_zero = if contradictions <= FEW_CONTRADICTIONS { range.of_few_outliers() } else { range };
-        let zero = congruence::base_level(&tree.counts, of_zero, levels);
+        let outliers = if contradictions <= FEW_CONTRADICTIONS { FEW_OUTLIERS } else { OUTLIERS };
+        let zero = congruence::base_level(&tree.counts, range, outliers, levels);
         let mut outside = 0;
         for (row, counts) in tree.counts.chunks_exact(codes.width).enumerate() {
             let counts = counts.iter().map(|count| count.saturating_sub(zero));

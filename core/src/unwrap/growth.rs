@@ -17,10 +17,10 @@
 use ndarray::Array3;
 
 use super::Range;
-use super::jumps::{free_of_jumps, largest_region};
+use super::jumps::Regions;
 
 /// The least weight of the best predictor with which a frame can be predicted. Strong noise and the contours of a perfect lens have less.
-const LEAST_WEIGHT: f32 = 2.5;
+const LEAST_WEIGHT: f32 = 2.0;
 
 /// The greatest weight of the best predictor of an image that is noise: there no neighbour says more than the nearest one.
 const WEIGHT_OF_NOISE: f32 = 1.3;
@@ -52,13 +52,77 @@ pub(super) enum Predictability {
 /// The method with its buffers.
 #[derive(Default)]
 pub(super) struct Growth {
+    regions: Regions,
     /// The known pixels, with a margin around the image.
     known: Vec<bool>,
-    /// The level of each pixel in the queue, and the pixels that have entered each level.
-    levels: Vec<u16>,
-    queue: Vec<Vec<u32>>,
+    queue: Queue,
     /// By the known pixels along a side after the nearest, 0 to 2, and by those across it, 0 to 2.
     predictors: [[Predictor; 3]; 3],
+}
+
+/// The pixels that may be next by their doubt, as one list a level; the last one of a level is its first.
+#[derive(Default)]
+struct Queue {
+    /// The first pixel of each level.
+    heads: Vec<u32>,
+    /// The pixels before and after each pixel, and its level.
+    links: Vec<([u32; 2], u16)>,
+    /// No level below has a pixel.
+    lowest: usize,
+}
+
+/// No pixel.
+const NONE: u32 = u32::MAX;
+
+impl Queue {
+    /// Empties the queue, for so many pixels.
+    fn start(&mut self, pixels: usize) {
+        self.heads.clear();
+        self.heads.resize(LEVELS, NONE);
+        self.links.clear();
+        self.links.resize(pixels, ([NONE; 2], u16::MAX));
+        self.lowest = LEVELS;
+    }
+
+    /// Puts a pixel to the level of its doubt.
+    #[inline(always)]
+    fn push(&mut self, at: usize, doubt: f32) {
+        let level = ((doubt * LEVELS_PER_DOUBT) as usize).min(LEVELS - 1);
+        if usize::from(self.links[at].1) == level {
+            return;
+        }
+        self.remove(at);
+        let after = std::mem::replace(&mut self.heads[level], at as u32);
+        self.links[at] = ([NONE, after], level as u16);
+        if after != NONE {
+            self.links[after as usize].0[0] = at as u32;
+        }
+        self.lowest = self.lowest.min(level);
+    }
+
+    /// Takes a pixel of the least level out.
+    fn pop(&mut self) -> Option<usize> {
+        self.lowest += self.heads.get(self.lowest..)?.iter().take_while(|&&head| head == NONE).count();
+        let at = *self.heads.get(self.lowest)? as usize;
+        self.remove(at);
+        Some(at)
+    }
+
+    /// Takes a pixel out, if it is in the queue.
+    #[inline(always)]
+    fn remove(&mut self, at: usize) {
+        let ([before, after], level) = std::mem::replace(&mut self.links[at], ([NONE; 2], u16::MAX));
+        if level == u16::MAX {
+            return;
+        }
+        match self.links.get_mut(before as usize) {
+            Some(before) => before.0[1] = after,
+            None => self.heads[usize::from(level)] = after,
+        }
+        if let Some(after) = self.links.get_mut(after as usize) {
+            after.0[0] = before;
+        }
+    }
 }
 
 /// The coefficients a, b and c, and the weight.
@@ -130,7 +194,8 @@ impl Growth {
         self.known.clear();
         self.known.resize((height + 2 * MARGIN) * (width + 2 * MARGIN), false);
         let mut size = 0;
-        for run in largest_region(&free_of_jumps(x, 1, range), width) {
+        self.regions.find(x, 1, range);
+        for run in self.regions.largest() {
             size += run.len();
             self.known[layout.padded(run.start)..][..run.len()].fill(true);
         }
@@ -161,52 +226,36 @@ impl Growth {
     }
 
     fn spread<const C: usize>(&mut self, x: &mut [[f32; C]], layout: Layout, range: Range) {
-        self.levels.clear();
-        self.levels.resize(x.len(), u16::MAX);
-        self.queue.resize_with(LEVELS, Vec::new);
+        self.queue.start(x.len());
         for at in 0..x.len() {
             self.offer(x, at, layout, range);
         }
-        let mut lowest = 0;
-        while lowest < LEVELS {
-            let Some(at) = self.queue[lowest].pop() else {
-                lowest += 1;
-                continue;
-            };
-            let (at, pixel) = (at as usize, layout.padded(at as usize));
-            // Only the last entry of a pixel counts.
-            if self.known[pixel] || usize::from(self.levels[at]) != lowest {
-                continue;
-            }
+        while let Some(at) = self.queue.pop() {
+            let pixel = Pixel { image: at, padded: layout.padded(at) };
             let Some((predicted, _)) = self.predict(x, at, layout, range) else { continue };
             for (x, predicted) in x[at].iter_mut().zip(predicted) {
                 *x = range.nearest(*x % range.peak(), predicted).0;
             }
-            self.known[pixel] = true;
+            self.known[pixel.padded] = true;
             for [step, _] in layout.sides() {
-                let next = Pixel { image: at, padded: pixel }.to(step);
+                let next = pixel.to(step);
                 // A pixel of the margin has no place in the image.
                 let column = (next.padded % (layout.width + 2 * MARGIN)).wrapping_sub(MARGIN);
                 if column < layout.width && next.image < x.len() {
-                    lowest = lowest.min(self.offer(x, next.image, layout, range));
+                    self.offer(x, next.image, layout, range);
                 }
             }
         }
     }
 
-    /// Puts a pixel into the queue if it is not known but can be predicted; returns its level.
+    /// Puts a pixel into the queue, or moves it there, if it is not known but can be predicted.
     #[inline(always)]
-    fn offer<const C: usize>(&mut self, x: &[[f32; C]], at: usize, layout: Layout, range: Range) -> usize {
-        if self.known[layout.padded(at)] {
-            return LEVELS;
+    fn offer<const C: usize>(&mut self, x: &[[f32; C]], at: usize, layout: Layout, range: Range) {
+        if !self.known[layout.padded(at)]
+            && let Some((_, doubt)) = self.predict(x, at, layout, range)
+        {
+            self.queue.push(at, doubt);
         }
-        let Some((_, doubt)) = self.predict(x, at, layout, range) else { return LEVELS };
-        let level = ((doubt * LEVELS_PER_DOUBT) as usize).min(LEVELS - 1);
-        if usize::from(self.levels[at]) != level {
-            self.levels[at] = level as u16;
-            self.queue[level].push(at as u32);
-        }
-        level
     }
 
     /// Returns the prediction of a pixel and its doubt; `None` if no neighbour is known.

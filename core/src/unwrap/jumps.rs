@@ -122,12 +122,13 @@ impl Recovered {
         let (height, width, _) = self.x.dim();
         let cell = if mosaic.is_some() { 2 } else { 1 };
         let (rows, columns) = (height.div_ceil(cell), width.div_ceil(cell));
-        let region = largest_region(&free_of_jumps(&self.x, cell, range), columns);
+        let mut regions = Regions::default();
+        regions.find(&self.x, cell, range);
         let mut vouched = Array3::zeros((height, width, 1));
         // In a divided image, no region can be told to be the right one.
-        if region.iter().map(Indices::len).sum::<usize>() as f64 >= LARGEST * (rows * columns) as f64 {
+        if regions.largest().map(|run| run.len()).sum::<usize>() as f64 >= LARGEST * (rows * columns) as f64 {
             let pixels = vouched.as_slice_mut().expect("the array was just made");
-            for run in region {
+            for run in regions.largest() {
                 let (row, column) = (run.start / columns * cell, run.start % columns * cell);
                 for row in row..height.min(row + cell) {
                     pixels[row * width..][..width][column..width.min(column + run.len() * cell)]
@@ -139,31 +140,107 @@ impl Recovered {
     }
 }
 
-/// Returns for each cell of `cell` x `cell` pixels of `x` whether no second difference is above the barrier.
-pub(super) fn free_of_jumps(x: &Array3<f32>, cell: usize, range: Range) -> Vec<bool> {
-    let (height, width, channels) = x.dim();
-    let (columns, limit, stride) = (width.div_ceil(cell), BARRIER * range.peak(), width * channels);
-    let x = x.as_standard_layout();
-    let samples = in_order(x.view());
-    let at = |row: usize| &samples[row * stride..][..stride];
-    let mut free = vec![true; height.div_ceil(cell) * columns];
-    // In a mosaic, the next pixel of the same colour is two pixels away.
-    let step = cell * channels;
-    let mut barred = vec![false; stride];
-    for row in 0..height {
-        barred.fill(false);
-        if width > 2 * cell {
-            bar(&mut barred[step..stride - step], at(row), &at(row)[step..], &at(row)[2 * step..], limit);
-        }
-        if row >= cell && row + cell < height {
-            bar(&mut barred, at(row - cell), at(row), at(row + cell), limit);
-        }
-        let line = &mut free[row / cell * columns..][..columns];
-        widest!(for (free, barred) in line.iter_mut().zip(barred.chunks(step)) {
-            *free &= !barred.iter().fold(false, |any, barred| any | barred);
-        });
+/// Finds the largest region of pixels at which no second difference is above the barrier; with its buffers.
+#[derive(Default)]
+pub(super) struct Regions {
+    /// Whether a cell may belong to a region.
+    free: Vec<bool>,
+    barred: Vec<bool>,
+    /// The free places of each row that are neighbours.
+    runs: Vec<Indices<usize>>,
+    /// For each run an earlier run of its region; the first run of a region has itself.
+    earlier: Vec<usize>,
+    /// The number of places by the first run of a region.
+    sizes: Vec<usize>,
+    /// The first run of the largest region.
+    first: Option<usize>,
+}
+
+impl Regions {
+    /// Finds the largest region of cells of `cell` x `cell` pixels of `x`.
+    pub fn find(&mut self, x: &Array3<f32>, cell: usize, range: Range) {
+        self.free_cells(x, cell, range);
+        self.join(x.dim().1.div_ceil(cell));
     }
-    free
+
+    /// Returns the largest region as the runs of its rows, in the order of the cells; if several regions have this size, the one that
+    /// begins first.
+    pub fn largest(&self) -> impl Iterator<Item = Indices<usize>> {
+        let is_largest = |run: &usize| Some(root(&self.earlier, *run)) == self.first;
+        (0..self.runs.len()).filter(is_largest).map(|run| self.runs[run].clone())
+    }
+
+    /// Finds the cells in which no second difference is above the barrier.
+    fn free_cells(&mut self, x: &Array3<f32>, cell: usize, range: Range) {
+        let Self { free, barred, .. } = self;
+        let (height, width, channels) = x.dim();
+        let (columns, limit, stride) = (width.div_ceil(cell), BARRIER * range.peak(), width * channels);
+        let x = x.as_standard_layout();
+        let samples = in_order(x.view());
+        let at = |row: usize| &samples[row * stride..][..stride];
+        free.clear();
+        free.resize(height.div_ceil(cell) * columns, true);
+        // In a mosaic, the next pixel of the same colour is two pixels away.
+        let step = cell * channels;
+        barred.resize(stride, false);
+        for row in 0..height {
+            barred.fill(false);
+            if width > 2 * cell {
+                let inner = &mut barred[step..stride - step];
+                bar(inner, at(row), &at(row)[step..], &at(row)[2 * step..], limit);
+            }
+            if row >= cell && row + cell < height {
+                bar(barred, at(row - cell), at(row), at(row + cell), limit);
+            }
+            let line = &mut free[row / cell * columns..][..columns];
+            widest!(for (free, barred) in line.iter_mut().zip(barred.chunks(step)) {
+                *free &= !barred.iter().fold(false, |any, barred| any | barred);
+            });
+        }
+    }
+
+    /// Joins the free places of rows of `columns` places to regions.
+    fn join(&mut self, columns: usize) {
+        let Self { free, runs, earlier, sizes, .. } = self;
+        runs.clear();
+        earlier.clear();
+        sizes.clear();
+        // Reserved for the worst case, so that no later image of this size allocates.
+        runs.reserve(free.len());
+        earlier.reserve(free.len());
+        sizes.reserve(free.len());
+        let mut above = 0;
+        for (row, line) in free.chunks_exact(columns).enumerate() {
+            let (first, mut at) = (runs.len(), row * columns);
+            for places in line.chunk_by(|a, b| a == b) {
+                if places[0] {
+                    earlier.push(runs.len());
+                    runs.push(at..at + places.len());
+                }
+                at += places.len();
+            }
+            for here in first..runs.len() {
+                let run = runs[here].clone();
+                while above < first && runs[above].end + columns <= run.start {
+                    above += 1;
+                }
+                // The last of them may also touch the next run.
+                for upper in (above..first).take_while(|&upper| runs[upper].start + columns < run.end) {
+                    let roots = [upper, here].map(|run| root(earlier, run));
+                    // The ways to the first run are shortened, too.
+                    for run in [roots[0], roots[1], upper, here] {
+                        earlier[run] = roots[0].min(roots[1]);
+                    }
+                }
+            }
+            above = first;
+        }
+        sizes.resize(runs.len(), 0);
+        for (at, run) in runs.iter().enumerate() {
+            sizes[root(earlier, at)] += run.len();
+        }
+        self.first = (0..runs.len()).rev().max_by_key(|&run| sizes[run]);
+    }
 }
 
 /// Marks in `barred` where a second difference is above `limit`.
@@ -173,48 +250,9 @@ fn bar(barred: &mut [bool], before: &[f32], here: &[f32], after: &[f32], limit: 
     });
 }
 
-/// Returns the largest region of free places, which are neighbours along rows and columns of `columns` places, as the runs of its rows.
-/// If several regions have this size, the one that begins first is returned.
-pub(super) fn largest_region(free: &[bool], columns: usize) -> Vec<Indices<usize>> {
-    let mut runs: Vec<Indices<usize>> = Vec::new();
-    // For each run an earlier run of its region; the first run of a region has itself.
-    let mut earlier = Vec::new();
-    let mut above = 0;
-    for (row, line) in free.chunks_exact(columns).enumerate() {
-        let (first, mut at) = (runs.len(), row * columns);
-        for places in line.chunk_by(|a, b| a == b) {
-            if places[0] {
-                earlier.push(runs.len());
-                runs.push(at..at + places.len());
-            }
-            at += places.len();
-        }
-        for here in first..runs.len() {
-            let run = runs[here].clone();
-            while above < first && runs[above].end + columns <= run.start {
-                above += 1;
-            }
-            // The last of them may also touch the next run.
-            for upper in (above..first).take_while(|&upper| runs[upper].start + columns < run.end) {
-                let roots = [upper, here].map(|run| root(&mut earlier, run));
-                earlier[roots[0].max(roots[1])] = roots[0].min(roots[1]);
-            }
-        }
-        above = first;
-    }
-    let mut sizes = vec![0; runs.len()];
-    for (at, run) in runs.iter().enumerate() {
-        sizes[root(&mut earlier, at)] += run.len();
-    }
-    let largest = (0..runs.len()).rev().max_by_key(|&at| sizes[at]);
-    let is_largest = |at: usize, earlier: &mut [usize]| Some(root(earlier, at)) == largest;
-    (0..runs.len()).filter(|&at| is_largest(at, &mut earlier)).map(|at| runs[at].clone()).collect()
-}
-
-/// Returns the first run of the region of `run`, and shortens the way to it.
-fn root(earlier: &mut [usize], mut run: usize) -> usize {
+/// Returns the first run of the region of `run`.
+fn root(earlier: &[usize], mut run: usize) -> usize {
     while earlier[run] != run {
-        earlier[run] = earlier[earlier[run]];
         run = earlier[run];
     }
     run
@@ -318,8 +356,10 @@ mod tests {
             let free: Vec<bool> = (0..rows * columns)
                 .map(|at| bit(bits[at % 3], at) || (is_dense && bit(bits[(at + 1) % 3], at)))
                 .collect();
-            let region: Vec<usize> = largest_region(&free, columns).into_iter().flatten().collect();
-            prop_assert_eq!(region, largest_by_numbers(&free, columns));
+            let mut regions = Regions { free, ..Regions::default() };
+            regions.join(columns);
+            let region: Vec<usize> = regions.largest().flatten().collect();
+            prop_assert_eq!(region, largest_by_numbers(&regions.free, columns));
         }
     }
 

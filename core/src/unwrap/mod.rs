@@ -32,6 +32,7 @@ use ndarray::Array3;
 
 pub use crate::range::{Range, RangeError};
 pub use auto::{Auto, TrustLimits};
+pub use edges::Sharpness;
 pub use gradient_tree::GradientTree;
 pub use itoh::Itoh;
 pub use lines::Lines;
@@ -117,6 +118,9 @@ impl FromStr for Method {
 pub trait Unwrap: Send {
     /// Returns the name of the method, as in [`METHODS`].
     fn name(&self) -> &'static str;
+
+    /// Tells a method that judges its results how sharp the edges of the next images may be; before, the lens is unknown.
+    fn expect_edges(&mut self, _sharpness: Sharpness) {}
 
     /// Writes radiance and wrap counts of `y` (values below 2^b) into `out`, whose buffers are reused when the
     /// shape is the same.
@@ -212,9 +216,6 @@ pub struct QualityMetrics {
     /// The fraction of the 2 x 2 loops whose wrapped mixed difference `|M_b(d_x d_y y)|` is above 3/8 of the peak
     /// (96 of 256).
     pub steep: f32,
-    /// The least share, over all rows and columns, of the pixels of a line that agree on how it continues the
-    /// line before, 0 to 1. An error that runs along lines divides the line at which it starts.
-    pub consensus: f32,
     /// The fraction of the samples whose count was out of range and was clamped: they contradict the others.
     pub clamped: f32,
     /// The second differences of the result along rows and columns that are above one peak, per sample. Only `auto`

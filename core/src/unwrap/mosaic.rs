@@ -11,6 +11,7 @@
 
 use super::auto::{FEWEST_BITS, STRONG_NOISE};
 use super::defects::Defects;
+use super::edges::{Arrangement, Sharpness};
 use super::green_sums::{Doubts, FEW_CONTRADICTIONS, GreenSums};
 use super::lattice::{Lattice, Others};
 use super::mosaic_image::MosaicImage;
@@ -56,6 +57,7 @@ pub(super) struct MosaicUnwrap {
     /// The result of a further pass.
     next: Recovered,
     offset: OffsetFinder,
+    sharpness: Sharpness,
 }
 
 impl MosaicUnwrap {
@@ -77,6 +79,7 @@ impl MosaicUnwrap {
             green: Recovered::default(),
             next: Recovered::default(),
             offset: OffsetFinder::new(options.successive),
+            sharpness: Sharpness::default(),
         })
     }
 
@@ -173,12 +176,17 @@ impl Unwrap for MosaicUnwrap {
         self.method.name()
     }
 
+    fn expect_edges(&mut self, sharpness: Sharpness) {
+        self.sharpness = sharpness;
+    }
+
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
         match y.mosaic() {
             Some(mosaic) => self.unwrap_mosaic(y, mosaic, range, out)?,
             None => self.method.unwrap(y, range, out)?,
         }
-        edges::withhold_trust(out, y.mosaic().is_some(), range);
+        let arrangement = if y.mosaic().is_some() { Arrangement::Mosaic } else { Arrangement::Next };
+        edges::withhold_trust(out, arrangement, self.sharpness, range);
         self.offset.settle(out, y.mosaic().is_some(), range);
         Ok(())
     }

@@ -106,7 +106,7 @@ impl OtherColour {
         range: Range,
         out: &mut Recovered,
     ) -> OtherDoubts {
-        let zero = congruence::base_level(&self.counts, range, &mut self.levels);
+        let zero = congruence::base_level(&self.counts, range, congruence::OUTLIERS, &mut self.levels);
         let mut outside = 0;
         let rows = self.counts.chunks_exact((image.width - column).div_ceil(2));
         for (counts, row) in rows.zip((first..).step_by(2)) {

@@ -43,6 +43,7 @@ impl SmoothedTree {
         tree: &mut GradientTree,
         dim: (usize, usize, usize),
         range: Range,
+        outliers: f64,
         out: &mut Recovered,
     ) {
         let Self { smoothing, codes, noise, smoothed, smooth, .. } = self;
@@ -52,13 +53,13 @@ impl SmoothedTree {
         let half = (1 << shift) >> 1;
         smoothed.iter_mut().for_each(|code| *code = code.wrapping_add(half) >> shift);
         smooth.prepare(dim, SMOOTHED_TREE);
-        tree.unwrap_codes(Integers::U16(smoothed), dim, range, smooth);
+        tree.unwrap_codes(Integers::U16(smoothed), dim, range, outliers, smooth);
         self.lift(SMOOTHED_TREE, range, out);
     }
 
-    /// Writes the last result of `tree` anew, at the offset that the outliers of `range` allow.
-    pub fn place(&mut self, tree: &mut GradientTree, range: Range, out: &mut Recovered) {
-        tree.place_codes(Integers::U16(&self.smoothed), range, &mut self.smooth);
+    /// Writes the last result of `tree` anew, at the offset that so many outliers allow.
+    pub fn place(&mut self, tree: &mut GradientTree, range: Range, outliers: f64, out: &mut Recovered) {
+        tree.place(Integers::U16(&self.smoothed), range, outliers, &mut self.smooth);
         self.lift(SMOOTHED_TREE, range, out);
     }
 

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Parser;
 use clap::builder::Resettable;
+use modulo_core::unwrap::Sharpness;
 use modulo_core::{Frame, Psf};
 use modulo_images::read_codes;
 use modulo_runtime::SensorModel;
@@ -56,7 +57,8 @@ pub fn unwrap_files(
 ) -> Result<RunOutcome, BenchError> {
     let sensor = request.sensor.first();
     // A sigma of 0 stands for a lens that is not given.
-    let range = if sensor.psf() == Psf::None { sensor.range()? } else { sensor.range_behind_lens()? };
+    let sharpness = if sensor.psf() == Psf::None { Sharpness::Unknown } else { sensor.sharpness() };
+    let range = sensor.range()?;
     if range.limit() > 65536.0 {
         let why = "the results have 16 bits, which cannot hold alpha * 2^bits above 65536; use the node unwrap for floats";
         return Err(BenchError::Option(why.to_owned()));
@@ -72,7 +74,8 @@ pub fn unwrap_files(
         })
     });
     let capture = |name: &str, y: &Frame, sensor| {
-        Ok(Capture { y: y.clone(), sensor, range, name: name.to_owned(), counts: true, truth: None })
+        let (y, name) = (y.clone(), name.to_owned());
+        Ok(Capture { y, sensor, range, sharpness, name, counts: true, truth: None })
     };
     let sensors = std::slice::from_ref(&sensor);
     runner.run((pictures, files.len()), sensors, capture, tell)

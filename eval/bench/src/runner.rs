@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use clap::{Args, value_parser};
 use modulo_core::metric::{mse, psnr_db, quantile, ssim};
-use modulo_core::unwrap::{METHODS, Options, by_name, of_gains};
+use modulo_core::unwrap::{METHODS, Options, Sharpness, by_name, of_gains};
 use modulo_core::{
     Exposure, Frame, Gains, MAX_THREADS, Range, Recovered, Samples, TwoGains, Unwrap, UnwrapError, tone,
 };
@@ -106,6 +106,8 @@ pub(crate) struct Capture<'a> {
     pub y: Frame,
     pub sensor: &'a SensorModel,
     pub range: Range,
+    /// How sharp its edges may be.
+    pub sharpness: Sharpness,
     /// What the names of the written images begin with.
     pub name: String,
     /// Whether wrap counts and code units are written, too.
@@ -233,6 +235,7 @@ fn recover(
 ) -> Result<Row, BenchError> {
     let Capture { y, sensor, range, truth, .. } = capture;
     let mut recovered = Recovered::default();
+    method.expect_edges(capture.sharpness);
     let ms = median_time(options.repeats, || method.unwrap(y, *range, &mut recovered));
     let ms = ms.map_err(|why| match truth {
         Some(_) => why.into(),

@@ -120,9 +120,9 @@ impl SimulationRequest {
             // The sensor counts whole codes.
             save_counts(path, &exposure.wraps(), &exposure.x().mapv(f32::floor), exposure.range())?;
         }
-        let range = model.range_behind_lens()?;
+        let (range, sharpness) = (exposure.range(), model.sharpness());
         let truth = Some((exposure, *white, self.seed));
-        Ok(Capture { y, sensor: model, range, name, counts: self.counts, truth })
+        Ok(Capture { y, sensor: model, range, sharpness, name, counts: self.counts, truth })
     }
 }
 

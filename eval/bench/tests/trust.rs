@@ -13,7 +13,7 @@ mod data;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use modulo_core::unwrap::{Options, Range, Trust, by_name};
+use modulo_core::unwrap::{Options, Range, Trust, by_name, of_gains};
 use modulo_core::{Frame, Mosaic, Psf, Recovered, Sensor, SensorConfig, Transfer};
 use modulo_images::{EXTENSIONS, White, read_image};
 use modulo_runtime::SensorModel;
@@ -258,8 +258,17 @@ impl Draws {
     }
 }
 
-/// Exposes a sharp shape of any step by any sensor with one gain and a known lens; returns what was drawn, if it is trusted and wrong, and whether it is trusted.
-fn drawn(seed: u64) -> (Option<String>, bool) {
+/// The kinds of sensors by which shapes are exposed, all with a known lens.
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    /// One gain; some have a mosaic.
+    OneGain,
+    Mosaic,
+    Checkerboard,
+}
+
+/// Exposes a sharp shape of any step by any sensor of a kind; returns what was drawn, if it is trusted and wrong, and whether it is trusted.
+fn drawn(seed: u64, kind: Kind) -> (Option<String>, bool) {
     let mut draws = Draws(seed);
     let dim = (draws.of(40.0, 130.0) as usize, draws.of(60.0, 180.0) as usize);
     let alpha =
@@ -267,8 +276,10 @@ fn drawn(seed: u64) -> (Option<String>, bool) {
     let psf_sigma = draws.pick(&[0.0, 0.3, 0.5, 0.8, 1.0, 1.2, 1.4, 2.0]);
     let bits = draws.pick(&[8, 8, 8, 4, 6, 10, 12]);
     let read_noise = draws.pick(&[0.0, 0.0, 0.0, 1.0, 3.0, 10.0, 30.0]) * f64::from(1u16 << bits) / 256.0;
-    let channels = draws.pick(&[1, 1, 3]);
-    let mosaic = (channels == 3 && draws.next() < 0.2).then_some(Mosaic::Rggb);
+    let channels = if kind == Kind::Mosaic { 3 } else { draws.pick(&[1, 1, 3]) };
+    let has_mosaic = kind == Kind::Mosaic || kind == Kind::OneGain && channels == 3 && draws.next() < 0.2;
+    let mosaic = has_mosaic.then_some(Mosaic::Rggb);
+    let gains = kind == Kind::Checkerboard;
     let optical_black = draws.pick(&[0, 32, 32]);
     let step = match (4.0 * draws.next()) as usize {
         0 => (draws.of(0.0, 2.0 * alpha)).floor() / 2.0,
@@ -285,12 +296,14 @@ fn drawn(seed: u64) -> (Option<String>, bool) {
         let ramp = if inside && cover == 0.0 { 0.0 } else { slope * (i + j) as f32 / (dim.0 + dim.1) as f32 };
         (tint[c] * (dark * (1.0 - step) + ramp + step * cover)).min(1.0)
     });
-    let sensor =
-        SensorModel { bits, alpha, psf_sigma, read_noise, mosaic, optical_black, ..SensorModel::default() };
+    let sensor = SensorModel { bits, alpha, psf_sigma, read_noise, mosaic, gains, ..SensorModel::default() };
+    let sensor = SensorModel { optical_black, ..sensor };
     let exposure = sensor.simulated().unwrap().expose(light.view(), seed).unwrap();
-    let mut method = by_name("auto", &Options::default()).unwrap();
+    let method = of_gains(sensor.gains().unwrap());
+    let mut method = method.unwrap_or_else(|| by_name("auto", &Options::default()).unwrap());
     let mut out = Recovered::default();
-    method.unwrap(&exposure.modulo(), sensor.range_behind_lens().unwrap(), &mut out).unwrap();
+    method.expect_edges(sensor.sharpness());
+    method.unwrap(&exposure.modulo(), exposure.range(), &mut out).unwrap();
     let (exact, is_trusted) = (exposure.exact_share(&out.k).unwrap(), out.report.trust == Trust::Trusted);
     let what = || {
         format!(
@@ -301,18 +314,32 @@ fn drawn(seed: u64) -> (Option<String>, bool) {
     ((is_trusted && exact < 0.999).then(what), is_trusted)
 }
 
-/// `MODULO_DRAWS=10000` tests so many of them.
-#[test]
-fn sharp_shapes_behind_a_known_lens_are_never_trusted_and_wrong() {
+/// Tests 600 shapes; `MODULO_DRAWS=10000` tests so many of them.
+fn never_trusted_and_wrong_behind_a_known_lens(kind: Kind) {
     let count: u64 =
         std::env::var("MODULO_DRAWS").map_or(600, |count| count.parse().expect("a number of draws"));
     let first: u64 = std::env::var("MODULO_FIRST_DRAW").map_or(0, |first| first.parse().expect("a number"));
-    let results: Vec<_> = (first..first + count).map(drawn).collect();
+    let results: Vec<_> = (first..first + count).map(|seed| drawn(seed, kind)).collect();
     let trusted = results.iter().filter(|(_, trusted)| *trusted).count();
     let wrong: Vec<_> = results.into_iter().filter_map(|(wrong, _)| wrong).collect();
     println!("{count} shapes, {trusted} trusted, {} of them wrong", wrong.len());
     assert!(wrong.is_empty(), "{wrong:#?}");
-    assert!(trusted * 10 > count as usize, "{trusted} of {count} are trusted");
+    assert!(trusted * 12 > count as usize, "{trusted} of {count} are trusted");
+}
+
+#[test]
+fn sharp_shapes_behind_a_known_lens_are_never_trusted_and_wrong() {
+    never_trusted_and_wrong_behind_a_known_lens(Kind::OneGain);
+}
+
+#[test]
+fn sharp_shapes_on_a_mosaic_behind_a_known_lens_are_never_trusted_and_wrong() {
+    never_trusted_and_wrong_behind_a_known_lens(Kind::Mosaic);
+}
+
+#[test]
+fn sharp_shapes_with_two_gains_behind_a_known_lens_are_never_trusted_and_wrong() {
+    never_trusted_and_wrong_behind_a_known_lens(Kind::Checkerboard);
 }
 
 /// Stairs whose steps are half a peak look like stairs that fall, which leave the range.

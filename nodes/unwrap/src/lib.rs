@@ -15,8 +15,8 @@ use std::sync::Arc;
 use modulo_core::deblur::Deblur;
 use modulo_core::denoise::Denoise;
 use modulo_core::unwrap::{
-    Method, Options, QualityMetrics, Recovered, Report, ThresholdOn, Trust, TrustLimits, Unwrap, UnwrapError,
-    of_gains,
+    Method, Options, QualityMetrics, Recovered, Report, Sharpness, ThresholdOn, Trust, TrustLimits, Unwrap,
+    UnwrapError, of_gains,
 };
 use modulo_core::{Frame, FrameError, MAX_THREADS, Psf, Range, tone};
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
@@ -43,8 +43,8 @@ const UNDESCRIBED: &str = "no sensor description has come on the topic sensor_in
 modulo_runtime::parameters! {
     /// The parameters of the `unwrap` node.
     pub struct UnwrapParameters {
-        /// Unwrapping method. auto starts with lines and takes gradient_tree where the image is too steep for lines; where noise
-        /// makes it steep, it takes a tree on smoothed codes, or spud. Images of a sensor with two gains (see gains) have a
+        /// Unwrapping method. auto tries lines, gradient_tree, a tree on smoothed codes, and growth of what is known (spud where noise hides
+        /// all), until a result does not contradict itself. Images of a sensor with two gains (see gains) have a
         /// method of their own.
         method: Method = Method::Auto => Method::ALL,
         /// Number of threads that unwrapping may use. The result does not depend on it.
@@ -55,10 +55,8 @@ modulo_runtime::parameters! {
         /// Removes noise from the recovered and the hdr image after unwrapping (total variation), as much of it as the camera's sensor
         /// description states. Without a description, or for a sensor without noise, nothing changes.
         denoise: bool = false,
-        /// For auto: the largest fraction of steep 2 x 2 loops with which it trusts lines.
+        /// For auto: the largest fraction of steep 2 x 2 loops with which it trusts a result in a single colour.
         trust_lines: f64 = TrustLimits::default().lines => 0.0..=1.0,
-        /// For auto: the smallest fraction of each row and column that must agree before it trusts lines.
-        trust_consensus: f64 = TrustLimits::default().consensus => 0.0..=1.0,
         /// For auto: the largest number of second differences of the result above one peak, per sample, with which it trusts
         /// a result.
         trust_jumps: f64 = TrustLimits::default().jumps => 0.0..=2.0,
@@ -170,13 +168,15 @@ impl UnwrapNode {
         if self.sensor.as_ref().is_none_or(|prepared| prepared.model != model) {
             let blur = Some(model.psf()).filter(|psf| self.parameters.deblur && *psf != Psf::None);
             let deblur = blur.map(Deblur::new);
-            let range = if camera.is_some() || self.parameters.sensor.has_lens() {
+            let sharpness = if camera.is_some() || self.parameters.sensor.has_lens() {
                 model.warn_if_unfit();
-                model.range_behind_lens()?
+                model.sharpness()
             } else {
-                model.range()?
+                Sharpness::Unknown
             };
-            let of_gains = of_gains(model.gains()?);
+            let range = model.range()?;
+            let mut of_gains = of_gains(model.gains()?);
+            of_gains.as_mut().unwrap_or(&mut self.method).expect_edges(sharpness);
             let denoise = if self.parameters.denoise { Denoise::new(model.config()?) } else { None };
             self.sensor = Some(Prepared { model, range, deblur, denoise, of_gains });
         }
@@ -430,11 +430,10 @@ fn describe(node: &str, header: &Header, method: &str, report: &Report) -> Diagn
     if let Some(evidence) = report.offset_evidence() {
         values.push(("offset", evidence.to_owned()));
     }
-    if let Some(QualityMetrics { residues, steep, consensus, clamped, jumps, defects }) = report.quality {
+    if let Some(QualityMetrics { residues, steep, clamped, jumps, defects }) = report.quality {
         let shares = [
             ("residues", residues),
             ("steep", steep),
-            ("consensus", consensus),
             ("clamped", clamped),
             ("jumps", jumps),
             ("defects", defects),

@@ -221,9 +221,7 @@ fn the_recovered_image_is_shown_as_the_pictures_that_the_camera_sees() {
 
 #[test]
 fn what_only_one_method_reads_is_checked_for_all() {
-    for (name, value) in
-        [("threads", "0"), ("trust_lines", "-0.1"), ("trust_consensus", "1.5"), ("tau", "-1")]
-    {
+    for (name, value) in [("threads", "0"), ("trust_lines", "-0.1"), ("trust_jumps", "2.5"), ("tau", "-1")] {
         let refused = UnwrapParameters::from_text(&[(name, value)]);
         assert!(refused.is_err_and(|why| why.to_string().contains(name)), "{name} = {value}");
     }

@@ -94,8 +94,6 @@ class Quality(NamedTuple):
     """The share of the 2 x 2 loops around which the wrapped differences do not sum to 0."""
     steep: float
     """The share of the 2 x 2 loops whose wrapped mixed difference is above 3/8 of the peak."""
-    consensus: float
-    """The least share, over all rows and columns, of the pixels that agree on how a line continues the line before."""
     clamped: float
     """The share of the samples whose count was out of range and was clamped."""
     jumps: float
@@ -351,7 +349,6 @@ def unwrap(
     tau: float = 0.1,
     threshold_on: str = "phi",
     trust_lines: float = 1e-5,
-    trust_consensus: float = 0.7,
     trust_jumps: float = 2e-5,
     confidence: bool = False,
 ) -> Unwrapped:
@@ -387,9 +384,7 @@ def unwrap(
     threshold_on : str, one of phi, rho
         For spud: the threshold acts on the coefficients after the division (phi) or before it (rho).
     trust_lines : float, a finite number in 0 to 1
-        For auto: the largest fraction of steep 2 x 2 loops with which it trusts lines.
-    trust_consensus : float, a finite number in 0 to 1
-        For auto: the smallest fraction of each row and column that must agree before it trusts lines.
+        For auto: the largest fraction of steep 2 x 2 loops with which it trusts a result in a single colour.
     trust_jumps : float, a finite number in 0 to 2
         For auto: the largest number of second differences of the result above one peak, per sample, with which it trusts a result.
     confidence : bool
@@ -432,7 +427,6 @@ def unwrap(
         "tau": tau,
         "threshold_on": threshold_on,
         "trust_lines": trust_lines,
-        "trust_consensus": trust_consensus,
         "trust_jumps": trust_jumps,
     }
     x, k, (used, trusted, offset, quality, image) = _core.unwrap(y, parameters, confidence)

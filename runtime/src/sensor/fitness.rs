@@ -2,10 +2,10 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use modulo_core::{Psf, Range};
+use modulo_core::Psf;
+use modulo_core::unwrap::Sharpness;
 
 use super::parameters::SensorModel;
-use crate::parameter::ParameterError;
 
 /// The widths of the lenses of [`MEASURED`], in px.
 const LENSES: [f64; 6] = [0.0, 0.5, 0.8, 1.0, 1.4, 2.0];
@@ -42,19 +42,12 @@ impl SensorModel {
         fit[softer.saturating_sub(1)]
     }
 
-    /// Returns the range of a sensor whose lens is known, as [`SensorModel::range`] does, with what the lens and the fitness mean for trust.
-    ///
-    /// # Errors
-    /// [`ParameterError`] of the first value that is out of its range.
-    pub fn range_behind_lens(&self) -> Result<Range, ParameterError> {
-        let edge =
-            if self.alpha > self.fit_up_to() { f64::INFINITY } else { self.alpha * self.edge_of_lens() };
-        Ok(self.range()?.with_edge(edge))
-    }
-
-    /// Returns the largest second difference of an edge of height 1; 0 where samples of another gain tell how high an edge is.
-    fn edge_of_lens(&self) -> f64 {
-        if self.gains { 0.0 } else { self.psf().bend() }
+    /// Returns what the lens, which must be known, and the fitness say about the edges of the images.
+    pub fn sharpness(&self) -> Sharpness {
+        if self.alpha > self.fit_up_to() {
+            return Sharpness::Unfit;
+        }
+        Sharpness::UpTo(self.alpha * self.psf().bend())
     }
 
     /// Returns what is to be expected of this sensor, if its alpha is too large for it.

@@ -15,8 +15,6 @@ pub(super) struct ColumnConstants<W> {
     pub sums: Vec<W>,
     line: Vec<W>,
     votes: VoteCounter,
-    /// The least number of rows that agree on a column, over all columns and channels.
-    pub least_agreement: usize,
 }
 
 /// An image whose rows have been summed.
@@ -40,7 +38,6 @@ impl<W: Word> ColumnConstants<W> {
         // Reserved even if no vote is counted, so that no later frame of this size allocates.
         self.line.reserve(height);
         self.votes.start::<W>();
-        self.least_agreement = height;
         let mut checks = [MajorityCheck::new(range); 3];
         self.constants.clear();
         for lane in 0..summed.layout.last(0) {
@@ -58,9 +55,8 @@ impl<W: Word> ColumnConstants<W> {
                 summed.second_difference_votes(lane, self.constants[lane - channels], &mut self.line);
                 let second = self.votes.count(&self.line);
                 check.record(constant != second.value);
-                (constant, count) = (second.value, second.count);
+                constant = second.value;
             }
-            self.least_agreement = self.least_agreement.min(count);
             self.constants.push(constant);
         }
         self.sum(summed.layout);

@@ -33,9 +33,15 @@ struct Extent<W> {
 }
 
 impl<W: Word> Levels<'_, W> {
-    /// Finds the base level; `sums` and `counts` are buffers.
+    /// Finds the base level, below which a share of `outliers` may be; `sums` and `counts` are buffers.
     #[inline(always)]
-    pub fn zero(&self, range: Range, sums: &mut Vec<W>, counts: &mut Vec<usize>) -> BaseLevel<W> {
+    pub fn zero(
+        &self,
+        range: Range,
+        outliers: f64,
+        sums: &mut Vec<W>,
+        counts: &mut Vec<usize>,
+    ) -> BaseLevel<W> {
         let most = range.max_wraps();
         counts.clear();
         counts.reserve(TURNS << W::BITS);
@@ -45,7 +51,7 @@ impl<W: Word> Levels<'_, W> {
         let mut zero = BaseLevel { level: extent.low, outside: 0 };
         // If all levels fit the range, those above the base level need not be counted.
         if (0..self.layout.channels).all(|channel| span(channel) <= u16::from(most)) {
-            self.raise_level(&mut zero, range, sums);
+            self.raise_level(&mut zero, outliers, sums);
         } else {
             let most_levels = (0..self.layout.channels).map(|channel| usize::from(span(channel)) + 1).max();
             let few = most_levels.filter(|&levels| levels <= FEW_LEVELS);
@@ -57,7 +63,7 @@ impl<W: Word> Levels<'_, W> {
                     Some(table) => counts.iter_mut().zip(table).for_each(|(count, of)| *count = of[channel]),
                     None => self.histogram(channel, extent.low[channel], sums, counts),
                 }
-                let index = congruence::base_level_index(counts, range);
+                let index = congruence::base_level_index(counts, range, outliers);
                 let inside = counts[index..].iter().take(usize::from(most) + 1);
                 zero.outside += counts.iter().sum::<usize>() - inside.sum::<usize>();
                 *level = level.plus(W::low(index as u16));
@@ -68,7 +74,7 @@ impl<W: Word> Levels<'_, W> {
 
     /// Raises the base level while few enough samples are below it; every k is in range.
     #[inline(always)]
-    fn raise_level(&self, zero: &mut BaseLevel<W>, range: Range, sums: &mut Vec<W>) {
+    fn raise_level(&self, zero: &mut BaseLevel<W>, outliers: f64, sums: &mut Vec<W>) {
         let RowLayout { height, width, channels } = self.layout;
         let pixels = height * width;
         let mut below = [0; 3];
@@ -77,8 +83,12 @@ impl<W: Word> Levels<'_, W> {
             let counts = self.count(&zero.level, sums);
             let before = zero.level;
             for channel in 0..channels {
-                let enough =
-                    congruence::is_enough(pixels - below[channel] - counts[channel], pixels, pixels, range);
+                let enough = congruence::is_enough(
+                    pixels - below[channel] - counts[channel],
+                    pixels,
+                    pixels,
+                    outliers,
+                );
                 below[channel] += if enough { counts[channel] } else { 0 };
                 zero.level[channel] = zero.level[channel].plus(W::one_if(enough));
             }

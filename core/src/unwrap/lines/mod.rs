@@ -30,6 +30,7 @@ use layout::{CodeRows, RowLayout, share};
 use levels::Levels;
 use rows::{PrefixSums, Rows};
 
+use super::congruence::OUTLIERS;
 use super::wrapped::Word;
 use super::{Integers, QualityMetrics, Range, Recovered, Unwrap, UnwrapError};
 use crate::frame::Frame;
@@ -89,24 +90,30 @@ impl Lines {
         })
     }
 
-    /// Takes the last steps for the image whose rows were summed.
+    /// Takes the last steps for the image whose rows were summed; a share of `outliers` may be below the least count.
     ///
     /// # Errors
     /// Those of [`Unwrap::unwrap`].
-    pub(super) fn finish(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
+    pub(super) fn finish(
+        &mut self,
+        y: &Frame,
+        range: Range,
+        outliers: f64,
+        out: &mut Recovered,
+    ) -> Result<(), UnwrapError> {
         out.prepare(y.dim(), self.name());
         let layout = RowLayout::of(y);
         match Integers::of(y)? {
             Integers::U8(codes) => {
                 let samples = CodeRows::new(codes, layout, range);
                 if is_narrow(range) {
-                    self.bytes.finish(&samples, layout, range, out);
+                    self.bytes.finish(&samples, layout, range, outliers, out);
                 } else {
-                    self.words.finish(&samples, layout, range, out);
+                    self.words.finish(&samples, layout, range, outliers, out);
                 }
             }
             Integers::U16(codes) => {
-                self.words.finish(&CodeRows::new(codes, layout, range), layout, range, out)
+                self.words.finish(&CodeRows::new(codes, layout, range), layout, range, outliers, out)
             }
         }
         Ok(())
@@ -125,7 +132,7 @@ impl Unwrap for Lines {
 
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
         self.scan_from(0, y, range)?;
-        self.finish(y, range, out)
+        self.finish(y, range, OUTLIERS, out)
     }
 }
 
@@ -170,8 +177,14 @@ impl<W: Word> Buffers<W> {
         None
     }
 
-    fn finish<S>(&mut self, samples: &CodeRows<'_, S>, layout: RowLayout, range: Range, out: &mut Recovered)
-    where
+    fn finish<S>(
+        &mut self,
+        samples: &CodeRows<'_, S>,
+        layout: RowLayout,
+        range: Range,
+        outliers: f64,
+        out: &mut Recovered,
+    ) where
         S: Copy + Into<u16>,
     {
         // The counters of the last rows are not full, but belong to the totals.
@@ -180,7 +193,7 @@ impl<W: Word> Buffers<W> {
         let levels = Levels { layout, rows: &self.rows, constants: &self.constants.sums };
         let Self { offsets, counts, .. } = self;
         let (outside, jumps) = widest!({
-            let zero = levels.zero(range, offsets, counts);
+            let zero = levels.zero(range, outliers, offsets, counts);
             (zero.outside, levels.write(samples, &zero, range, offsets, out))
         });
         out.report.quality = Some(self.quality(layout, outside, jumps));
@@ -200,12 +213,9 @@ impl<W: Word> Buffers<W> {
 
     fn quality(&self, layout: RowLayout, outside: usize, jumps: u64) -> QualityMetrics {
         let RowLayout { height, width, channels } = layout;
-        let [row, column] =
-            [share(self.rows.least_agreement, width), share(self.constants.least_agreement, height)];
         QualityMetrics {
             residues: layout.share_of_loops(self.gradient.residues),
             steep: layout.share_of_loops(self.gradient.suspect),
-            consensus: row.min(column),
             clamped: share(outside, height * width * channels),
             jumps: share(jumps as usize, height * width * channels),
             defects: 0.0,

@@ -16,8 +16,6 @@ pub(super) struct Rows<W> {
     checks: Vec<MajorityCheck>,
     line: Vec<W>,
     votes: VoteCounter,
-    /// The least number of columns that agree on a row, over all rows and channels.
-    pub least_agreement: usize,
 }
 
 /// A row of codes, the one above, and the one above that.
@@ -42,7 +40,6 @@ impl<W: Word> Rows<W> {
         self.line.clear();
         self.line.reserve(layout.width);
         self.votes.start::<W>();
-        self.least_agreement = layout.width;
     }
 
     /// Returns k of row `i`, which is 0 in its first pixel.
@@ -68,7 +65,6 @@ impl<W: Word> Rows<W> {
                 let vote = Vote { value: guess[channel], count: counts.agree[channel] };
                 let vote = self.join(i, codes, channel, vote, counts.steep[channel]);
                 offsets[channel] = offsets[channel].plus(vote.value);
-                self.least_agreement = self.least_agreement.min(vote.count);
             }
         }
         self.row_offsets.push(offsets);

@@ -131,12 +131,12 @@ impl DirectSums {
     }
 
     /// Writes `out`, as [`place`](super::place) does.
-    pub fn place(&mut self, y: Integers<'_>, range: Range, out: &mut Recovered) {
+    pub fn place(&mut self, y: Integers<'_>, range: Range, outliers: f64, out: &mut Recovered) {
         let mut outside = 0;
         let zero: [i16; 3] = std::array::from_fn(|channel| {
             let (low, _) = extent(&self.k[channel]);
             self.count(channel);
-            let index = congruence::base_level_index(&self.levels, range);
+            let index = congruence::base_level_index(&self.levels, range, outliers);
             // `is_possible` has found all levels within one range, so only those below the base level are outside.
             outside += self.levels[..index].iter().sum::<usize>();
             low + index as i16
@@ -217,10 +217,10 @@ mod tests {
         grown.prepare(y.dim(), "tree");
         let agree = sums.agree(&image);
         if agree {
-            sums.place(samples, range, &mut summed);
+            sums.place(samples, range, congruence::OUTLIERS, &mut summed);
         }
         forest.grow(&image);
-        place(&mut forest, samples, range, &mut grown);
+        place(&mut forest, samples, range, congruence::OUTLIERS, &mut grown);
         (agree.then_some(summed), grown)
     }
 

@@ -35,6 +35,7 @@ pub(super) use pixels::{Bounds, EdgeDirection, Pixels, Quad, subtract, wrap_step
 use radiance::finish;
 pub(super) use regions::Region;
 
+use super::congruence::OUTLIERS;
 use super::{Integers, Range, Recovered, Unwrap, UnwrapError, congruence};
 use crate::frame::Frame;
 
@@ -55,6 +56,7 @@ pub(super) fn recover(
     forest: &mut Forest,
     y: Integers<'_>,
     range: Range,
+    outliers: f64,
     out: &mut Recovered,
 ) -> bool {
     // Memory is reserved also for a frame that needs no tree, since a later one may need it.
@@ -62,9 +64,9 @@ pub(super) fn recover(
     let grown = !sums.agree(image);
     if grown {
         forest.grow(image);
-        place(forest, y, range, out);
+        place(forest, y, range, outliers, out);
     } else {
-        sums.place(y, range, out);
+        sums.place(y, range, outliers, out);
     }
     grown
 }
@@ -92,26 +94,31 @@ impl Unwrap for Tree {
             n: [&[], &[]],
             changed: [&[], &[]],
         };
-        recover(&image, sums, forest, samples, range, out);
+        recover(&image, sums, forest, samples, range, OUTLIERS, out);
         Ok(())
     }
 }
 
 /// Writes `out`: the largest region at the offset that keeps it in range, others at their least. A result with
 /// clamped counts contradicts itself and is not trusted.
-pub(super) fn place(forest: &mut Forest, y: Integers<'_>, range: Range, out: &mut Recovered) {
+pub(super) fn place(forest: &mut Forest, y: Integers<'_>, range: Range, outliers: f64, out: &mut Recovered) {
     let outside = match out.k.dim().2 {
-        1 => write_counts::<1>(forest, range, out),
-        _ => write_counts::<3>(forest, range, out),
+        1 => write_counts::<1>(forest, range, outliers, out),
+        _ => write_counts::<3>(forest, range, outliers, out),
     };
     finish(outside, y, range, out);
 }
 
 /// Writes the counts, and returns the number of segments that are out of range.
-fn write_counts<const CHANNELS: usize>(forest: &mut Forest, range: Range, out: &mut Recovered) -> usize {
+fn write_counts<const CHANNELS: usize>(
+    forest: &mut Forest,
+    range: Range,
+    outliers: f64,
+    out: &mut Recovered,
+) -> usize {
     let main = forest.regions.largest();
     let most = i16::from(range.max_wraps());
-    let level = level(forest, main, range);
+    let level = level(forest, main, range, outliers);
     let regions = &forest.regions;
     let mut outside = 0;
     let (counts, _) = out.buffers().1.as_chunks_mut::<CHANNELS>();
@@ -127,7 +134,12 @@ fn write_counts<const CHANNELS: usize>(forest: &mut Forest, range: Range, out: &
 }
 
 /// Returns the k of the root `main` by channel.
-fn level(Forest { regions, segments, levels, .. }: &mut Forest, main: u32, range: Range) -> Quad {
+fn level(
+    Forest { regions, segments, levels, .. }: &mut Forest,
+    main: u32,
+    range: Range,
+    outliers: f64,
+) -> Quad {
     let parts = || {
         let parts = segments.iter().filter(|segment| regions.root(segment.node) == main);
         parts.map(|segment| (regions.offset_from_root(segment.node), segment.pixels().len()))
@@ -149,6 +161,6 @@ fn level(Forest { regions, segments, levels, .. }: &mut Forest, main: u32, range
     std::array::from_fn(|lane| {
         let levels = &levels[lane * stride..][..width(lane)];
         // Counts are relative to the root, so the k of the root is what brings the base level to 0.
-        -(low[lane] + congruence::base_level_index(levels, range) as i16)
+        -(low[lane] + congruence::base_level_index(levels, range, outliers) as i16)
     })
 }

@@ -104,17 +104,10 @@ fn in_colour(x: Array3<f32>, exposure: &Exposure) -> Array3<f32> {
 }
 
 fn named(
-    QualityMetrics { residues, steep, consensus, clamped, jumps, defects }: QualityMetrics,
+    QualityMetrics { residues, steep, clamped, jumps, defects }: QualityMetrics,
 ) -> BTreeMap<&'static str, f32> {
-    [
-        ("residues", residues),
-        ("steep", steep),
-        ("consensus", consensus),
-        ("clamped", clamped),
-        ("jumps", jumps),
-        ("defects", defects),
-    ]
-    .into()
+    [("residues", residues), ("steep", steep), ("clamped", clamped), ("jumps", jumps), ("defects", defects)]
+        .into()
 }
 
 /// Accuracy of a result.
