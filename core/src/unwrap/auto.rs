@@ -47,6 +47,12 @@ pub(super) const FEWEST_BITS: u8 = 4;
 /// as 0.10 to 0.12, sharp scenes at alpha 8 without noise as up to 0.07.
 pub(super) const STRONG_NOISE: f32 = 0.09;
 
+/// The largest share of clamped counts with which `lines` is accepted.
+const FEW_CLAMPED: f32 = 3e-4;
+
+/// The most second differences above one peak at a spike: a single sample whose count was clamped.
+const JUMPS_OF_SPIKE: f32 = 4.0;
+
 /// The bends of least squares count so many times: they make smooth what they do not find.
 const HANDICAP: f64 = 1.02;
 
@@ -119,7 +125,7 @@ impl Auto {
         let mut quality = QualityMetrics { defects, ..quality };
         // In a single colour, nothing contradicts a wrong region behind a hard edge.
         let may_hide = y.channels() == 1 && f64::from(quality.steep) > self.limits.lines;
-        let mut is_accepted = self.accepts(quality.jumps) && !may_hide;
+        let mut is_accepted = self.accepts(jumps_of_lines(out, &quality, range)) && !may_hide;
         if !is_accepted {
             is_accepted = self.try_others(y, range, &mut quality, out)?;
         } else if out.k.iter().all(|&k| k == 0) {
@@ -215,6 +221,16 @@ impl Auto {
             }
         }
         Ok(())
+    }
+}
+
+/// Returns the jumps of the result of `lines` that speak against it. A clamped count contradicts the range; only few single samples may do so: a
+/// defect in a dark part may seem to be below 0.
+fn jumps_of_lines(out: &Recovered, quality: &QualityMetrics, range: Range) -> f32 {
+    match quality.clamped {
+        0.0 => quality.jumps,
+        clamped if clamped > FEW_CLAMPED => f32::INFINITY,
+        clamped => quality.jumps - JUMPS_OF_SPIKE * jumps::spikes(&out.x, range).min(clamped),
     }
 }
 

@@ -31,6 +31,26 @@ pub(super) fn share_above(x: &Array3<f32>, limit: f32) -> f32 {
     count as f32 / x.len() as f32
 }
 
+/// Returns the share of the spikes of `x`: the samples that are more than half a peak above all neighbours along rows and columns, or below
+/// all of them.
+pub(super) fn spikes(x: &Array3<f32>, range: Range) -> f32 {
+    let ((height, width, channels), half) = (x.dim(), range.peak() / 2.0);
+    let (samples, stride) = (in_order(x.view()), width * channels);
+    let is_spike = |&at: &usize| {
+        let (row, column) = (at / stride, at % stride);
+        let neighbours = [
+            (row > 0).then(|| at - stride),
+            (row + 1 < height).then(|| at + stride),
+            (column >= channels).then(|| at - channels),
+            (column + channels < stride).then(|| at + channels),
+        ];
+        let rise = |next: usize| samples[at] - samples[next];
+        neighbours.into_iter().flatten().all(|next| rise(next) > half)
+            || neighbours.into_iter().flatten().all(|next| rise(next) < -half)
+    };
+    (0..samples.len()).filter(is_spike).count() as f32 / samples.len() as f32
+}
+
 /// Returns the sum of the magnitudes of the second differences along the rows and columns of `x`, each counted for at most one peak, in
 /// peaks per sample. Of two results for one image, the one with the lesser sum is right more often.
 pub(super) fn bends(x: &Array3<f32>, range: Range) -> f64 {

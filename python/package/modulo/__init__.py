@@ -363,9 +363,8 @@ def unwrap(
     alpha : float, a finite number in 0.001 to 256
         Saturation factor: the brightest radiance of the scene divided by the sensor's peak.
     method : str, one of auto, spud, least_squares, itoh, lines, tree, gradient_tree
-        Unwrapping method. auto starts with lines and takes gradient_tree where the image is too steep for lines; where noise
-        makes it steep, it takes a tree on smoothed codes, or spud. Images of a sensor
-        with two gains (see gains) have a method of their own.
+        Unwrapping method. auto tries lines, gradient_tree, a tree on smoothed codes, and growth of what is known (spud where noise
+        hides all), until a result does not contradict itself. Images of a sensor with two gains (see gains) have a method of their own.
     threads : int, in 1 to 64
         Number of threads that unwrapping may use. The result does not depend on it.
     mosaic : str, one of none, rggb, bggr, grbg, gbrg
