@@ -1,8 +1,8 @@
 //! Auto: candidates from cheap to dear, of which one score chooses, and whether the result can be trusted.
 //!
 //! The candidates are `lines`, `gradient_tree` (unless the noise is strong), `smoothed_tree`, and [`growth`](super::growth) of the last
-//! result; `spud` instead of growth for an image that is noise. The first one is the result whose second differences do not contradict it: at most
-//! [`TrustLimits::jumps`] of them are above one peak. In a single colour, `lines` also needs a y without steep loops. If no candidate is accepted, the
+//! result; `spud` instead of growth for an image that cannot be predicted. The first one is the result whose second differences do not contradict it: at most
+//! [`TrustLimits::jumps`] of them are above one peak. `lines` also needs a y without steep loops. If no candidate is accepted, the
 //! one that bends least is the result ([`jumps::bends`]).
 //!
 //! Why second differences? If those of x and of another result for the same y, along rows and columns, are all below half a peak, then both
@@ -15,11 +15,10 @@
 
 use super::congruence::{FEW_OUTLIERS, OUTLIERS};
 use super::defects::Defects;
-use super::growth::Predictability;
 use super::smoothed_tree::SmoothedTree;
 use super::{
-    GradientTree, Integers, Lines, Options, PASS_THROUGH, QualityMetrics, Range, Recovered, Spud, Trust,
-    Unwrap, UnwrapError, jumps, offset,
+    GradientTree, Integers, Lines, Options, PASS_THROUGH, QualityMetrics, Range, Recovered, SMOOTHED_TREE,
+    Spud, Trust, Unwrap, UnwrapError, jumps, offset,
 };
 use crate::frame::Frame;
 
@@ -78,7 +77,7 @@ pub struct Auto {
 enum Candidate {
     Tree,
     SmoothedTree,
-    /// Growth from the last result, or `spud` for an image that is noise.
+    /// Growth from the last result, or `spud` for an image whose neighbours do not predict a pixel.
     Growth,
 }
 
@@ -123,24 +122,39 @@ impl Auto {
         // Another candidate overwrites the report, but the metrics of y remain those of `lines`.
         let quality = out.report.quality.expect("lines always gives its quality");
         let mut quality = QualityMetrics { defects, ..quality };
-        // In a single colour, nothing contradicts a wrong region behind a hard edge.
-        let may_hide = y.channels() == 1 && f64::from(quality.steep) > self.limits.lines;
-        let mut is_accepted = self.accepts(jumps_of_lines(out, &quality, range)) && !may_hide;
+        let is_steep = f64::from(quality.steep) > self.limits.lines;
+        // Behind a hard edge, lines take the offset of the wrong side.
+        let mut is_accepted = !is_steep && self.accepts(jumps_of_lines(out, &quality, range));
         if !is_accepted {
             is_accepted = self.try_others(y, range, &mut quality, out)?;
         } else if out.k.iter().all(|&k| k == 0) {
             out.report.method = PASS_THROUGH;
         }
-        // Differences between colours have few edges.
-        let may_hide = may_hide && self.needs_offset;
-        out.report.quality = Some(quality);
-        out.report.trust = if !is_accepted || may_hide || range.bits() < FEWEST_BITS {
+        // In a single colour, nothing contradicts a wrong region behind a hard edge. Differences between colours have few edges.
+        let may_hide = is_steep && y.channels() == 1 && self.needs_offset;
+        let mut trust = if !is_accepted || may_hide || range.bits() < FEWEST_BITS {
             Trust::Untrusted
         } else if self.needs_offset {
             offset::trust(out, range)
         } else {
             Trust::Trusted
         };
+        // A region behind a hard edge, whose counts leave no trace in y, must not raise the whole image.
+        if is_accepted && is_steep && trust != Trust::Trusted && self.needs_offset && range.black() == 0 {
+            self.place(y, range, out)?;
+            trust = if out.report.trust == Trust::Untrusted { Trust::Untrusted } else { trust };
+        }
+        (out.report.quality, out.report.trust) = (Some(quality), trust);
+        Ok(())
+    }
+
+    /// Writes the last result of a tree anew, at an offset at which more samples may be out of range.
+    fn place(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
+        if out.report.method == self.gradient_tree.name() {
+            self.gradient_tree.place(Integers::of(y)?, range, self.outliers, out);
+        } else if out.report.method == SMOOTHED_TREE {
+            self.smoothed_tree.place(&mut self.gradient_tree, range, self.outliers, out);
+        }
         Ok(())
     }
 
@@ -165,7 +179,7 @@ impl Auto {
             if candidate == Candidate::Tree && noise > STRONG_NOISE {
                 continue;
             }
-            let Some(jumps) = self.try_one(candidate, y, range)? else { continue };
+            let jumps = self.try_one(candidate, y, range)?;
             if self.accepts(jumps) {
                 std::mem::swap(out, &mut self.other);
                 quality.jumps = jumps;
@@ -181,29 +195,27 @@ impl Auto {
         Ok(false)
     }
 
-    /// Unwraps by one candidate; returns the jumps of its result, if it has one.
-    fn try_one(&mut self, candidate: Candidate, y: &Frame, range: Range) -> Result<Option<f32>, UnwrapError> {
-        let Self { gradient_tree, smoothed_tree, spud, other, .. } = self;
-        let few = self.few_outliers;
+    /// Unwraps by one candidate; returns the jumps of its result.
+    fn try_one(&mut self, candidate: Candidate, y: &Frame, range: Range) -> Result<f32, UnwrapError> {
+        let Self { gradient_tree, smoothed_tree, spud, other, few_outliers: few, .. } = self;
         match candidate {
-            Candidate::Tree => gradient_tree.unwrap_within(y, range, few, other)?,
-            Candidate::SmoothedTree => smoothed_tree.unwrap(gradient_tree, y.dim(), range, few, other),
-            Candidate::Growth => match smoothed_tree.grow(range, other) {
-                Predictability::Predictable => {}
-                Predictability::Divided => return Ok(None),
-                Predictability::Noise => spud.unwrap(y, range, other)?,
-            },
+            Candidate::Tree => gradient_tree.unwrap_within(y, range, *few, other)?,
+            Candidate::SmoothedTree => smoothed_tree.unwrap(gradient_tree, y.dim(), range, *few, other),
+            Candidate::Growth => {
+                if !smoothed_tree.grow(range, other) {
+                    spud.unwrap(y, range, other)?;
+                }
+            }
         }
         let jumps = jumps::share(&other.x, range);
         if f64::from(jumps) <= self.limits.jumps || candidate == Candidate::Growth {
-            return Ok(Some(jumps));
+            return Ok(jumps);
         }
-        // Wrong regions must not raise the whole image.
-        match candidate {
-            Candidate::Tree => gradient_tree.place(Integers::of(y)?, range, self.outliers, other),
-            _ => smoothed_tree.place(gradient_tree, range, self.outliers, other),
-        }
-        Ok(Some(jumps::share(&other.x, range)))
+        // Nor must regions that are wrong.
+        let mut other = std::mem::take(&mut self.other);
+        let placed = self.place(y, range, &mut other);
+        self.other = other;
+        placed.map(|()| jumps::share(&self.other.x, range))
     }
 
     /// Writes the result of `lines` for the image that it has scanned. Where counts leave the range, alpha may be a little

@@ -22,9 +22,6 @@ use super::jumps::Regions;
 /// The least weight of the best predictor with which a frame can be predicted. Strong noise and the contours of a perfect lens have less.
 const LEAST_WEIGHT: f32 = 2.0;
 
-/// The greatest weight of the best predictor of an image that is noise: there no neighbour says more than the nearest one.
-const WEIGHT_OF_NOISE: f32 = 1.3;
-
 /// The least share of the pixels that the part needs: in a more divided image, it may be a wrong one.
 const LEAST_SHARE: f64 = 0.2;
 
@@ -37,17 +34,6 @@ const LEVELS_PER_DOUBT: f32 = 128.0;
 
 /// One pixel of so many is used for the fit.
 const SAMPLED: usize = 3;
-
-/// What an image is for growth.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Predictability {
-    /// Its neighbours predict a pixel.
-    Predictable,
-    /// They do not, or too little of the image is known.
-    Divided,
-    /// A pixel says hardly anything about the next one.
-    Noise,
-}
 
 /// The method with its buffers.
 #[derive(Default)]
@@ -187,8 +173,8 @@ impl Pixel {
 }
 
 impl Growth {
-    /// Finds the part of the result `x` (code units) from which it can grow, and fits the predictors to it.
-    pub fn read(&mut self, x: &Array3<f32>, range: Range) -> Predictability {
+    /// Finds the part of the result `x` (code units) from which it can grow, and fits the predictors to it. Returns whether it can grow.
+    pub fn read(&mut self, x: &Array3<f32>, range: Range) -> bool {
         let (height, width, channels) = x.dim();
         let layout = Layout { width };
         self.known.clear();
@@ -205,13 +191,7 @@ impl Growth {
             _ => self.fit(samples.as_chunks::<3>().0, layout),
         }
         let weight = self.predictors[2][2].weight;
-        if weight < WEIGHT_OF_NOISE {
-            Predictability::Noise
-        } else if weight < LEAST_WEIGHT || (size as f64) < LEAST_SHARE * (height * width) as f64 {
-            Predictability::Divided
-        } else {
-            Predictability::Predictable
-        }
+        weight >= LEAST_WEIGHT && size as f64 >= LEAST_SHARE * (height * width) as f64
     }
 
     /// Grows the part of `x` that was read over the rest.

@@ -119,9 +119,9 @@ const LANES: usize = 16;
 fn limited(before: &[f32], here: &[f32], after: &[f32], limit: f32) -> f64 {
     let bend = |before: f32, here: f32, after: f32| (before + after - here - here).abs().min(limit);
     let mut sums = [0.0; LANES];
-    let ((befores, rest_before), (heres, rest), (afters, rest_after)) =
+    let ((before_lanes, rest_before), (here_lanes, rest), (after_lanes, rest_after)) =
         (before.as_chunks::<LANES>(), here.as_chunks::<LANES>(), after.as_chunks::<LANES>());
-    widest!(for ((before, here), after) in befores.iter().zip(heres).zip(afters) {
+    widest!(for ((before, here), after) in before_lanes.iter().zip(here_lanes).zip(after_lanes) {
         for lane in 0..LANES {
             sums[lane] += bend(before[lane], here[lane], after[lane]);
         }

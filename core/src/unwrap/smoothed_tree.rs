@@ -3,7 +3,7 @@
 //! With the smoothed codes s of [`Smoothing`], and their result `s + k_s 2^b`, the radiance is `s + k_s 2^b + M_b(y - s)`, which is congruent
 //! with y. It is exact where the noise of y is below half a peak and `gradient_tree` is exact on s.
 
-use super::growth::{Growth, Predictability};
+use super::growth::Growth;
 use super::smoothing::{Smoothing, noise};
 use super::{GROWTH, GradientTree, Integers, Range, Recovered, SMOOTHED_TREE, UnwrapError};
 use crate::frame::Frame;
@@ -63,14 +63,14 @@ impl SmoothedTree {
         self.lift(SMOOTHED_TREE, range, out);
     }
 
-    /// Grows the last result from its largest part without a contradiction, if it can be predicted; returns what the image is for that.
-    pub fn grow(&mut self, range: Range, out: &mut Recovered) -> Predictability {
-        let found = self.growth.read(&self.smooth.x, range);
-        if found == Predictability::Predictable {
+    /// Grows the last result from its largest part without a contradiction, if it can be predicted; returns whether it can.
+    pub fn grow(&mut self, range: Range, out: &mut Recovered) -> bool {
+        let can_grow = self.growth.read(&self.smooth.x, range);
+        if can_grow {
             self.growth.grow(&mut self.smooth.x, range);
             self.lift(GROWTH, range, out);
         }
-        found
+        can_grow
     }
 
     /// Writes the radiance that is congruent with the codes and nearest to the result for the smoothed ones.
