@@ -31,8 +31,8 @@ ALPHAS = (2.0, 3.0, 4.0)
 NO_ERROR = 3e-4
 
 # Colours of Okabe and Ito, which readers with any colour vision tell apart, and a marker for each method.
-COLOURS = ["#000000", "#D55E00", "#E69F00", "#999999", "#009E73", "#56B4E9", "#0072B2", "#CC79A7"]
-MARKERS = "osD^vP*X"
+COLOURS = ["#000000", "#D55E00", "#E69F00", "#999999", "#009E73", "#56B4E9", "#0072B2"]
+MARKERS = "osD^vP*"
 
 CLASSES = {"car": "#E69F00", "truck": "#B07AFF", "van": "#56B4E9", "pedestrian": "#FF4F81", "cyclist": "#00C08B"}
 

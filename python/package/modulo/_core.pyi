@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 _Codes = NDArray[uint8] | NDArray[uint16]
 _Image = NDArray[uint8] | NDArray[uint16] | NDArray[float32]
 _Value = bool | int | float | str
-_Quality = tuple[float, float, float, float, float, float]
+_Quality = tuple[float, float, float, float, float]
 _Report = tuple[str, bool | None, str | None, _Quality | None, NDArray[uint8] | None]
 _Found = tuple[float, float, float, float, float, str]
 _Object = tuple[float, float, float, float, str, float, int]
