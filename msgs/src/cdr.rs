@@ -27,7 +27,7 @@ pub enum CdrError {
         offset: usize,
         /// Number of all bytes.
         length: usize,
-        /// What is wrong there.
+        /// The fault that was found there.
         why: String,
     },
     /// The message is too long to be written.

@@ -2,8 +2,9 @@
 //!
 //! From short to long: `fft` composes Fourier transforms from those of its radices, `cosine` makes a cosine transform of them, `rows`
 //! transforms the rows of an image, and `grid` its columns and the whole. All work on the vectors of `lanes`. A length with a large prime
-//! factor is left to the library rustdct (`library`). For a pair of transforms of 1242 x 375 x 3 samples that one takes 54 ms, and these
-//! take 12 ms (x86-64, least of 100 calls); `cargo bench -p modulo-core -- dct_pair least_squares` times it beside the whole method. A plan owns its scratch, so a transform allocates nothing.
+//! factor is left to the library rustdct (`library`). For a pair of transforms of 1242 x 375 x 3 samples that one takes 54 ms at
+//! opt-level 1, and these take 12 ms (x86-64, least of up to 100 calls on a loaded machine). `cargo bench -p modulo-core -- dct_pair least_squares` times
+//! the library beside the whole method. A plan owns its scratch, so a transform allocates nothing.
 
 mod cosine;
 mod fft;

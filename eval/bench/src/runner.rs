@@ -1,4 +1,4 @@
-//! What `simulate` and `unwrap` have in common: each image, taken by each sensor, goes through each method. That gives a
+//! The common work of `simulate` and `unwrap`: each image, taken by each sensor, goes through each method. That gives a
 //! picture and a [`Row`].
 
 use std::collections::HashSet;
@@ -61,7 +61,7 @@ pub struct Row {
     pub most_k: u8,
     /// Median duration of a call, ms.
     pub ms: f64,
-    /// What is known of a simulated image.
+    /// The exposure and the scores of a simulated image; `None` for an image of a file.
     #[serde(flatten)]
     pub simulated: Option<Simulated>,
 }
@@ -95,7 +95,7 @@ pub struct RunOutcome {
 pub(crate) struct Picture<T> {
     /// The name in the results, as [`Row::file`].
     pub file: String,
-    /// What the names of the written images begin with.
+    /// The beginning of the names of the written images.
     pub name: String,
     /// The image, or the reason why it cannot be read.
     pub content: Result<T, BenchError>,
@@ -108,7 +108,7 @@ pub(crate) struct Capture<'a> {
     pub range: Range,
     /// How sharp its edges may be.
     pub sharpness: Sharpness,
-    /// What the names of the written images begin with.
+    /// The beginning of the names of the written images.
     pub name: String,
     /// Whether wrap counts and code units are written, too.
     pub counts: bool,

@@ -27,7 +27,7 @@ use crate::post::detections;
 use crate::pre::Preprocessor;
 use crate::trust::TrustFollower;
 
-/// What an input carries of its camera.
+/// The kind of data that an input gives of its camera.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Role {
     Image,
