@@ -151,7 +151,7 @@ impl Auto {
     /// Writes the last result of a tree anew, at an offset at which more samples may be out of range.
     fn place(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
         if out.report.method == self.gradient_tree.name() {
-            self.gradient_tree.place(Integers::of(y)?, range, self.outliers, out);
+            self.gradient_tree.place(Integers::of(y, range)?, range, self.outliers, out);
         } else if out.report.method == SMOOTHED_TREE {
             self.smoothed_tree.place(&mut self.gradient_tree, range, self.outliers, out);
         }
@@ -261,7 +261,7 @@ impl Unwrap for Auto {
             self.lines.scan_from(rows, y, range)?;
             return self.unwrap_scanned(y, 0.0, range, out);
         }
-        let codes = Integers::of(y)?;
+        let codes = Integers::of(y, range)?;
         let mut defects = std::mem::take(&mut self.defects);
         let done = match defects.remove(y, codes, range) {
             None => {

@@ -275,6 +275,12 @@ pub enum UnwrapError {
     /// The samples are floats, but those of a modulo image are integers.
     #[error("y has 32-bit float samples, integers of 8 or 16 bits are needed: the sensor's modulo image")]
     Float,
+    /// The samples are too narrow for the codes of the sensor.
+    #[error("y has 8-bit samples, 16-bit samples are needed for codes of {bits} bits")]
+    Narrow {
+        /// The bits of the range.
+        bits: u8,
+    },
     /// A sample is out of the range of the sensor's converter.
     #[error("y at ({at}) is {value}, 0 to {most} is possible with {bits} bits")]
     Code {
@@ -332,8 +338,9 @@ pub(crate) enum Integers<'a> {
 
 impl<'a> Integers<'a> {
     /// Returns the samples of `y`, of any value.
-    fn of(y: &'a Frame) -> Result<Self, UnwrapError> {
+    fn of(y: &'a Frame, range: Range) -> Result<Self, UnwrapError> {
         match y.samples() {
+            Samples::U8(_) if range.bits() > 8 => Err(UnwrapError::Narrow { bits: range.bits() }),
             Samples::U8(y) => Ok(Self::U8(in_order(y.view()))),
             Samples::U16(y) => Ok(Self::U16(in_order(y.view()))),
             Samples::F32(_) => Err(UnwrapError::Float),
@@ -342,10 +349,10 @@ impl<'a> Integers<'a> {
 
     /// Returns the samples of `y`, all of which are below 2^b.
     pub(crate) fn checked(y: &'a Frame, range: Range) -> Result<Self, UnwrapError> {
-        let (samples, most) = (Self::of(y)?, range.peak() - 1.0);
+        let (samples, most) = (Self::of(y, range)?, range.peak() - 1.0);
         // Integers are compared at the speed of memory, and not at all where no sample can be too large.
         let largest = match samples {
-            Self::U8(_) if range.bits() >= 8 => 0,
+            Self::U8(_) if range.bits() == 8 => 0,
             Self::U16(_) if range.bits() == 16 => 0,
             Self::U8(y) => y.iter().fold(0, |largest, &y| y.max(largest)).into(),
             Self::U16(y) => y.iter().fold(0, |largest, &y| y.max(largest)),

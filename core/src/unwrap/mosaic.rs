@@ -205,7 +205,7 @@ impl MosaicUnwrap {
         let sound = if self.judges { defects.remove(y, codes, range) } else { None };
         let mut words = std::mem::take(&mut self.codes);
         match sound {
-            Some((sound, _)) => Integers::of(sound)?.widen(&mut words),
+            Some((sound, _)) => Integers::of(sound, range)?.widen(&mut words),
             None => codes.widen(&mut words),
         }
         let share = sound.map_or(0.0, |(_, share)| share);

@@ -96,7 +96,7 @@ impl Codes {
     /// [`UnwrapError`] when `y` has float samples, or a code that is out of `range`.
     pub fn read(&mut self, y: &Frame, range: Range) -> Result<(), UnwrapError> {
         (self.stride, self.channels) = (y.width() * y.channels(), y.channels());
-        let seen = match Integers::of(y)? {
+        let seen = match Integers::of(y, range)? {
             Integers::U8(samples) => fill(&mut self.samples, samples, range),
             Integers::U16(samples) => fill(&mut self.samples, samples, range),
         };

@@ -285,6 +285,16 @@ fn a_frame_of_floats_is_no_modulo_image() {
 }
 
 #[test]
+fn samples_of_8_bits_hold_no_codes_of_10() {
+    let y = Frame::from_u8(Array3::from_shape_fn((8, 8, 1), |(i, j, _)| (97 * i + 31 * j) as u8)).unwrap();
+    for method in METHODS {
+        let mut unwrap = by_name(method, &Options::default()).unwrap();
+        let error = unwrap.unwrap(&y, Range::new(10, 4.0).unwrap(), &mut Recovered::default()).unwrap_err();
+        assert_eq!(error, UnwrapError::Narrow { bits: 10 }, "{method}");
+    }
+}
+
+#[test]
 fn an_unknown_method_lists_the_known() {
     let Err(error) = by_name("snaphu", &Options::default()) else { panic!("there is no snaphu") };
     assert_eq!(

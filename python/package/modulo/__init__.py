@@ -357,7 +357,7 @@ def unwrap(
     Parameters
     ----------
     y : array of uint8 or uint16, H x W or H x W x C
-        The codes of the modulo sensor, below 2^bits.
+        The codes of the modulo sensor, below 2^bits. More than 8 bits need uint16.
     bits : int, in 1 to 16
         Bits of the sensor's converter. The peak is 2^bits code units.
     alpha : float, a finite number in 0.001 to 256

@@ -103,7 +103,7 @@ impl Lines {
     ) -> Result<(), UnwrapError> {
         out.prepare(y.dim(), self.name());
         let layout = RowLayout::of(y);
-        match Integers::of(y)? {
+        match Integers::of(y, range)? {
             Integers::U8(codes) => {
                 let samples = CodeRows::new(codes, layout, range);
                 if is_narrow(range) {
