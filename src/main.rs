@@ -56,12 +56,12 @@ fn main() -> ExitCode {
 }
 
 fn fail(code: u8, why: &anyhow::Error) -> ExitCode {
-    eprintln!("modulo: {}", without_secrets(&told(why)));
+    eprintln!("modulo: {}", without_secrets(&message_of(why)));
     ExitCode::from(code)
 }
 
 /// Returns the error and its causes in one line. A cause that the text before it repeats already is left out.
-fn told(why: &anyhow::Error) -> String {
+fn message_of(why: &anyhow::Error) -> String {
     let mut text = String::new();
     for cause in why.chain().map(ToString::to_string) {
         if text.is_empty() {
@@ -78,14 +78,14 @@ fn told(why: &anyhow::Error) -> String {
 mod tests {
     use modulo_bags::bag::BagReader;
 
-    use super::told;
+    use super::message_of;
 
     #[test]
     fn no_cause_is_told_twice() {
         let why = BagReader::open(std::path::Path::new("/no/such.mcap")).expect_err("is missing");
-        let text = told(&anyhow::Error::new(why).context("bag"));
+        let text = message_of(&anyhow::Error::new(why).context("bag"));
         assert!(text.starts_with("bag: ") && text.matches("os error").count() <= 1, "{text}");
-        let plain = told(&anyhow::anyhow!("inner").context("outer"));
+        let plain = message_of(&anyhow::anyhow!("inner").context("outer"));
         assert_eq!(plain, "outer: inner");
     }
 }

@@ -141,8 +141,8 @@ fn a_topic_that_cannot_be_offered_is_left_out_and_named() {
         let played = bench.run(&[&["bag", "play", utf8(&path)], arguments].concat());
         (played.status.code(), text(&played))
     };
-    let (code, said) = play(&[]);
-    assert_eq!(code, Some(3), "{said}");
+    let (code, message) = play(&[]);
+    assert_eq!(code, Some(3), "{message}");
     for part in [
         "'/device_0/Auto Exposure/value' is left out",
         "--remap '/device_0/Auto Exposure/value:=/NAME'",
@@ -151,26 +151,26 @@ fn a_topic_that_cannot_be_offered_is_left_out_and_named() {
         "topic '/own' is found only by readers without type hashes",
         "/ok/image: 1 messages",
     ] {
-        assert!(said.contains(part), "{part} in {said}");
+        assert!(message.contains(part), "{part} in {message}");
     }
-    let (code, said) = play(&["--topics", "/ok/image"]);
+    let (code, message) = play(&["--topics", "/ok/image"]);
     assert!(
-        code == Some(0) && said.contains("/ok/image: 1 messages") && !said.contains("left out"),
-        "{said}"
+        code == Some(0) && message.contains("/ok/image: 1 messages") && !message.contains("left out"),
+        "{message}"
     );
 
     let remote = Remote::new(bench.domain.id);
     let (_exposure, exposures) = remote.listen("/exposure", "std_msgs/msg/String", Qos::Results);
     let (_image, images) = remote.listen("/ok/image", IMAGE, Qos::Images);
     let rules = ["/device_0/Auto Exposure/value:=/exposure", "2nd//image:=/second"];
-    let (code, said) = play(&["--remap", rules[0], rules[1]]);
-    assert_eq!(code, Some(3), "the type of /own has no hash: {said}");
-    assert!(!said.contains("left out"), "{said}");
+    let (code, message) = play(&["--remap", rules[0], rules[1]]);
+    assert_eq!(code, Some(3), "the type of /own has no hash: {message}");
+    assert!(!message.contains("left out"), "{message}");
     for samples in [exposures, images] {
         samples.recv_timeout(Duration::from_secs(10)).expect("heard");
     }
-    let (code, said) = play(&["--remap", "/ok/image:=/b c"]);
-    assert!(code == Some(2) && said.contains("'/b c' is not a ROS name"), "{said}");
+    let (code, message) = play(&["--remap", "/ok/image:=/b c"]);
+    assert!(code == Some(2) && message.contains("'/b c' is not a ROS name"), "{message}");
 }
 
 #[test]
@@ -222,9 +222,9 @@ fn a_terminated_recorder_leaves_a_whole_bag_in_parts() {
     write_bag(&source, 30, 100, 1000);
     let recorder = bench.record(&bag, &["--all", "--max-bag-duration", "1", "--compression", "lz4"]);
     play(&bench, &source, &[]);
-    let (code, said) = recorder.end("TERM");
-    assert_eq!(code, Some(0), "{said}");
-    assert!(said.contains("/data: 30 messages, 0 lost"), "{said}");
+    let (code, message) = recorder.end("TERM");
+    assert_eq!(code, Some(0), "{message}");
+    assert!(message.contains("/data: 30 messages, 0 lost"), "{message}");
     let read = BagReader::open(&bag).expect("a bag");
     assert!(read.warnings().is_empty(), "{:?}", read.warnings());
     assert_eq!(read.files().count(), 3);
@@ -260,9 +260,9 @@ fn a_recorder_whose_terminal_is_closed_leaves_a_whole_bag() {
     command.env("ROS_DOMAIN_ID", bench.domain.id.to_string()).stdin(Stdio::null()).stdout(Stdio::piped());
     let recorder = Background(command.spawn().expect("it starts"));
     play(&bench, &source, &[]);
-    let (code, said) = recorder.end("HUP");
-    assert_eq!(code, Some(0), "{said}");
-    assert!(said.contains("/data: 3 messages, 0 lost"), "{said}");
+    let (code, message) = recorder.end("HUP");
+    assert_eq!(code, Some(0), "{message}");
+    assert!(message.contains("/data: 3 messages, 0 lost"), "{message}");
     let read = BagReader::open(&bag).expect("a bag");
     assert!(read.warnings().is_empty() && read.message_count() == 3, "{:?}", read.warnings());
 }
@@ -315,13 +315,13 @@ fn a_definition_that_nobody_gives_delays_no_other_topic_and_no_stop() {
         }
         sleep(Duration::from_millis(20));
     }
-    let (code, said) = recording.end("INT");
+    let (code, message) = recording.end("INT");
     drop(give);
-    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(code, Some(0), "{message}");
     let read = BagReader::open(&bag).expect("a bag");
     let topics = read.topics();
-    assert_eq!(topics.len(), TOPICS as usize, "{said}");
-    assert!(topics.iter().all(|topic| topic.messages > 0), "{said}");
+    assert_eq!(topics.len(), TOPICS as usize, "{message}");
+    assert!(topics.iter().all(|topic| topic.messages > 0), "{message}");
 }
 
 /// A file that cannot grow, as on a full disk: the recorder ends with the reason, and what it has flushed is a bag.
@@ -369,13 +369,16 @@ fn what_a_recorder_lost_is_counted() {
         while number(&sent.recv_timeout(Duration::from_secs(30)).expect("a message").payload) < 30 {}
         signal(recorder.0.id(), "CONT");
     });
-    let (code, said) = recorder.end("INT");
-    assert_eq!(code, Some(3), "{said}");
+    let (code, message) = recorder.end("INT");
+    assert_eq!(code, Some(3), "{message}");
     let kept = numbers(&bag);
     assert_eq!(kept.last().map(|n| n.1), Some(59), "the last message came, so every gap is seen");
     assert!(kept.len() < 60);
     assert_eq!(kept[0].1, 0);
-    assert!(said.contains(&format!("/data: {} messages, {} lost", kept.len(), 60 - kept.len())), "{said}");
+    assert!(
+        message.contains(&format!("/data: {} messages, {} lost", kept.len(), 60 - kept.len())),
+        "{message}"
+    );
 }
 
 /// The numbers of the next `count` samples, after which no other follows within 300 ms.
@@ -557,9 +560,9 @@ fn recordings_of_others_are_described() {
         let bag = bags.join(name);
         let output = bench.run(&["bag", "info", utf8(&bag)]);
         assert_eq!(output.status.code(), Some(0), "{}", text(&output));
-        let said = text(&output);
+        let message = text(&output);
         for line in [format!("Storage id:        {storage}"), format!("Messages:          {messages}")] {
-            assert!(said.lines().any(|l| l == line), "{name}: {line}\nnot in\n{said}");
+            assert!(message.lines().any(|l| l == line), "{name}: {line}\nnot in\n{message}");
         }
         let out = bench.path(&name.replace(['/', '.'], "_"));
         let output = bench.run(&["bag", "convert", utf8(&bag), utf8(&out), "--compression", "zstd"]);

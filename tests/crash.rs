@@ -147,10 +147,10 @@ fn a_node_that_crashes_at_each_start_ends_the_run() {
         wait_until("the camera", || peer.transport.is_ready("/modulo_camera"));
         std::fs::rename(bench.path(file), bench.path("gone")).expect("renamed");
         signal(running.node(kind).expect("it runs"), "KILL");
-        let (code, said) = running.errors();
-        let last = said.lines().last().unwrap_or_default();
+        let (code, message) = running.errors();
+        let last = message.lines().last().unwrap_or_default();
         let crashes = format!("{kind} crashed 3 times within a minute, the last time with exit status: 2");
-        assert!(code == Some(1) && last.contains(&crashes) && last.contains(reason), "{code:?} {said}");
+        assert!(code == Some(1) && last.contains(&crashes) && last.contains(reason), "{code:?} {message}");
         assert!(last.contains("--max-restarts"), "{last}");
     }
 }

@@ -259,17 +259,17 @@ fn a_grid_extended_by_other_lenses_keeps_the_old_cells() {
         let output = bench.run(&[&base[..], &words, more].concat());
         (output.status.code(), text(&output))
     };
-    let (code, said) = eval(&["--psf-sigma", "1.4,0.8", "--read-noise", "2"]);
-    assert_eq!(code, Some(0), "{said}");
+    let (code, message) = eval(&["--psf-sigma", "1.4,0.8", "--read-noise", "2"]);
+    assert_eq!(code, Some(0), "{message}");
     let cells = || cells(&out);
     let (old, old_lines) = (cells(), lines(&out));
     assert_eq!(old.len(), 7);
 
-    let (code, said) = eval(&["--psf-sigma", "0.8,2", "--read-noise", "2"]);
-    assert_eq!(code, Some(0), "{said}");
+    let (code, message) = eval(&["--psf-sigma", "0.8,2", "--read-noise", "2"]);
+    assert_eq!(code, Some(0), "{message}");
     assert!(
-        said.contains("4 cells are finished already") && said.contains("3 cells of other grids"),
-        "{said}"
+        message.contains("4 cells are finished already") && message.contains("3 cells of other grids"),
+        "{message}"
     );
     assert_eq!(cells()[..7].to_vec(), old, "the figures of the old cells stay");
     assert_eq!(cells().len(), 7 + 3);
@@ -303,15 +303,15 @@ fn a_grid_without_a_cell_is_refused_and_empty_combinations_are_named() {
         (&["--gains", "checkerboard", "--stream", "modulo"][..], "--stream modulo --gains checkerboard"),
         (&published, "--stream recovered --method spud_as_published --mosaic rggb"),
     ] {
-        let (code, said) = eval(options);
-        assert_eq!(code, Some(2), "{said}");
-        assert!(said.contains(named) && said.lines().count() == 1, "{said}");
+        let (code, message) = eval(options);
+        assert_eq!(code, Some(2), "{message}");
+        assert!(message.contains(named) && message.lines().count() == 1, "{message}");
     }
     assert!(!out.exists(), "nothing was run");
-    let (code, said) =
+    let (code, message) =
         eval(&["--gains", "none,checkerboard", "--stream", "ideal,saturated", "--psf-sigma", "0"]);
-    assert_eq!(code, Some(0), "{said}");
-    let line = said.lines().find(|line| line.contains("no cell")).expect("a line");
+    assert_eq!(code, Some(0), "{message}");
+    let line = message.lines().find(|line| line.contains("no cell")).expect("a line");
     assert!(
         line.contains("--stream ideal --gains checkerboard (") && !line.contains("saturated --gains"),
         "{line}"
@@ -337,10 +337,13 @@ fn a_folder_that_cannot_hold_results_is_refused_before_anything_runs() {
     for ((before, after), out) in commands.iter().flat_map(|command| [(command, "/proc/x"), (command, &file)])
     {
         let output = bench.run(&[*before, &[out], *after].concat());
-        let said = text(&output);
-        assert_eq!(output.status.code(), Some(2), "{before:?}: {said}");
-        assert!(said.contains(out) && said.contains("no result can be written"), "{before:?}: {said}");
-        assert!(!said.contains("lockstep"), "nothing was run: {said}");
+        let message = text(&output);
+        assert_eq!(output.status.code(), Some(2), "{before:?}: {message}");
+        assert!(
+            message.contains(out) && message.contains("no result can be written"),
+            "{before:?}: {message}"
+        );
+        assert!(!message.contains("lockstep"), "nothing was run: {message}");
     }
 }
 
@@ -450,20 +453,20 @@ fn what_cannot_be_scored_is_said() {
         let output = bench.run(&words);
         (output.status.code(), text(&output))
     };
-    let (code, said) = eval(&[]);
-    assert!(code == Some(3) && said.contains("no labels") && said.contains("3 frames"), "{said}");
+    let (code, message) = eval(&[]);
+    assert!(code == Some(3) && message.contains("no labels") && message.contains("3 frames"), "{message}");
 
     let labels = Path::new(&kitti).join("label_2");
     std::fs::create_dir(&labels).expect("made");
     let car = |x1: f32, x2: f32| format!("Car 0.00 0 0 {x1} 10 {x2} 50 1 1 1 1 1 1 0\n");
     std::fs::write(labels.join("000000.txt"), car(10.0, 60.0) + &car(80.0, 140.0)).expect("written");
     std::fs::write(labels.join("000001.txt"), "Car 0.00 0 0 ten\n").expect("written");
-    let (code, said) = eval(&[]);
-    assert_eq!(code, Some(3), "{said}");
-    for told in
+    let (code, message) = eval(&[]);
+    assert_eq!(code, Some(3), "{message}");
+    for wanted in
         ["1 frames are not readable", "000001.txt:1", "1 frames have no labels", "reach outside the image"]
     {
-        assert!(said.contains(told), "{told}: {said}");
+        assert!(message.contains(wanted), "{wanted}: {message}");
     }
     let results = json(&out.join("results.json"));
     assert_eq!((&results["input"]["frames"], &results["input"]["labelled"]), (&3.into(), &1.into()));
@@ -474,14 +477,14 @@ fn what_cannot_be_scored_is_said() {
         std::fs::remove_dir_all(&out).ok();
         eval(&["--list", list.to_str().expect("UTF-8")])
     };
-    let (code, said) = listed("# nothing\n");
-    assert!(code == Some(1) && said.contains("list is empty"), "{said}");
-    let (code, said) = listed("000000\n000000\n");
-    assert!(code == Some(3) && said.contains("1 frames are there twice"), "{said}");
-    let (code, said) = listed("000009\n");
-    assert!(code == Some(3) && said.contains("000009.png"), "{said}");
-    let (code, said) = eval(&["--method", "magic"]);
-    assert!(code == Some(2) && said.contains("magic") && said.contains("spud"), "{said}");
+    let (code, message) = listed("# nothing\n");
+    assert!(code == Some(1) && message.contains("list is empty"), "{message}");
+    let (code, message) = listed("000000\n000000\n");
+    assert!(code == Some(3) && message.contains("1 frames are there twice"), "{message}");
+    let (code, message) = listed("000009\n");
+    assert!(code == Some(3) && message.contains("000009.png"), "{message}");
+    let (code, message) = eval(&["--method", "magic"]);
+    assert!(code == Some(2) && message.contains("magic") && message.contains("spud"), "{message}");
     assert_eq!(bench.run(&["eval", "-o", "/tmp/nowhere"]).status.code(), Some(2));
 }
 
@@ -549,9 +552,9 @@ fn labels_without_an_odd_line_end_with_0() {
     let bench = Bench::new();
     let sets = DataSets::new(&bench);
     for (option, name) in [("--kitti", "kitti"), ("--yolo", ""), ("--coco", "coco.json")] {
-        let (code, said) = sets.eval(option, name, &[]);
-        assert_eq!(code, Some(0), "{option}: {said}");
-        let figures = said.lines().find(|line| line.contains("AP50")).expect("the figures of the cell");
+        let (code, message) = sets.eval(option, name, &[]);
+        assert_eq!(code, Some(0), "{option}: {message}");
+        let figures = message.lines().find(|line| line.contains("AP50")).expect("the figures of the cell");
         assert!(figures.contains("AP50 vehicle ") && !figures.contains("person"), "{figures}");
     }
 }
@@ -562,13 +565,13 @@ fn labels_that_cannot_be_scored_end_with_3_and_a_line() {
     let sets = DataSets::new(&bench);
     let list = bench.path("list.txt").display().to_string();
     let odd = |option: &str, name: &str, more: &[&str], lines: &[&[&str]]| {
-        let (code, said) = sets.eval(option, name, more);
-        assert_eq!(code, Some(3), "{option}: {said}");
-        for told in lines {
-            let line = said.lines().find(|line| told.iter().all(|told| line.contains(told)));
-            assert!(line.is_some(), "{told:?}: {said}");
+        let (code, message) = sets.eval(option, name, more);
+        assert_eq!(code, Some(3), "{option}: {message}");
+        for wanted in lines {
+            let line = message.lines().find(|line| wanted.iter().all(|wanted| line.contains(wanted)));
+            assert!(line.is_some(), "{wanted:?}: {message}");
         }
-        assert!(!said.contains("scene://"), "{said}");
+        assert!(!message.contains("scene://"), "{message}");
     };
     let no_group = "classes that no group holds";
 
@@ -599,16 +602,19 @@ fn a_missing_data_set_is_named_with_what_is_needed() {
     let sets = DataSets::new(&bench);
     sets.coco("gone.png", "[7, 1]");
     std::fs::remove_file(bench.path("images/000001.png")).expect("removed");
-    for (option, name, told) in [
+    for (option, name, wanted) in [
         ("--kitti", "nowhere", ["nowhere", "image_2"]),
         ("--sequence", "nowhere", ["nowhere", "image_02"]),
         ("--yolo", "nowhere", ["nowhere", "YOLO"]),
         ("--coco", "coco.json", ["gone.png", "--coco-images"]),
         ("--coco", "nowhere.json", ["nowhere.json", "No such file"]),
     ] {
-        let (code, said) = sets.eval(option, name, &[]);
-        assert_eq!(code, Some(1), "{said}");
-        assert!(told.iter().all(|told| said.contains(told)) && !said.contains("scene://"), "{said}");
+        let (code, message) = sets.eval(option, name, &[]);
+        assert_eq!(code, Some(1), "{message}");
+        assert!(
+            wanted.iter().all(|wanted| message.contains(wanted)) && !message.contains("scene://"),
+            "{message}"
+        );
     }
 }
 
@@ -619,6 +625,6 @@ fn a_class_may_be_left_out_on_purpose() {
     sets.coco("000000.png", "[7, 1], [8, 2]");
     sets.write("groups.yaml", "car: vehicle\ndog:\n");
     let groups = bench.path("groups.yaml").display().to_string();
-    let (code, said) = sets.eval("--coco", "coco.json", &["--groups", &groups]);
-    assert_eq!(code, Some(0), "{said}");
+    let (code, message) = sets.eval("--coco", "coco.json", &["--groups", &groups]);
+    assert_eq!(code, Some(0), "{message}");
 }

@@ -106,14 +106,14 @@ fn no_value_of_a_parameter_stops_a_running_node() {
     let results = peer.hear("/detector/detections", MessageKind::Detections);
     wait_until("the first frame is answered", || results.next(Duration::from_secs(1)).is_some());
     let processes = || NODES.map(|node| running.node(node));
-    let (before, mut refused, mut taken) = (processes(), 0, Vec::new());
+    let (before, mut refused, mut accepted) = (processes(), 0, Vec::new());
     for (node, own_topic) in NODES.iter().zip(["topic:/modulo", "/recovered", "/detector/annotated"]) {
         for (name, present) in changeable(&peer, node) {
             for text in hostile(&bench, own_topic) {
                 let shown: String = text.chars().take(40).collect();
                 let what = format!("{node} {name} = '{shown}'");
                 match set(&peer, node, &name, &value_of(&text, &present)) {
-                    Ok(()) => taken.push(what.clone()),
+                    Ok(()) => accepted.push(what.clone()),
                     Err(why) => {
                         assert!(why.contains(&format!("'{name}'")), "{what}: {why}");
                         assert!(
@@ -129,12 +129,12 @@ fn no_value_of_a_parameter_stops_a_running_node() {
             // An own topic of the node is refused by each parameter that names a topic.
             let closed = ["source", "input", "fallback"].contains(&name.as_str());
             assert!(
-                !closed || !taken.iter().any(|what| what.ends_with(&format!("{own_topic}'"))),
-                "{taken:?}"
+                !closed || !accepted.iter().any(|what| what.ends_with(&format!("{own_topic}'"))),
+                "{accepted:?}"
             );
         }
     }
-    println!("{refused} values refused, {} taken: {taken:#?}", taken.len());
+    println!("{refused} values refused, {} taken: {accepted:#?}", accepted.len());
     assert!(refused > 300, "{refused}");
     assert_rate(&results);
     assert_eq!(processes(), before, "no node has crashed");
@@ -233,11 +233,11 @@ fn is_refused(bench: &Bench, node: &str, descriptor: &Descriptor, value: &str) -
     }
     arguments.extend(["-p", &set]);
     let output = bench.run(&arguments);
-    let (said, shown) = (text(&output), set.chars().take(60).collect::<String>());
+    let (printed, shown) = (text(&output), set.chars().take(60).collect::<String>());
     match output.status.code() {
-        Some(2) => assert!(said.contains(descriptor.name), "{node} {shown}: {said}"),
-        Some(1) => assert!(said.contains("/nobody"), "{node} {shown}: {said}"),
-        code => panic!("{node} {shown}: {code:?}, {said}"),
+        Some(2) => assert!(printed.contains(descriptor.name), "{node} {shown}: {printed}"),
+        Some(1) => assert!(printed.contains("/nobody"), "{node} {shown}: {printed}"),
+        code => panic!("{node} {shown}: {code:?}, {printed}"),
     }
     output.status.code() == Some(2)
 }
@@ -259,8 +259,8 @@ fn a_launch_refuses_a_bad_argument() {
         let mut arguments = vec!["launch", "launch/recovered.launch.yaml", &set];
         arguments.extend(fixed);
         let output = bench.run(&arguments);
-        let said = text(&output);
-        assert_eq!(output.status.code(), Some(2), "{set}: {said}");
-        assert!(said.contains("a b"), "{set}: {said}");
+        let printed = text(&output);
+        assert_eq!(output.status.code(), Some(2), "{set}: {printed}");
+        assert!(printed.contains("a b"), "{set}: {printed}");
     }
 }

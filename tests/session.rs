@@ -149,10 +149,10 @@ fn what_is_wrong_with_a_variable_is_said() {
         ("ROS_DOMAIN_ID", "500", "0 to 232"),
     ] {
         let output = bench.modulo(&["node", "list"]).env(variable, value).output().expect("it starts");
-        let said = text(&output);
-        assert!(matches!(output.status.code(), Some(1 | 2)), "{variable}={value}: {said}");
-        assert!(said.contains(variable) && said.contains(named), "{variable}={value}: {said}");
-        assert!(!said.contains("panicked"), "{said}");
+        let message = text(&output);
+        assert!(matches!(output.status.code(), Some(1 | 2)), "{variable}={value}: {message}");
+        assert!(message.contains(variable) && message.contains(named), "{variable}={value}: {message}");
+        assert!(!message.contains("panicked"), "{message}");
     }
 }
 

@@ -166,8 +166,8 @@ impl Summary {
 }
 
 /// Adds what a life of a node says to that of its lives before.
-fn add_life(said: &mut BTreeMap<String, String>, report: &NodeReport, life: String) {
-    let lives = said.entry(report.node.clone()).or_default();
+fn add_life(reported: &mut BTreeMap<String, String>, report: &NodeReport, life: String) {
+    let lives = reported.entry(report.node.clone()).or_default();
     *lives = if lives.is_empty() { life } else { format!("{lives}; after a restart {life}") };
 }
 
@@ -176,8 +176,8 @@ fn frames(report: &NodeReport) -> u64 {
     if report.status.get("role").map(String::as_str) != Some("source") {
         return 0;
     }
-    let said = report.status.get("frames").and_then(|frames| frames.parse().ok());
-    said.unwrap_or_else(|| report.published.values().copied().max().unwrap_or(0))
+    let reported = report.status.get("frames").and_then(|frames| frames.parse().ok());
+    reported.unwrap_or_else(|| report.published.values().copied().max().unwrap_or(0))
 }
 
 fn engine(reports: &[NodeReport]) -> Option<String> {

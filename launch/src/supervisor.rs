@@ -250,11 +250,11 @@ async fn supervise(
 ) -> (Ending, Vec<ProcessOutcome>) {
     // The order to end is a state and not an event: a process that is between two starts finds it when it
     // looks.
-    let (shut_down, told) = watch::channel(None);
+    let (shut_down, end_signal) = watch::channel(None);
     let mut running = JoinSet::new();
     for job in jobs {
-        let (print, told) = (how.print.clone(), told.clone());
-        running.spawn(async move { (job.process.on_exit, job.keep(told, print).await) });
+        let (print, end_signal) = (how.print.clone(), end_signal.clone());
+        running.spawn(async move { (job.process.on_exit, job.keep(end_signal, print).await) });
     }
     let (mut ending, mut ended) = (Ending::Completed, Vec::new());
     tokio::pin!(stop);

@@ -267,11 +267,11 @@ fn play(args: &BagPlay) -> Result<Ended, Failure> {
     for (topic, count) in sent {
         say!("{topic}: {count} messages");
     }
-    Ok(told(&player, &unheard, ended))
+    Ok(reported(&player, &unheard, ended))
 }
 
 /// Tells what a replay has left out. What the bag lacks is told again, because a launcher gives the last line as the reason.
-fn told(player: &Player, unheard: &[String], ended: Ended) -> Ended {
+fn reported(player: &Player, unheard: &[String], ended: Ended) -> Ended {
     player.bag().warnings().iter().filter(|w| w.is_loss()).for_each(|why| eprintln!("modulo: {why}"));
     if !unheard.is_empty() {
         eprintln!("modulo: no reader gets {}", unheard.join(", "));

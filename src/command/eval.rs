@@ -22,7 +22,7 @@ use super::launch::{prepare, refuse, tell_slower_engine};
 use super::progress::ProgressLine;
 use super::run::NodeKind;
 use super::{grid, pairs, start_log, usage};
-use crate::{Ended, Failure, told};
+use crate::{Ended, Failure, message_of};
 
 /// `modulo eval`
 #[derive(Args)]
@@ -171,7 +171,7 @@ fn finish(
     let ended = ended.err().map(|(Failure::Usage(why) | Failure::Run(why))| why);
     let failures: Vec<_> = ended.into_iter().chain(files.into_iter().flatten()).collect();
     if !failures.is_empty() {
-        let all: Vec<_> = failures.iter().map(told).collect();
+        let all: Vec<_> = failures.iter().map(message_of).collect();
         return Err(anyhow!(all.join("; ")).into());
     }
     tell_slower_engine(&summary);

@@ -194,9 +194,9 @@ fn echo(transport: &ZenohTransport, args: &Echo) -> Result<(), Failure> {
             rihs::description_of_schema(&name, &text)?
         }
     };
-    let mut told = Vec::new();
+    let mut reported = Vec::new();
     while listening.goes_on() {
-        tell_twins(transport, &mut told);
+        tell_twins(transport, &mut reported);
         // Nothing comes when the command was asked to end meanwhile.
         let Some(sample) = listening.next(None) else { continue };
         let value = dynamic::from_slice(&description, &sample.item.payload)?;
@@ -216,11 +216,11 @@ fn echo(transport: &ZenohTransport, args: &Echo) -> Result<(), Failure> {
 }
 
 /// Warns of publishers whose messages mix on the topic that is listened to, each time that others join or leave.
-fn tell_twins(transport: &ZenohTransport, told: &mut Vec<Twins>) {
+fn tell_twins(transport: &ZenohTransport, reported: &mut Vec<Twins>) {
     let now = transport.twins();
-    if *told != now {
+    if *reported != now {
         now.iter().for_each(|twins| eprintln!("WARNING: {twins}"));
-        *told = now;
+        *reported = now;
     }
 }
 
@@ -238,9 +238,9 @@ fn hz(transport: &ZenohTransport, clock: &dyn Clock, topic: &str, window: usize)
     let listening = transport.listen(&absolute(topic), stop_on_signals()?)?;
     let now = || clock.ticks_ns() as f64 / 1e9;
     let (mut arrived, mut due) = (VecDeque::new(), now() + 1.0);
-    let mut told = Vec::new();
+    let mut reported = Vec::new();
     while listening.goes_on() {
-        tell_twins(transport, &mut told);
+        tell_twins(transport, &mut reported);
         let patience = Duration::from_secs_f64((due - now()).max(0.0));
         if let Some(sample) = listening.next(Some(patience)) {
             arrived.push_back(sample.stamp_ns as f64 / 1e9);
@@ -285,11 +285,11 @@ mod tests {
     fn a_rate_is_messages_over_time() {
         assert_eq!(rate(&[], 0), "no new messages");
         assert_eq!(rate(&[5.0], 0), "no new messages");
-        let said = rate(&[0.0, 0.1, 0.2, 0.4], 3);
+        let printed = rate(&[0.0, 0.1, 0.2, 0.4], 3);
         assert!(
-            said.starts_with("average rate: 7.500\n\tmin: 0.100s max: 0.200s std dev: 0.04714s"),
-            "{said}"
+            printed.starts_with("average rate: 7.500\n\tmin: 0.100s max: 0.200s std dev: 0.04714s"),
+            "{printed}"
         );
-        assert!(said.ends_with("window: 4 lost: 3"));
+        assert!(printed.ends_with("window: 4 lost: 3"));
     }
 }

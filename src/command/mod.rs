@@ -131,8 +131,8 @@ fn domain() -> Result<u32, Failure> {
 fn open_session() -> Result<(Arc<dyn Clock>, ZenohTransport), Failure> {
     let variable = |name: &str| std::env::var(name).ok();
     let (enable, strategy) = (variable("ROS_SECURITY_ENABLE"), variable("ROS_SECURITY_STRATEGY"));
-    if let Some(said) = check_security(enable.as_deref(), strategy.as_deref()).map_err(usage)? {
-        tracing::warn!("{said}");
+    if let Some(message) = check_security(enable.as_deref(), strategy.as_deref()).map_err(usage)? {
+        tracing::warn!("{message}");
     }
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
     let transport = ZenohTransport::open(domain()?, chosen_hashes()?, clock.clone())?;

@@ -147,14 +147,14 @@ pub fn doctor(sensor: Option<&Path>) -> Result<Ended, Failure> {
 }
 
 fn engine() {
-    let taken = onnxruntime_library();
-    match &taken {
+    let library = onnxruntime_library();
+    match &library {
         Ok(place) => say!("engine   auto takes ort, ONNX Runtime from {place}"),
         Err(_) => say!("engine   auto takes rten, built in; no ONNX Runtime library was found"),
     }
     say!("looked   in this order:");
     for place in onnxruntime_places() {
-        let chosen = taken.as_ref().is_ok_and(|taken| Path::new(taken) == place);
+        let chosen = library.as_ref().is_ok_and(|library| Path::new(library) == place);
         // A bare file name is looked up by the dynamic loader in folders that this program does not know.
         let by_loader = place.parent().is_none_or(|folder| folder.as_os_str().is_empty());
         let found = match (chosen, by_loader) {
@@ -165,7 +165,7 @@ fn engine() {
         };
         say!("         {} ({found})", place.display());
     }
-    if taken.is_err() {
+    if library.is_err() {
         say!("faster   python tools/install_onnxruntime.py, then the export line that it prints");
     }
 }

@@ -36,7 +36,7 @@ RATE = 10.0
 
 
 def taps(sigma):
-    """As core/src/optics.rs."""
+    """As crates/core/src/optics.rs."""
     radius = math.ceil(3 * sigma)
     weights = np.exp(-0.5 * (np.arange(-radius, radius + 1) / sigma) ** 2)
     return weights / weights.sum()

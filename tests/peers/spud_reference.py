@@ -1,9 +1,9 @@
-"""SPUD in double precision by scipy, the peer that core/tests/references.rs compares with.
+"""SPUD in double precision by scipy, the peer that crates/core/tests/references.rs compares with.
 
 Prints sampled values of phi for images that a formula defines:
 
     pip install numpy scipy
-    python tests/peers/spud_reference.py > core/tests/data/spud_golden.txt
+    python tests/peers/spud_reference.py > crates/core/tests/data/spud_golden.txt
 """
 
 import numpy as np

@@ -1,9 +1,9 @@
-"""PSNR and SSIM by scikit-image, the peer that core/tests/references.rs compares with.
+"""PSNR and SSIM by scikit-image, the peer that crates/core/tests/references.rs compares with.
 
 Prints one line for each pair of images that a formula defines:
 
     pip install numpy==2.4.6 scikit-image==0.26.0
-    python tests/peers/ssim_reference.py > core/tests/data/metric_golden.txt
+    python tests/peers/ssim_reference.py > crates/core/tests/data/metric_golden.txt
 """
 
 import numpy as np

@@ -32,20 +32,20 @@ impl Case {
     }
 
     fn run_words(&self, words: &[String], code: i32, wanted: &[&str]) -> String {
-        let (found, said) = self.output(words);
-        assert_eq!(found, Some(code), "{said}");
+        let (found, message) = self.output(words);
+        assert_eq!(found, Some(code), "{message}");
         for wanted in wanted {
-            assert!(said.contains(wanted), "no \"{wanted}\" in\n{said}");
+            assert!(message.contains(wanted), "no \"{wanted}\" in\n{message}");
         }
-        said
+        message
     }
 
     /// Runs `modulo eval` with labels on images as they are, and returns the number of scored objects.
-    fn scored(&self, labels: &str, code: i32, said: &[&str]) -> u64 {
+    fn scored(&self, labels: &str, code: i32, message: &[&str]) -> u64 {
         let line = format!(
             "eval {labels} --stream ideal --alpha 1 --psf-sigma 0 --time-frames 0 --engine rten -o %/scored"
         );
-        self.run(&line, code, said);
+        self.run(&line, code, message);
         let results = json(&self.bench.path("scored/results.json"));
         let objects = results["cells"][0]["objects"].as_object().expect("objects by group");
         objects.values().map(|objects| objects.as_u64().expect("a count")).sum()
@@ -117,8 +117,8 @@ cases! {
         case.run("bag info @/unpacked", 0, &["Messages:"]);
     };
     half_period_trusted: |case| {
-        let said = case.run("unwrap @/stairs.png --alpha 4 --headroom 1 -o %/stairs", 0, &["trusted"]);
-        assert!(!said.contains(" yes "), "{said}");
+        let message = case.run("unwrap @/stairs.png --alpha 4 --headroom 1 -o %/stairs", 0, &["trusted"]);
+        assert!(!message.contains(" yes "), "{message}");
     };
     hdr_rgbe_signature: |case| {
         case.run("simulate @/rgbe.hdr --alpha 2 -o %/rgbe", 0, &[]);
@@ -127,9 +127,9 @@ cases! {
         case.run("bag convert @/bag %/converted", 0, &[]);
         for bag in ["@/bag", "%/converted"] {
             let line = format!("launch launch/replay.launch.yaml bag:={bag} bits:=8 alpha:=2.0");
-            let said = case.run(&line, 0, &[]);
-            let arrived = said.lines().find_map(|line| line.strip_prefix("/recovered ")).expect("a row");
-            assert_eq!(arrived.split_whitespace().next(), Some("6"), "{said}");
+            let message = case.run(&line, 0, &[]);
+            let arrived = message.lines().find_map(|line| line.strip_prefix("/recovered ")).expect("a row");
+            assert_eq!(arrived.split_whitespace().next(), Some("6"), "{message}");
         }
     };
     jpeg_damaged: |case| {
@@ -152,16 +152,16 @@ cases! {
     };
     message_compressed_db3: |case| {
         // Read or refused by name, but never passed on as it is.
-        let (code, said) = case.output(&case.words("bag convert @/msg.db3 %/x"));
+        let (code, message) = case.output(&case.words("bag convert @/msg.db3 %/x"));
         if code == Some(0) {
             case.run("eval launch/raw.launch.yaml source:=%/x -o %/eval", 0, &[]);
         } else {
-            assert!(matches!(code, Some(1 | 2)) && said.contains("compressed"), "{said}");
+            assert!(matches!(code, Some(1 | 2)) && message.contains("compressed"), "{message}");
         }
     };
     onnx_external_data: |case| {
-        let (code, said) = case.output(&case.words("model check @/model.onnx"));
-        assert!(code == Some(0) || said.contains("file of their own"), "{said}");
+        let (code, message) = case.output(&case.words("model check @/model.onnx"));
+        assert!(code == Some(0) || message.contains("file of their own"), "{message}");
     };
     recover_loses_more_than_convert: |case| {
         // Nothing is lost: the index at the end knows the length that the damaged one hides.
@@ -179,8 +179,8 @@ cases! {
         case.run("bag recover @/bag %/recovered", 0, &[]);
     };
     replay_truncated_bag: |case| {
-        let said = case.run("launch launch/replay.launch.yaml bag:=@/cut.mcap bits:=8 alpha:=2.0", 3, &["cut"]);
-        assert!(!said.contains("crashed"), "{said}");
+        let message = case.run("launch launch/replay.launch.yaml bag:=@/cut.mcap bits:=8 alpha:=2.0", 3, &["cut"]);
+        assert!(!message.contains("crashed"), "{message}");
     };
     split_bag_part_missing: |case| {
         case.run("bag recover @/bag %/recovered", 3, &[]);
@@ -203,9 +203,9 @@ cases! {
         let nodes = text(&case.bench.run(&["node", "list"]));
         assert_eq!(nodes.matches("/modulo_camera").count(), 2, "{nodes}");
         for launch in [first, second] {
-            let said = text(&launch.wait_with_output().expect("it ends"));
-            assert!(said.contains("/modulo_camera"), "{said}");
-            assert!(said.contains("ROS_DOMAIN_ID"), "the remedy: {said}");
+            let message = text(&launch.wait_with_output().expect("it ends"));
+            assert!(message.contains("/modulo_camera"), "{message}");
+            assert!(message.contains("ROS_DOMAIN_ID"), "the remedy: {message}");
         }
     };
     video_damaged: |case| {

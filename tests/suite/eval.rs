@@ -108,7 +108,7 @@ fn what_cannot_be_evaluated_is_refused_and_leaves_nothing_behind() {
     let mixed = launch_file(&bench, "mixed.yaml", &[camera, &other, detector]);
     let twins = launch_file(&bench, "twins.yaml", &[camera, camera, detector]);
     let good = "source:=scene://day?frames=2&width=96&height=64";
-    let [there, taken] = ["there", "taken"].map(|name| bench.path(name).display().to_string());
+    let [there, occupied] = ["there", "taken"].map(|name| bench.path(name).display().to_string());
     std::fs::create_dir_all(bench.path("there")).expect("writable");
     std::fs::create_dir_all(bench.path("taken/summary.json")).expect("writable");
     let bag = bench.path("bag").display().to_string();
@@ -132,15 +132,15 @@ fn what_cannot_be_evaluated_is_refused_and_leaves_nothing_behind() {
     ];
     for (words, named) in cases {
         let output = eval(&bench, &bench.path("out"), words);
-        let said = text(&output);
-        assert_eq!(output.status.code(), Some(2), "{words:?}: {said}");
+        let message = text(&output);
+        assert_eq!(output.status.code(), Some(2), "{words:?}: {message}");
         assert!(
-            said.lines().count() == 1 && named.iter().all(|name| said.contains(name)),
-            "{words:?}: {said}"
+            message.lines().count() == 1 && named.iter().all(|name| message.contains(name)),
+            "{words:?}: {message}"
         );
         assert!(!bench.path("out").exists() && !bench.path("bag").exists(), "{words:?} has left something");
     }
-    let output = eval(&bench, Path::new(&taken), &[RECOVERED, good, "--bag", &bag, "--topics", "/modulo"]);
+    let output = eval(&bench, Path::new(&occupied), &[RECOVERED, good, "--bag", &bag, "--topics", "/modulo"]);
     assert_eq!(output.status.code(), Some(2), "{}", text(&output));
     assert!(text(&output).contains("summary.json") && !bench.path("bag").exists(), "{}", text(&output));
     // A loop with a number of frames has an end.
@@ -218,10 +218,10 @@ fn scores_are_printed_where_they_cannot_be_written() {
         std::fs::create_dir_all(out.join("recovered")).expect("writable");
         symlink("/dev/full", out.join(file)).expect("writable");
         let output = eval(&bench, &out, &[RECOVERED, source, "--images"]);
-        let (said, printed) = (text(&output), String::from_utf8_lossy(&output.stdout).into_owned());
-        assert_eq!(output.status.code(), Some(1), "{file}: {said}");
-        assert!(printed.contains("frames 3") && printed.contains("AP50 on recovered"), "{file}: {said}");
-        assert!(said.contains(file), "{file}: {said}");
+        let (message, printed) = (text(&output), String::from_utf8_lossy(&output.stdout).into_owned());
+        assert_eq!(output.status.code(), Some(1), "{file}: {message}");
+        assert!(printed.contains("frames 3") && printed.contains("AP50 on recovered"), "{file}: {message}");
+        assert!(message.contains(file), "{file}: {message}");
         assert_eq!(
             json(&out.join("scores.json"))["recovered"]["frames"],
             3,
@@ -290,14 +290,14 @@ fn a_stream_without_a_score_says_why() {
         ("ignored", &["DontCare", "DontCare"], 3, "none, there is no labelled object"),
         ("partly", &["Car"], 3, "1 other frames have no labels"),
     ];
-    for (name, classes, code, told) in cases {
+    for (name, classes, code, expected) in cases {
         let (source, out) = (arg("source", kitti(&bench, name, classes)), bench.path("out"));
         std::fs::create_dir_all(&out).expect("writable");
         std::fs::write(out.join("scores.json"), "{\"recovered\": \"of an earlier run\"}").expect("writable");
         let output = eval(&bench, &out, &[RECOVERED, &source, &model]);
-        let said = text(&output);
-        assert_eq!(output.status.code(), Some(code), "{name}: {said}");
-        assert!(said.contains(told), "{name}: {said}");
+        let message = text(&output);
+        assert_eq!(output.status.code(), Some(code), "{name}: {message}");
+        assert!(message.contains(expected), "{name}: {message}");
         let scores = std::fs::read_to_string(out.join("scores.json"));
         assert_eq!(scores.is_ok(), name == "partly", "{name}: {scores:?}");
         assert!(scores.is_ok_and(|scores| !scores.contains("earlier")) || name != "partly");

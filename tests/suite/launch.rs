@@ -211,14 +211,18 @@ fn bad_input_is_one_line_and_no_panic() {
     ];
     for (arguments, named) in cases {
         let output = bench.run(&[&["launch", "--compose"], arguments].concat());
-        let said = text(&output);
-        assert!(matches!(output.status.code(), Some(1 | 2)), "{arguments:?}: {:?} {said}", output.status);
-        let lines: Vec<_> = said.lines().filter(|line| line.starts_with("modulo: ")).collect();
-        assert_eq!(lines.len(), 1, "{arguments:?}: {said}");
+        let complaint = text(&output);
+        assert!(
+            matches!(output.status.code(), Some(1 | 2)),
+            "{arguments:?}: {:?} {complaint}",
+            output.status
+        );
+        let lines: Vec<_> = complaint.lines().filter(|line| line.starts_with("modulo: ")).collect();
+        assert_eq!(lines.len(), 1, "{arguments:?}: {complaint}");
         for name in named {
             assert!(lines[0].contains(name), "{arguments:?} must name {name}: {}", lines[0]);
         }
-        assert!(!said.contains("panicked"), "{said}");
+        assert!(!complaint.contains("panicked"), "{complaint}");
     }
 }
 
@@ -251,14 +255,14 @@ fn an_output_that_cannot_be_written_is_refused_before_the_run() {
     ];
     for words in cases {
         let output = bench.run(words);
-        let said = text(&output);
-        assert_eq!(output.status.code(), Some(2), "{words:?}: {said}");
-        let lines: Vec<_> = said.lines().collect();
-        assert_eq!(lines.len(), 1, "{words:?} has run something: {said}");
+        let complaint = text(&output);
+        assert_eq!(output.status.code(), Some(2), "{words:?}: {complaint}");
+        let lines: Vec<_> = complaint.lines().collect();
+        assert_eq!(lines.len(), 1, "{words:?} has run something: {complaint}");
         let path = words.iter().position(|word| ["-o", "--summary", "--trace"].contains(word));
         let path = path.map_or(out.as_str(), |option| words[option + 1]);
-        assert!(lines[0].contains(path) && lines[0].contains("written"), "{words:?}: {said}");
-        assert_eq!(said.matches("os error").count(), 1, "{words:?} tells its cause once: {said}");
+        assert!(lines[0].contains(path) && lines[0].contains("written"), "{words:?}: {complaint}");
+        assert_eq!(complaint.matches("os error").count(), 1, "{words:?} tells its cause once: {complaint}");
     }
 }
 
@@ -270,10 +274,10 @@ fn a_summary_that_cannot_be_written_at_the_end_is_printed() {
     for option in ["--summary", "--trace"] {
         let arguments = launch("launch/recovered.launch.yaml", &source, &model, &[option, "/dev/full"]);
         let output = bench.run(&arguments);
-        let said = text(&output);
-        assert_eq!(output.status.code(), Some(1), "{said}");
+        let complaint = text(&output);
+        assert_eq!(output.status.code(), Some(1), "{complaint}");
         let summary = String::from_utf8_lossy(&output.stdout).into_owned();
-        assert!(summary.contains("2 frames") && said.contains("/dev/full"), "{option}: {said}");
+        assert!(summary.contains("2 frames") && complaint.contains("/dev/full"), "{option}: {complaint}");
     }
 }
 
@@ -284,11 +288,13 @@ fn an_unknown_launch_key_is_refused_with_its_line() {
     std::fs::write(&file, "launch:\n  - node:\n      pkg: modulo\n      exec: unwrap\n      paramz: []\n")
         .expect("writable");
     let output = bench.run(&["launch", file.to_str().expect("UTF-8")]);
-    let said = text(&output);
-    assert_eq!(output.status.code(), Some(2), "{said}");
+    let complaint = text(&output);
+    assert_eq!(output.status.code(), Some(2), "{complaint}");
     assert!(
-        said.contains("bad.launch.yaml:5") && said.contains("paramz") && said.contains("param"),
-        "{said}"
+        complaint.contains("bad.launch.yaml:5")
+            && complaint.contains("paramz")
+            && complaint.contains("param"),
+        "{complaint}"
     );
 }
 
@@ -317,10 +323,13 @@ fn check_says_ok_or_every_mistake_with_its_line() {
         "launch:\n  - log: { message: \"$(var nope)\" }\n  - timer: { period: \"soon\", children: [] }\n";
     std::fs::write(&file, bad).expect("writable");
     let output = bench.run(&["launch", "--check", file.to_str().expect("UTF-8")]);
-    let said = text(&output);
-    assert_eq!(output.status.code(), Some(1), "{said}");
-    assert!(said.contains("bad.launch.yaml:2: undefined variable 'nope'"), "{said}");
-    assert!(said.contains("bad.launch.yaml:3: period = 'soon'") && said.contains("2 errors"), "{said}");
+    let complaint = text(&output);
+    assert_eq!(output.status.code(), Some(1), "{complaint}");
+    assert!(complaint.contains("bad.launch.yaml:2: undefined variable 'nope'"), "{complaint}");
+    assert!(
+        complaint.contains("bad.launch.yaml:3: period = 'soon'") && complaint.contains("2 errors"),
+        "{complaint}"
+    );
 }
 
 /// The declarations of the nodes are part of what a launch file can break.
@@ -332,14 +341,14 @@ fn check_knows_the_parameters_of_the_suite() {
                param: [{ name: alhpa, value: 2.0 }, { name: bits, value: 99 }]\n";
     std::fs::write(&file, bad).expect("writable");
     let output = bench.run(&["launch", "--check", file.to_str().expect("UTF-8")]);
-    let said = text(&output);
-    assert_eq!(output.status.code(), Some(1), "{said}");
+    let complaint = text(&output);
+    assert_eq!(output.status.code(), Some(1), "{complaint}");
     for mistake in [
         "bad.launch.yaml:2: node 'unwarp' is unknown",
         "bad.launch.yaml:3: parameter 'alhpa' = 2.0: unknown parameter",
         "bad.launch.yaml:3: parameter 'bits' = 99: must be in 0 to 16",
     ] {
-        assert!(said.contains(mistake), "{said}");
+        assert!(complaint.contains(mistake), "{complaint}");
     }
 }
 
@@ -420,8 +429,8 @@ fn the_fastest_engine_is_named_among_those_that_are_accurate() {
     let models = format!("demo,{fast}");
     let output = bench
         .run(&["bench", "detector", "--source", source, "--model", &models, "--count", "25", "-o", &folder]);
-    let said = text(&output);
-    assert_eq!(output.status.code(), Some(0), "{said}");
+    let complaint = text(&output);
+    assert_eq!(output.status.code(), Some(0), "{complaint}");
     let rows = json(&out.join("results.json"));
     let row = |engine: &str, device: &str, model: &str| {
         let fits = |row: &&Value| row["engine"] == engine && row["device"] == device && row["model"] == model;
@@ -445,7 +454,10 @@ fn the_fastest_engine_is_named_among_those_that_are_accurate() {
     let missing = row("ort", "cuda", "demo")["missing"].as_str().expect("no GPU where the tests run");
     assert!(missing.contains("engine 'ort'") || missing.contains("cuda:0"), "{missing}");
     assert!(out.join("engines.png").exists());
-    assert!(said.lines().any(|line| line.contains("engine:=") && line.ends_with("model:=demo")), "{said}");
+    assert!(
+        complaint.lines().any(|line| line.contains("engine:=") && line.ends_with("model:=demo")),
+        "{complaint}"
+    );
 }
 
 #[test]
@@ -461,9 +473,9 @@ fn engines_are_not_judged_by_few_frames() {
     }
     let (kitti, out) = (kitti.display().to_string(), bench.path("out").display().to_string());
     let output = bench.run(&["bench", "detector", "--kitti", &kitti, "--count", "1", "-o", &out]);
-    let said = text(&output);
-    assert_eq!(output.status.code(), Some(2), "{said}");
-    assert!(said.contains("labelled frames is 2") && said.contains("at least 20"), "{said}");
+    let complaint = text(&output);
+    assert_eq!(output.status.code(), Some(2), "{complaint}");
+    assert!(complaint.contains("labelled frames is 2") && complaint.contains("at least 20"), "{complaint}");
 }
 
 fn sample() -> PathBuf {
@@ -576,9 +588,12 @@ fn a_bag_with_several_cameras_is_a_source_by_the_name_of_a_topic() {
         bench.run(&[&["eval", "launch/raw.launch.yaml", &source], arguments, &out].concat())
     };
     let refused = eval(&[]);
-    let said = text(&refused);
-    assert_eq!(refused.status.code(), Some(2), "{said}");
-    assert!(said.contains("2 image topics") && said.contains("'source_topic:=/front/modulo'"), "{said}");
+    let complaint = text(&refused);
+    assert_eq!(refused.status.code(), Some(2), "{complaint}");
+    assert!(
+        complaint.contains("2 image topics") && complaint.contains("'source_topic:=/front/modulo'"),
+        "{complaint}"
+    );
     let done = eval(&["source_topic:=/rear cam/modulo"]);
     assert_eq!(done.status.code(), Some(0), "{}", text(&done));
     assert!(text(&done).contains("frames 12"), "{}", text(&done));
@@ -615,9 +630,9 @@ fn a_damaged_bag_ends_each_command_with_3() {
         ];
         for command in commands {
             let output = bench.run(command);
-            let told = text(&output);
-            assert_eq!(output.status.code(), Some(3), "{command:?}: {told}");
-            assert!(told.contains(why), "{command:?}: {told}");
+            let expected = text(&output);
+            assert_eq!(output.status.code(), Some(3), "{command:?}: {expected}");
+            assert!(expected.contains(why), "{command:?}: {expected}");
         }
     }
 }

@@ -163,8 +163,8 @@ fn a_disabled_node_rests_and_goes_on() {
         assert!(peer.hear(output, kind).next(Duration::from_millis(200)).is_none(), "{node}");
         wait_until("it reads no more", || !peer.transport.subscribers(input).contains(&name));
         let diagnostics = peer.hear("/diagnostics", MessageKind::Diagnostics);
-        let told = status(&diagnostics, node, |status| value(status, "enabled") == "false");
-        assert!(told.message.contains("disabled"), "{told:?}");
+        let expected = status(&diagnostics, node, |status| value(status, "enabled") == "false");
+        assert!(expected.message.contains("disabled"), "{expected:?}");
         if node == "detector" {
             // A source that waits for its readers does not wait for a disabled one.
             peer.set("/modulo_camera", "rate", "0.0").expect("possible");
@@ -292,7 +292,7 @@ fn two_suites_in_one_domain_say_so() {
     let bench = Bench::new();
     let peer = Peer::new(&bench);
     let log = peer.hear_as("/rosout", MessageKind::Log, Qos::Logs);
-    let is_told = |message: &Message| match message {
+    let is_reported = |message: &Message| match message {
         Message::Log(line) => line.msg.contains("ROS_DOMAIN_ID"),
         _ => false,
     };
@@ -308,7 +308,7 @@ fn two_suites_in_one_domain_say_so() {
     wait_until("another process", || first.node("unwrap").is_some_and(|pid| pid != victim));
     std::thread::sleep(Duration::from_secs(4));
     while let Some(message) = log.next(Duration::ZERO) {
-        assert!(!is_told(&message), "{message:?}");
+        assert!(!is_reported(&message), "{message:?}");
     }
     assert!(!text(&list()).contains("WARNING"), "{}", text(&list()));
     assert_eq!(recording.interrupt(), Some(0));
@@ -322,21 +322,21 @@ fn two_suites_in_one_domain_say_so() {
         }
         sent.len() == 2 && sent.values().all(|count| *count >= 30)
     });
-    let mut told: BTreeSet<(String, String)> = BTreeSet::new();
+    let mut expected: BTreeSet<(String, String)> = BTreeSet::new();
     let mut lines = 0;
     wait_until("a warning of each node of both suites", || {
         while let Some(Message::Log(line)) = log.next(Duration::from_millis(50)) {
             if line.msg.contains("2 nodes are called") && line.msg.contains(&line.name) {
-                told.insert((line.name.clone(), line.msg.clone()));
+                expected.insert((line.name.clone(), line.msg.clone()));
                 lines += 1;
             }
         }
         lines >= 6
     });
-    assert_eq!(lines, 6, "{told:?}");
+    assert_eq!(lines, 6, "{expected:?}");
     let of_camera =
-        told.iter().any(|(_, line)| line.contains("/modulo, ") && line.contains("have 2 publishers"));
-    assert!(of_camera, "{told:?}");
+        expected.iter().any(|(_, line)| line.contains("/modulo, ") && line.contains("have 2 publishers"));
+    assert!(of_camera, "{expected:?}");
     let listed = text(&list());
     assert_eq!(listed.matches("/unwrap\n").count(), 2, "{listed}");
     assert!(listed.contains("nodes in the graph that share an exact name"), "{listed}");

@@ -61,15 +61,15 @@ fn help_says_what_the_nodes_declare() {
     let bench = Bench::new();
     for (node, declared) in &nodes()[..3] {
         let help = bench.run(&["run", node, "--help"]);
-        let said = text(&help);
+        let message = text(&help);
         for descriptor in declared.iter().chain(&CommonParameters::descriptors()) {
-            assert!(said.contains(&format!("  {} (", descriptor.name)), "{node}: {}", descriptor.name);
-            assert!(said.contains(descriptor.description), "{node}: {}", descriptor.name);
+            assert!(message.contains(&format!("  {} (", descriptor.name)), "{node}: {}", descriptor.name);
+            assert!(message.contains(descriptor.description), "{node}: {}", descriptor.name);
         }
         let link = bench.path(node);
         std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_modulo"), &link).expect("a link");
         let linked = Command::new(&link).arg("--help").output().expect("the link starts");
-        assert_eq!((linked.status.code(), text(&linked)), (Some(0), said));
+        assert_eq!((linked.status.code(), text(&linked)), (Some(0), message));
     }
 }
 
@@ -198,8 +198,8 @@ fn wrong_ros_arguments_end_with_exit_code_2_and_one_line() {
     ] {
         let output = bench.run(&[&["run", "unwrap", "--ros-args"], arguments].concat());
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", text(&output));
-        let said = text(&output);
-        assert!(said.contains(why) && said.lines().count() == 1, "{arguments:?}: {said}");
+        let message = text(&output);
+        assert!(message.contains(why) && message.lines().count() == 1, "{arguments:?}: {message}");
     }
 }
 
@@ -222,15 +222,15 @@ fn parameters_of_other_nodes_are_ignored_with_one_warning() {
         ["run", "modulo_camera", "--ros-args", "--params-file", file].into_iter().chain(given).collect();
     let output = bench.run(&arguments);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output));
-    let said = text(&output);
-    assert_eq!(said.matches("are ignored").count(), 1, "{said}");
+    let message = text(&output);
+    assert_eq!(message.matches("are ignored").count(), 1, "{message}");
     for name in [
         "'robot_base_frame'",
         "'wheel_radius'",
         "'psf_sgima' (did you mean 'psf_sigma'?)",
         "qos_overrides./clock",
     ] {
-        assert!(said.contains(name), "{name}: {said}");
+        assert!(message.contains(name), "{name}: {message}");
     }
 }
 

@@ -89,7 +89,7 @@ fn a_value_out_of_range_ends_with_exit_code_2() {
     let bench = Bench::new();
     let folder = bench.images(1).display().to_string();
     let [file, out] = [format!("{folder}/000000.png"), bench.path("out").display().to_string()];
-    for (words, told) in REFUSED {
+    for (words, expected) in REFUSED {
         let place = |word: &&str| match *word {
             "FILE" => file.clone(),
             "FOLDER" => folder.clone(),
@@ -102,9 +102,12 @@ fn a_value_out_of_range_ends_with_exit_code_2() {
             words.extend([arg("source", &folder), arg("model", model())]);
         }
         let output = bench.run(&words.iter().map(String::as_str).collect::<Vec<_>>());
-        let said = text(&output);
-        assert_eq!(output.status.code(), Some(2), "{words:?}: {said}");
-        assert!(told.iter().all(|told| said.contains(told)), "{words:?} must name {told:?}: {said}");
+        let message = text(&output);
+        assert_eq!(output.status.code(), Some(2), "{words:?}: {message}");
+        assert!(
+            expected.iter().all(|expected| message.contains(expected)),
+            "{words:?} must name {expected:?}: {message}"
+        );
         assert!(!bench.path("out").exists(), "{words:?} has written something");
     }
 }

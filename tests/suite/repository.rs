@@ -9,28 +9,27 @@ use serde_json::Value;
 
 use crate::harness::{Bench, data, text};
 
-/// Crates from the top floor down; those on one floor do not know each other.
-const FLOORS: [&[&str]; 9] = [
-    &["modulo"],
-    &["modulo-launch", "modulo-eval", "modulo-bench"],
-    &["modulo-camera", "modulo-unwrap", "modulo-detector", "modulo-viewer", "modulo-bags-live", "modulo-ap"],
-    &["modulo-bags", "modulo-middleware"],
-    &["modulo-video"],
-    &["modulo-runtime"],
-    &["modulo-msgs"],
-    &["modulo-images", "modulo-scene"],
-    &["modulo-core", "modulo-draw", "modulo-models"],
-];
-
-fn floor_of(name: &str) -> Option<usize> {
-    FLOORS.iter().position(|floor| floor.contains(&name))
+/// The folders of the crates from the top floor down, as ARCHITECTURE.md lists them; those on one floor do not know each other.
+fn floors() -> Vec<Vec<String>> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("ARCHITECTURE.md");
+    let text = std::fs::read_to_string(path).expect("readable");
+    let (_, list) = text.split_once("```\nsrc  ->").expect("the list of floors begins with the program");
+    let (list, _) = list.split_once("```").expect("the list ends");
+    let floor = |floor: &str| floor.split(',').map(|folder| folder.trim().to_owned()).collect();
+    std::iter::once("src").chain(list.split("->")).map(floor).collect()
 }
 
 /// The only crates that link the transport.
 const ON_A_TRANSPORT: [&str; 4] = ["modulo", "modulo-bags-live", "modulo-middleware", "modulo-viewer"];
 
-/// A package by its name, with its dependencies: the name of each, and whether only its tests need it.
-type Package = (String, Vec<(String, bool)>);
+/// A package of the workspace.
+struct Package {
+    name: String,
+    /// Its folder from the root; that of the program is `src`.
+    folder: String,
+    /// The names of its dependencies, and whether only its tests need them.
+    dependencies: Vec<(String, bool)>,
+}
 
 /// The packages of the workspace of this manifest.
 fn packages(manifest: &str) -> Vec<Package> {
@@ -45,19 +44,38 @@ fn packages(manifest: &str) -> Vec<Package> {
     let dependencies = |package: &Value| {
         list(package, "dependencies").iter().map(|other| (name(other), other["kind"] == "dev")).collect()
     };
-    list(&metadata, "packages").iter().map(|package| (name(package), dependencies(package))).collect()
+    let folder = |package: &Value| {
+        let manifest = Path::new(package["manifest_path"].as_str().expect("a path"));
+        let folder = manifest.parent().expect("a manifest lies in a folder");
+        match folder.strip_prefix(env!("CARGO_MANIFEST_DIR")).expect("below the root").display().to_string() {
+            root if root.is_empty() => "src".to_owned(),
+            folder => folder,
+        }
+    };
+    list(&metadata, "packages")
+        .iter()
+        .map(|one| Package { name: name(one), folder: folder(one), dependencies: dependencies(one) })
+        .collect()
 }
 
 #[test]
 fn arrows_point_downward() {
-    let packages = packages("Cargo.toml");
-    // A new crate has to be placed on a floor before its arrows can be checked.
-    assert_eq!(packages.len(), FLOORS.iter().map(|floor| floor.len()).sum::<usize>(), "a crate has no floor");
-    for (name, dependencies) in packages {
-        let floor = floor_of(&name).unwrap_or_else(|| panic!("{name} has no floor"));
-        for (other, _) in dependencies {
-            if let Some(below) = floor_of(&other) {
-                assert!(below > floor, "{name} must not know {other}");
+    let (packages, floors) = (packages("Cargo.toml"), floors());
+    let holds = |place: &str, folder: &str| match place.strip_suffix('*') {
+        Some(above) => folder.starts_with(above),
+        None => folder == place,
+    };
+    let floor_of = |package: &Package| {
+        let floor = floors.iter().position(|floor| floor.iter().any(|place| holds(place, &package.folder)));
+        floor.unwrap_or_else(|| panic!("ARCHITECTURE.md gives {} no floor", package.folder))
+    };
+    for place in floors.iter().flatten() {
+        assert!(packages.iter().any(|package| holds(place, &package.folder)), "there is no {place}");
+    }
+    for package in &packages {
+        for (other, _) in &package.dependencies {
+            if let Some(other) = packages.iter().find(|one| one.name == *other) {
+                assert!(floor_of(other) > floor_of(package), "{} must not know {}", package.name, other.name);
             }
         }
     }
@@ -73,13 +91,9 @@ fn what_needs_no_transport_links_none() {
     let mut linking: BTreeSet<String> = BTreeSet::from(["zenoh".to_owned(), "zenoh-ext".to_owned()]);
     loop {
         let links =
-            |(_, others): &&Package| others.iter().any(|(other, dev)| !dev && linking.contains(other));
-        let further: Vec<_> = all
-            .iter()
-            .filter(links)
-            .map(|(name, _)| name.clone())
-            .filter(|name| !linking.contains(name))
-            .collect();
+            |one: &&Package| one.dependencies.iter().any(|(other, dev)| !dev && linking.contains(other));
+        let names = all.iter().filter(links).map(|one| one.name.clone());
+        let further: Vec<_> = names.filter(|name| !linking.contains(name)).collect();
         if further.is_empty() {
             break;
         }
@@ -135,7 +149,7 @@ fn each_library_is_named_in_one_place() {
     let mut files = Vec::new();
     sources(Path::new(env!("CARGO_MANIFEST_DIR")), &mut files);
     for (library, home) in [
-        ("zenoh", "middleware/src/transport/zenoh/"),
+        ("zenoh", "crates/middleware/src/transport/zenoh/"),
         ("ort", "nodes/detector/src/engine/onnxruntime.rs"),
         ("rten", "nodes/detector/src/engine/rten.rs"),
     ] {
@@ -160,7 +174,7 @@ fn the_wall_clock_is_read_in_one_file() {
     let mut files = Vec::new();
     sources(Path::new(env!("CARGO_MANIFEST_DIR")), &mut files);
     // The launcher waits for processes, which have no other time than the wall's; a benchmark measures it.
-    let homes = ["runtime/src/clock.rs", "eval/bench/src/runner.rs", "launch"];
+    let homes = ["crates/runtime/src/clock.rs", "eval/bench/src/runner.rs", "launch"];
     let allowed = |path: &Path| homes.iter().any(|home| path.starts_with(home));
     let found: Vec<_> = files
         .iter()
@@ -229,10 +243,10 @@ fn the_installed_tree_is_a_package_and_runs() {
     let output =
         Command::new(&modulo).args(print).env_remove("AMENT_PREFIX_PATH").output().expect("it starts");
     done(&output);
-    let said = text(&output);
+    let message = text(&output);
     let prefix = prefix.canonicalize().expect("is there");
-    assert!(said.contains(&format!("log {}\n", prefix.display())), "{said}");
-    assert!(said.contains("node /detector: modulo/detector"), "{said}");
+    assert!(message.contains(&format!("log {}\n", prefix.display())), "{message}");
+    assert!(message.contains("node /detector: modulo/detector"), "{message}");
 }
 
 /// `AMENT_PREFIX_PATH` is what `ros2 run` and `ros2 launch` look at.

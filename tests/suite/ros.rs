@@ -78,10 +78,10 @@ fn stamps_follow_the_clock_topic_while_use_sim_time_is_on() {
     let first = images.until("an image", |_| true);
     assert_eq!(first.stamp(), Time::default(), "0 before the first time on /clock");
 
-    let told = Time { sec: 42, nanosec: 500_000_000 };
+    let expected = Time { sec: 42, nanosec: 500_000_000 };
     wait_until("the camera on /clock", || clock.wanted());
-    clock.put(&Message::Clock(rosgraph_msgs::Clock { clock: told }.into())).expect("sent");
-    images.until("an image of the simulated time", |image| image.stamp() == told);
+    clock.put(&Message::Clock(rosgraph_msgs::Clock { clock: expected }.into())).expect("sent");
+    images.until("an image of the simulated time", |image| image.stamp() == expected);
 
     let off = bench.run(&["param", "set", "/modulo_camera", "use_sim_time", "false"]);
     assert_eq!(off.status.code(), Some(0), "{}", text(&off));
@@ -90,7 +90,7 @@ fn stamps_follow_the_clock_topic_while_use_sim_time_is_on() {
 
     let on = bench.run(&["param", "set", "/modulo_camera", "use_sim_time", "true"]);
     assert_eq!(on.status.code(), Some(0), "{}", text(&on));
-    images.until("an image of the simulated time again", |image| image.stamp() == told);
+    images.until("an image of the simulated time again", |image| image.stamp() == expected);
 }
 
 /// A reader of the verdicts alone gets them, and the node is on the topic once.
@@ -127,24 +127,24 @@ fn unreadable_messages_are_warned_of_by_count() {
     };
     let broken = peer.transport.advertise_raw(&peer.node_name, &endpoint).expect("declared");
     wait_until("the reader", || broken.wanted());
-    let mut told = Vec::new();
+    let mut expected = Vec::new();
     let skipped = |m: &Message| log(m.clone()).msg.starts_with("skipped: ");
     for _ in 0..40 {
         broken.put(vec![0, 1, 0, 0, 9]).expect("sent");
     }
-    told.push(log(logs.until("the first warning", skipped)).msg);
-    assert!(told[0].contains("/sensor_info") && !told[0].contains("since"), "{told:?}");
+    expected.push(log(logs.until("the first warning", skipped)).msg);
+    assert!(expected[0].contains("/sensor_info") && !expected[0].contains("since"), "{expected:?}");
     assert_eq!(unwrap.interrupt(), Some(0));
     let count = |line: &String| {
         let before = line.split_once(" since the last warning").map_or("1", |(text, _)| text);
         let number = before.rsplit(' ').find_map(|word| word.parse::<u32>().ok());
         number.unwrap_or_else(|| panic!("a count: {line}"))
     };
-    while told.iter().map(count).sum::<u32>() < 40 {
-        told.push(log(logs.until("a warning with a count", skipped)).msg);
+    while expected.iter().map(count).sum::<u32>() < 40 {
+        expected.push(log(logs.until("a warning with a count", skipped)).msg);
     }
-    assert_eq!(told.iter().map(count).sum::<u32>(), 40, "{told:?}");
-    assert!(told.len() < 40, "{told:?}");
+    assert_eq!(expected.iter().map(count).sum::<u32>(), 40, "{expected:?}");
+    assert!(expected.len() < 40, "{expected:?}");
 }
 
 /// The level of the log changes while the node runs, by the services that nodes of ROS 2 have for it.

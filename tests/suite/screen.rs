@@ -141,8 +141,8 @@ fn a_pipe_gets_a_line_at_the_start_and_the_summary() {
 fn the_command_for_pictures_makes_them() {
     let bench = Bench::new();
     let (source, model) = (arg("source", bench.images(2)), arg("model", model()));
-    let said = text(&bench.run(&run_arguments(&["launch", "--compose"], &source, &model)));
-    let command = said.lines().find_map(|line| line.strip_prefix("pictures with boxes: modulo "));
+    let message = text(&bench.run(&run_arguments(&["launch", "--compose"], &source, &model)));
+    let command = message.lines().find_map(|line| line.strip_prefix("pictures with boxes: modulo "));
     let out = bench.path("pictures").display().to_string();
     let words: Vec<&str> =
         command.expect("a command").split(' ').map(|word| word.trim_matches('\'')).collect();
@@ -162,9 +162,10 @@ fn verbose_prints_a_line_for_each_frame() {
         [&["launch", "-v"][..], &["launch", "--verbose", "--compose"], &["eval", "--verbose", "-o", &out]]
     {
         let output = bench.run(&run_arguments(command, &source, &model));
-        let said = text(&output);
-        let boxes = said.lines().filter(|line| line.contains("DEBUG") && line.contains(" boxes: ")).count();
-        assert_eq!((output.status.code(), boxes), (Some(0), 3), "{command:?}: {said}");
+        let message = text(&output);
+        let boxes =
+            message.lines().filter(|line| line.contains("DEBUG") && line.contains(" boxes: ")).count();
+        assert_eq!((output.status.code(), boxes), (Some(0), 3), "{command:?}: {message}");
     }
 }
 
@@ -176,10 +177,10 @@ fn the_slower_engine_is_told_once() {
     for (engine, hints) in [("engine:=auto", 1), ("engine:=rten", 0)] {
         let arguments = ["launch", "--compose", "launch/compare.launch.yaml", &source, &model, engine];
         let output = bench.modulo(&arguments).env("ORT_DYLIB_PATH", "").output().expect("it starts");
-        let said = text(&output);
+        let message = text(&output);
         // Where ONNX Runtime is installed system-wide, `auto` finds it without the variable.
-        let hints = if said.contains("engine rten") { hints } else { 0 };
-        assert_eq!(said.matches("no ONNX Runtime library was found").count(), hints, "{said}");
+        let hints = if message.contains("engine rten") { hints } else { 0 };
+        assert_eq!(message.matches("no ONNX Runtime library was found").count(), hints, "{message}");
     }
 }
 
@@ -188,16 +189,16 @@ fn the_slower_engine_is_told_once() {
 fn no_library_writes_on_the_screen() {
     let bench = Bench::new();
     // A port that is taken makes zenoh log a warning, and nothing else goes wrong.
-    let taken = std::net::TcpListener::bind(("127.0.0.1", 0)).expect("a free port");
-    let port = taken.local_addr().expect("a port").port();
+    let accepted = std::net::TcpListener::bind(("127.0.0.1", 0)).expect("a free port");
+    let port = accepted.local_addr().expect("a port").port();
     let keys = format!("listen/endpoints=[\"tcp/127.0.0.1:{port}\"];listen/exit_on_failure=false");
     let node = ["run", "unwrap", "--ros-args", "-p", "wait_for:=[absent]", "-p", "wait_timeout:=0.2"];
     for (level, shown) in [(None, false), (Some("warn"), true)] {
         let mut command = plain(&bench, &node);
         command.env("ZENOH_CONFIG_OVERRIDE", &keys).envs(level.map(|level| ("RUST_LOG", level)));
-        let said = text(&command.output().expect("it starts"));
-        assert_eq!(said.contains("Unable to open listener"), shown, "{said}");
-        assert!(said.contains("modulo: /unwrap: waited"), "{said}");
+        let message = text(&command.output().expect("it starts"));
+        assert_eq!(message.contains("Unable to open listener"), shown, "{message}");
+        assert!(message.contains("modulo: /unwrap: waited"), "{message}");
     }
 }
 
@@ -287,10 +288,10 @@ fn only_commands_with_other_nodes_show_the_form_of_hashes() {
 fn doctor_tells_what_to_expect_of_a_sensor() {
     let bench = Bench::new();
     let file = |name: &str| format!("{}/sensors/{name}.yaml", env!("CARGO_MANIFEST_DIR"));
-    let said = |name: &str| text(&bench.run(&["doctor", "--sensor", &file(name)]));
-    let (paper, mosaic) = (said("paper"), said("mosaic"));
+    let message = |name: &str| text(&bench.run(&["doctor", "--sensor", &file(name)]));
+    let (paper, mosaic) = (message("paper"), message("mosaic"));
     assert!(paper.contains("sensor   fit up to alpha"), "{paper}");
-    let line = |said: &str| said.lines().find(|line| line.starts_with("sensor")).map(str::to_owned);
+    let line = |message: &str| message.lines().find(|line| line.starts_with("sensor")).map(str::to_owned);
     assert_ne!(line(&paper), line(&mosaic), "a mosaic needs a softer lens");
     let refused = bench.run(&["doctor", "--sensor", &file("arguments")]);
     assert_eq!(refused.status.code(), Some(2), "{}", text(&refused));
@@ -304,8 +305,9 @@ fn colours_follow_the_variables_and_the_terminal() {
     let log = run_arguments(&["launch", "--compose", "--verbose"], &source, &model);
     // A colour or another attribute; moving the cursor is none.
     let coloured = |output: Output| {
-        let said = text(&output);
-        said.split("\u{1b}[")
+        let message = text(&output);
+        message
+            .split("\u{1b}[")
             .skip(1)
             .any(|part| part.trim_start_matches(|c: char| c.is_ascii_digit()).starts_with('m'))
     };

@@ -93,7 +93,7 @@ fn what_is_no_video_ends_with_2_and_a_cut_one_with_3() {
     let index_first = index_first.chain(["-c", "copy", "-movflags", "+faststart"].map(str::to_owned));
     assert!(Command::new("ffmpeg").args(index_first).arg(&fast).status().expect("ffmpeg starts").success());
     let fast = std::fs::read(&fast).expect("readable");
-    for (path, code, told) in [
+    for (path, code, expected) in [
         (file("empty.mp4", b""), 2, "is empty"),
         (file("text.mkv", b"Dear reader,\n"), 2, "is no video"),
         (file("cut.mp4", &whole[..whole.len() / 2]), 2, "is truncated"),
@@ -109,9 +109,9 @@ fn what_is_no_video_ends_with_2_and_a_cut_one_with_3() {
             "-o",
             &out,
         ]);
-        let said = text(&run);
-        assert_eq!(run.status.code(), Some(code), "{}: {said}", path.display());
-        assert!(said.contains(told) && !said.contains("root:"), "{said}");
+        let printed = text(&run);
+        assert_eq!(run.status.code(), Some(code), "{}: {printed}", path.display());
+        assert!(printed.contains(expected) && !printed.contains("root:"), "{printed}");
         let bag = bench.path(&format!("bag-{}", path.file_stem().expect("a name").display()));
         let run =
             bench.run(&["bag", "import", "video", &path.display().to_string(), &bag.display().to_string()]);

@@ -220,8 +220,8 @@ fn only_the_holder_of_the_token_is_served() {
     assert_eq!(refusal(&right, Some(&format!("http://{host}"))), None);
     assert_eq!(refusal(&right, None), None);
     // Port and token are checked before anything is opened.
-    let taken = bench.run(&["view", "--port", host.rsplit_once(':').expect("a port").1]);
-    assert_eq!(taken.status.code(), Some(1));
+    let accepted = bench.run(&["view", "--port", host.rsplit_once(':').expect("a port").1]);
+    assert_eq!(accepted.status.code(), Some(1));
     assert_eq!(bench.run(&["view", "--token", "short"]).status.code(), Some(2));
     assert_eq!(viewer.interrupt(), Some(0), "SIGINT ends it");
 }
@@ -246,9 +246,9 @@ fn a_recording_is_a_page_with_the_images_and_what_was_told() {
     let text = std::fs::read_to_string(&out).expect("a file");
     let recording = text.split("id=\"recording\">").nth(1).and_then(|rest| rest.split("</script>").next());
     let recording: Vec<(f64, Value)> = serde_json::from_str(recording.expect("a recording")).expect("JSON");
-    let told = |kind: &str| recording.iter().filter(|(_, body)| body.get(kind).is_some()).count();
-    assert_eq!(told("graph"), 1, "the last one");
-    assert!(told("parameters") >= 3 && told("notices") > 0 && told("status") > 0);
+    let expected = |kind: &str| recording.iter().filter(|(_, body)| body.get(kind).is_some()).count();
+    assert_eq!(expected("graph"), 1, "the last one");
+    assert!(expected("parameters") >= 3 && expected("notices") > 0 && expected("status") > 0);
     assert!(recording.iter().any(|(_, body)| body.is_string()), "images");
     assert!(!text.contains("src=\"") && !text.contains("href=\"page.css"), "it loads nothing");
     let bad = bench.run(&["view", "--record", "/no/folder/out.html"]);

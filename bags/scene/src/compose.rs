@@ -174,12 +174,12 @@ fn finish(image: &mut Array3<f32>, light: &Light) {
 
 /// Returns the ground truth from far to near. It goes from near to far and marks the pixels that are taken.
 fn truth(painted: &[Painted], view: &CameraView) -> Vec<SceneObject> {
-    let mut taken = vec![false; view.height * view.width];
+    let mut covered = vec![false; view.height * view.width];
     let mut found: Vec<SceneObject> = painted
         .iter()
         .rev()
         .filter_map(|p| {
-            let occlusion = take(&mut taken, &p.layer, view.width);
+            let occlusion = take(&mut covered, &p.layer, view.width);
             object(p.actor.class?, p, occlusion, view)
         })
         .collect();
@@ -198,13 +198,13 @@ fn object(class: Class, p: &Painted, occlusion: f32, view: &CameraView) -> Optio
 }
 
 /// Marks the pixels of a layer as taken, and returns the share of them that was taken before.
-fn take(taken: &mut [bool], layer: &Layer, width: usize) -> f32 {
+fn take(covered: &mut [bool], layer: &Layer, width: usize) -> f32 {
     let (mut own, mut hidden) = (0u32, 0u32);
     for (i, texel) in layer.texels.iter().enumerate() {
         if texel[3] >= OWNED {
             let at = (layer.top + i / layer.width) * width + layer.left + i % layer.width;
             own += 1;
-            hidden += u32::from(std::mem::replace(&mut taken[at], true));
+            hidden += u32::from(std::mem::replace(&mut covered[at], true));
         }
     }
     if own == 0 { 0.0 } else { hidden as f32 / own as f32 }
@@ -256,9 +256,9 @@ mod tests {
     fn occlusion_counts_what_nearer_things_took() {
         let full =
             |left: usize| Layer { left, top: 0, width: 4, height: 2, texels: vec![[0.0, 0.0, 0.0, 1.0]; 8] };
-        let mut taken = vec![false; 2 * 16];
-        assert_eq!(take(&mut taken, &full(0), 16), 0.0);
-        assert_eq!(take(&mut taken, &full(3), 16), 0.25);
-        assert_eq!(take(&mut taken, &full(1), 16), 1.0);
+        let mut covered = vec![false; 2 * 16];
+        assert_eq!(take(&mut covered, &full(0), 16), 0.0);
+        assert_eq!(take(&mut covered, &full(3), 16), 0.25);
+        assert_eq!(take(&mut covered, &full(1), 16), 1.0);
     }
 }

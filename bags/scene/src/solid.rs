@@ -68,7 +68,7 @@ pub(super) enum Facing {
 
 impl Facing {
     /// Turns (right, up, forward) into world axes.
-    fn turn(self, [right, up, forward]: Point) -> Point {
+    fn rotate(self, [right, up, forward]: Point) -> Point {
         match self {
             Self::Ahead => [right, up, forward],
             Self::Towards => [-right, up, -forward],
@@ -82,7 +82,7 @@ impl Solid {
     /// Moves the solid into the world, its own origin at (`x`, 0, `z`).
     pub(super) fn placed(mut self, x: f32, z: f32, facing: Facing) -> Self {
         let go = |p: Point| {
-            let q = facing.turn(p);
+            let q = facing.rotate(p);
             [q[0] + x, q[1], q[2] + z]
         };
         // Bodies are stored from rear to front; seen from behind, the front is the far end.
@@ -97,7 +97,7 @@ impl Solid {
                 }
             }
             for halo in &mut body.halos {
-                (halo.at, halo.towards) = (go(halo.at), facing.turn(halo.towards));
+                (halo.at, halo.towards) = (go(halo.at), facing.rotate(halo.towards));
             }
         }
         self

@@ -123,17 +123,17 @@ fn an_alpha_that_is_known_to_two_percent_loses_no_count() {
     for radiance in scenes() {
         for alpha in [1.5, 2.0, 3.0, 4.0] {
             let exposure = expose(&radiance, alpha, 0.0);
-            for told in [0.98, 1.0, 1.02] {
-                let out = recover(&exposure, Range::new(8, alpha * told).unwrap());
-                assert_eq!(out.k, exposure.wraps(), "alpha {alpha}, told {told}: {:?}", out.report);
+            for wanted in [0.98, 1.0, 1.02] {
+                let out = recover(&exposure, Range::new(8, alpha * wanted).unwrap());
+                assert_eq!(out.k, exposure.wraps(), "alpha {alpha}, told {wanted}: {:?}", out.report);
             }
         }
         // The trees bound the count of each pixel: the brightest ones must not fall by a peak and take others with them.
         let exposure = expose(&radiance.mapv(|x| (1.5 * x).min(1.0)), 4.0, 0.0);
         let mut tree = by_name("gradient_tree", &Options::default()).unwrap();
-        let mut wrong = |told: f64| {
+        let mut wrong = |wanted: f64| {
             let mut out = Recovered::default();
-            tree.unwrap(&exposure.modulo(), Range::new(8, told).unwrap(), &mut out).unwrap();
+            tree.unwrap(&exposure.modulo(), Range::new(8, wanted).unwrap(), &mut out).unwrap();
             out.k.iter().zip(&exposure.wraps()).filter(|(k, truth)| k != truth).count()
         };
         let wrong = [3.92, 4.0, 4.08].map(&mut wrong);
@@ -161,13 +161,13 @@ fn nothing_that_is_too_dark_by_a_peak_is_trusted() {
         {
             let exposure = expose(&radiance.mapv(|x| dark + (1.0 - dark) * x), alpha, 0.0);
             let truth = exposure.wraps();
-            for told in [0.9, 0.98, 1.0, 1.02, 1.1] {
-                let out = recover(&exposure, Range::new(8, alpha * told).unwrap());
+            for wanted in [0.9, 0.98, 1.0, 1.02, 1.1] {
+                let out = recover(&exposure, Range::new(8, alpha * wanted).unwrap());
                 let right = out.k.iter().zip(&truth).filter(|(k, truth)| k == truth).count();
                 let trusted = out.report.trust == Trust::Trusted;
                 assert!(
                     !trusted || right as f64 >= 0.999 * truth.len() as f64,
-                    "alpha {alpha}, told {told}, darkest {dark}: {right} of {} right, {:?}",
+                    "alpha {alpha}, told {wanted}, darkest {dark}: {right} of {} right, {:?}",
                     truth.len(),
                     out.report
                 );

@@ -196,7 +196,7 @@ mod tests {
     #[test]
     fn a_fault_of_the_text_names_what_is_needed() {
         let document = |rest: &str| format!("{ROOT}:\n  {rest}\n");
-        for (text, told) in [
+        for (text, expected) in [
             (String::new(), ROOT),
             ("a: 1".to_owned(), ROOT),
             (document("storage_identifier: mcap"), "relative_file_paths is no list of file names"),
@@ -210,8 +210,8 @@ mod tests {
             ("- ".repeat(100_000), "line 1: a nesting deeper than 64"),
             ("a: ".to_owned() + &"{a: ".repeat(100_000), "line "),
         ] {
-            let why = parse(&text).expect_err(told);
-            assert!(why.contains(told), "{why}");
+            let why = parse(&text).expect_err(expected);
+            assert!(why.contains(expected), "{why}");
         }
     }
 

@@ -302,7 +302,7 @@ mod tests {
 
     #[test]
     fn what_is_no_annotation_file_says_so() {
-        for (text, told) in [
+        for (text, expected) in [
             ("{}", "images"),
             (&TEXT.replace("\"id\": 2", "\"id\": 9"), "category 2"),
             (&TEXT.replace("3, 4]", "-3, 4]"), "not negative"),
@@ -315,8 +315,9 @@ mod tests {
         ] {
             let folder = write(text);
             let path = folder.path().join("annotations/instances_val.json");
-            let why = CocoSource::open(&path, None, &SourceOptions::default()).expect_err(told).to_string();
-            assert!(why.contains(told) && why.contains("instances_val.json"), "{why}");
+            let why =
+                CocoSource::open(&path, None, &SourceOptions::default()).expect_err(expected).to_string();
+            assert!(why.contains(expected) && why.contains("instances_val.json"), "{why}");
         }
     }
 

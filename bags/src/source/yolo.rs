@@ -218,7 +218,7 @@ mod tests {
 
     #[test]
     fn bad_lines_say_what_is_needed() {
-        for (line, told) in [
+        for (line, expected) in [
             ("car 0 0 1 1", "'car'"),
             ("0 0 0 1", "4 columns found, 5 needed"),
             ("0 0 0 nan 1", "'nan'"),
@@ -229,7 +229,7 @@ mod tests {
             ("1.5 0.5 0.5 0.2 0.2", "'1.5'"),
         ] {
             let why = parse(line, (10.0, 10.0), None).expect_err(line);
-            assert!(why.contains(told), "{why}");
+            assert!(why.contains(expected), "{why}");
         }
     }
 
@@ -257,7 +257,7 @@ mod tests {
 
     #[test]
     fn names_that_cannot_be_read_say_what_is_needed() {
-        for (text, told) in [
+        for (text, expected) in [
             ("", "no value of 'names'"),
             ("names: car", "a list of names"),
             ("names: {car: 0}", "class 'car' found, a whole number needed"),
@@ -271,7 +271,7 @@ mod tests {
             ),
         ] {
             let why = listed(text).expect_err(text);
-            assert!(why.contains(told), "{why}");
+            assert!(why.contains(expected), "{why}");
         }
     }
 

@@ -108,10 +108,10 @@ fn a_copy_leaves_out_the_second_type_of_a_topic() {
     let out = folder.path().join("out");
     let copied = copy(&BagReader::open(&path).expect("a bag"), &out, Compression::None).expect("copied");
     let [left_out] = &copied.left_out[..] else { panic!("{:?}", copied.left_out) };
-    let told = left_out.to_string();
+    let wanted = left_out.to_string();
     assert!(
-        left_out.is_loss() && told.contains("1 messages of topic '/a'") && told.contains("Image"),
-        "{told}"
+        left_out.is_loss() && wanted.contains("1 messages of topic '/a'") && wanted.contains("Image"),
+        "{wanted}"
     );
     let whole = BagReader::open(&out).expect("a bag");
     assert!(whole.warnings().is_empty(), "{:?}", whole.warnings());

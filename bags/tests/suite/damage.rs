@@ -126,14 +126,14 @@ fn a_broken_chunk_is_read_around() {
         let inside = |l: &&Line| (broken.message_start_time..=broken.message_end_time).contains(&l.1);
         let lost = lines().iter().filter(inside).count();
         assert_eq!(messages.len(), lines().len() - lost, "{compression:?}");
-        let [told] = &left_out[..] else { panic!("{left_out:?}") };
+        let [wanted] = &left_out[..] else { panic!("{left_out:?}") };
         let place = format!("{lost} messages of the chunk at byte {}", broken.chunk_start_offset);
-        assert!(told.to_string().contains(&place), "{told}");
+        assert!(wanted.to_string().contains(&place), "{wanted}");
 
         // A copy has the same messages, says the same, and is whole.
         let out = folder.path().join(format!("{compression:?}{}", broken_bytes.len()));
         let copied = copy(&bag, &out, compression).expect("copied");
-        assert!(copied.broke.is_none() && copied.left_out == [BagWarning::LeftOut(told.clone())]);
+        assert!(copied.broke.is_none() && copied.left_out == [BagWarning::LeftOut(wanted.clone())]);
         let copied = BagReader::open(&out).expect("a whole bag");
         assert!(copied.warnings().is_empty());
         assert_eq!(read_all(&copied, &Selection::default()), messages);
@@ -252,32 +252,35 @@ fn a_size_that_hides_messages_is_told() {
 fn an_empty_file_says_that_it_is_empty() {
     let (_folder, path) = temporary("empty.mcap");
     let bag = open(&path, &[]);
-    let told = bag.warnings()[0].to_string();
-    assert!(bag.warnings()[0].is_loss() && told.contains("empty") && told.contains("recorder"), "{told}");
+    let wanted = bag.warnings()[0].to_string();
+    assert!(
+        bag.warnings()[0].is_loss() && wanted.contains("empty") && wanted.contains("recorder"),
+        "{wanted}"
+    );
 }
 
 /// The result of reading a file: the messages, and all losses that the reader names.
 struct Outcome {
     messages: Vec<RawMessage>,
-    told: Vec<String>,
+    wanted: Vec<String>,
 }
 
 /// Reads a bag as far as possible. A bag that is refused tells its error.
 fn outcome(path: &Path) -> Outcome {
     let bag = match BagReader::open(path) {
         Ok(bag) => bag,
-        Err(why) => return Outcome { messages: Vec::new(), told: vec![why.to_string()] },
+        Err(why) => return Outcome { messages: Vec::new(), wanted: vec![why.to_string()] },
     };
-    let mut told: Vec<_> = bag.warnings().iter().map(ToString::to_string).collect();
+    let mut wanted: Vec<_> = bag.warnings().iter().map(ToString::to_string).collect();
     let mut messages = Vec::new();
     for message in bag.messages(&Selection::default()) {
         match message {
             Ok(message) => messages.push(message),
-            Err(why) => told.push(why.to_string()),
+            Err(why) => wanted.push(why.to_string()),
         }
     }
-    assert!(messages.is_sorted_by_key(|m| m.log_time) || !told.is_empty());
-    Outcome { messages, told }
+    assert!(messages.is_sorted_by_key(|m| m.log_time) || !wanted.is_empty());
+    Outcome { messages, wanted }
 }
 
 /// The outcomes of a thousand damages.
@@ -293,13 +296,13 @@ struct Survey {
 fn survey(path: &Path, damaged: &Path, what: &str) -> Survey {
     let bytes = std::fs::read(damaged).expect("readable");
     let whole = outcome(path);
-    assert!(whole.told.is_empty() && !whole.messages.is_empty(), "{what}: {:?}", whole.told);
+    assert!(whole.wanted.is_empty() && !whole.messages.is_empty(), "{what}: {:?}", whole.wanted);
     let (mut equal, mut named, mut unseen, mut forged) = (0, 0, Vec::new(), Vec::new());
     for number in 0..1000 {
         let wound = wounded(&bytes, number);
         std::fs::write(damaged, &wound.bytes).expect("written");
-        let Outcome { messages, told } = outcome(path);
-        match (messages == whole.messages, told.is_empty()) {
+        let Outcome { messages, wanted } = outcome(path);
+        match (messages == whole.messages, wanted.is_empty()) {
             (true, _) => equal += 1,
             (false, false) => {
                 named += 1;

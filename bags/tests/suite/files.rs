@@ -95,12 +95,12 @@ fn files_without_metadata_are_one_bag() {
             read.iter().map(|m| m.log_time / 100_000_000).collect::<Vec<_>>(),
             (0..30).collect::<Vec<_>>()
         );
-        let told = bag.warnings().iter().any(|w| match w {
+        let wanted = bag.warnings().iter().any(|w| match w {
             BagWarning::NoMetadata(_) => broken.is_none(),
             BagWarning::BadMetadata(..) => broken.is_some(),
             _ => false,
         });
-        assert!(told && !bag.warnings().iter().any(BagWarning::is_loss), "{:?}", bag.warnings());
+        assert!(wanted && !bag.warnings().iter().any(BagWarning::is_loss), "{:?}", bag.warnings());
     }
 }
 
@@ -187,7 +187,7 @@ fn three_files() -> (tempfile::TempDir, std::path::PathBuf, String) {
     (folder, path, metadata)
 }
 
-fn told(bag: &BagReader) -> String {
+fn wanted(bag: &BagReader) -> String {
     bag.warnings().iter().map(|w| format!("{w}\n")).collect()
 }
 
@@ -212,9 +212,9 @@ fn a_file_that_cannot_be_read_leaves_the_others() {
         let bag = BagReader::open(&path).expect("two files");
         assert_eq!(read_all(&bag, &Selection::default()).len(), 19, "{why}");
         assert!(
-            is_lossy(&bag) && told(&bag).contains("bag_1.mcap") && told(&bag).contains(why),
+            is_lossy(&bag) && wanted(&bag).contains("bag_1.mcap") && wanted(&bag).contains(why),
             "{}",
-            told(&bag)
+            wanted(&bag)
         );
         for name in ["bag_0.mcap", "bag_2.mcap"] {
             std::fs::remove_file(path.join(name)).expect("there");
@@ -251,8 +251,8 @@ fn the_files_are_right_where_metadata_contradicts_them() {
         std::fs::write(path.join("metadata.yaml"), changed).expect("written");
         let bag = BagReader::open(&path).expect(theirs);
         assert_eq!(read_all(&bag, &Selection::default()).len(), messages, "{theirs}");
-        assert!(told(&bag).contains(why), "{theirs}: {}", told(&bag));
-        assert_eq!(is_lossy(&bag), lossy, "{theirs}: {}", told(&bag));
+        assert!(wanted(&bag).contains(why), "{theirs}: {}", wanted(&bag));
+        assert_eq!(is_lossy(&bag), lossy, "{theirs}: {}", wanted(&bag));
     }
 }
 

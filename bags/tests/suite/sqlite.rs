@@ -149,10 +149,10 @@ fn compressed_messages_are_unpacked() {
     write(&broken, 4, &[("/a", STRING, "cdr")], &packed[..packed.len() - 3]);
     let out = folder.path().join("out");
     let copied = copy(&BagReader::open(&broken).expect("a bag"), &out, Compression::None).expect("copied");
-    let [told] = &copied.left_out[..] else { panic!("{:?}", copied.left_out) };
+    let [expected] = &copied.left_out[..] else { panic!("{:?}", copied.left_out) };
     assert!(
-        told.to_string().contains("20 messages of topic '/a'") && told.to_string().contains("zstd"),
-        "{told}"
+        expected.to_string().contains("20 messages of topic '/a'") && expected.to_string().contains("zstd"),
+        "{expected}"
     );
     assert_eq!(BagReader::open(&out).expect("a bag").message_count(), 0);
 }
@@ -166,8 +166,8 @@ fn what_is_no_cdr_is_left_out_and_counted() {
                   UPDATE messages SET topic_id = 7 WHERE id = 5";
     Connection::open(&path).and_then(|file| file.execute_batch(change)).expect("changed");
     let bag = BagReader::open(&path).expect("a bag");
-    let told: String = bag.warnings().iter().map(ToString::to_string).collect();
-    assert!(told.contains("1 messages of topic number 7"), "{told}");
+    let expected: String = bag.warnings().iter().map(ToString::to_string).collect();
+    assert!(expected.contains("1 messages of topic number 7"), "{expected}");
     let (good, bad): (Vec<_>, Vec<_>) = bag.messages(&Selection::default()).partition(Result::is_ok);
     assert_eq!((good.len(), bad.len()), (17, 2));
 }
@@ -186,8 +186,10 @@ fn a_time_that_was_changed_is_told() {
         changed[place + 3] ^= 1;
         std::fs::write(&path, changed).expect("written");
         let bag = BagReader::open(&path).expect("a bag");
-        let [told @ BagWarning::Contradiction(..)] = bag.warnings() else { panic!("{:?}", bag.warnings()) };
-        assert!(told.is_loss() && told.to_string().contains("times"), "{told}");
+        let [expected @ BagWarning::Contradiction(..)] = bag.warnings() else {
+            panic!("{:?}", bag.warnings())
+        };
+        assert!(expected.is_loss() && expected.to_string().contains("times"), "{expected}");
     }
 }
 
@@ -201,9 +203,9 @@ fn a_file_that_was_cut_is_read_up_to_the_cut() {
     let cut = folder.path().join("cut.db3");
     std::fs::write(&cut, &whole[..whole.len() * 2 / 3]).expect("written");
     let bag = BagReader::open(&cut).expect("a bag");
-    let told = bag.warnings()[0].to_string();
+    let expected = bag.warnings()[0].to_string();
     let place = format!("cut at byte {}", whole.len() * 2 / 3);
-    assert!(bag.warnings()[0].is_loss() && told.contains(&place), "{told}");
+    assert!(bag.warnings()[0].is_loss() && expected.contains(&place), "{expected}");
     let good = bag.messages(&Selection::default()).flatten().filter(|m| m.data == payload).count();
     assert!((8..20).contains(&good), "{good} of 20 messages");
 }

@@ -310,12 +310,12 @@ fn samples8(frame: Frame) -> Array3<u8> {
 pub(crate) fn names(files: &[PathBuf]) -> Vec<String> {
     // Files of two folders can have one name. A numbered name can exist as a file, too (`x-2.jpg`), so that each name
     // is checked against all names before it.
-    let mut taken = HashSet::new();
+    let mut used = HashSet::new();
     let free = |file: &PathBuf| {
         let stem = file.file_stem().unwrap_or(file.as_os_str()).to_string_lossy().into_owned();
         let numbered = (2..).map(|n: u32| format!("{stem}-{n}"));
         let mut names = std::iter::once(stem.clone()).chain(numbered);
-        names.find(|name| taken.insert(name.clone())).expect("there are more numbers than files")
+        names.find(|name| used.insert(name.clone())).expect("there are more numbers than files")
     };
     files.iter().map(free).collect()
 }

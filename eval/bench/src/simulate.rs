@@ -134,7 +134,7 @@ struct InputFile<'a> {
     /// The frames that are left of a video.
     video: Option<VideoFile>,
     /// Images that were taken.
-    taken: usize,
+    number_of_frames: usize,
 }
 
 impl<'a> InputFile<'a> {
@@ -144,7 +144,7 @@ impl<'a> InputFile<'a> {
             Some(VideoAddress::File(path)) => Some(VideoFile::open(&path)?),
             Some(VideoAddress::Live(_)) | None => None,
         };
-        Ok(Self { request, file, name, video, taken: 0 })
+        Ok(Self { request, file, name, video, number_of_frames: 0 })
     }
 
     fn len(&self) -> usize {
@@ -163,8 +163,8 @@ impl Iterator for InputFile<'_> {
     type Item = Picture<Radiance>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let (file, number) = (self.file.display().to_string(), self.taken);
-        self.taken += 1;
+        let (file, number) = (self.file.display().to_string(), self.number_of_frames);
+        self.number_of_frames += 1;
         let Some(video) = &mut self.video else {
             return (number == 0).then(|| Picture { file, name: self.name.clone(), content: self.read() });
         };

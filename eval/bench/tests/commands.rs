@@ -137,17 +137,17 @@ fn a_file_that_cannot_be_read_is_named_and_the_others_go_on() {
     std::fs::write(&bad, b"no picture").unwrap();
     let out = folder.path().join("out");
     let request = |files: &[&Path]| request_with("--psf-sigma 0 --method spud", &out, files);
-    let mut told = Vec::new();
+    let mut wanted = Vec::new();
     let outcome = simulate::simulate(&request(&[&bad, &good]), &mut |event| {
         if let BenchEvent::Skipped(skipped) = event {
-            told.push(skipped.clone());
+            wanted.push(skipped.clone());
         }
     })
     .unwrap();
     assert_eq!(outcome.rows.len(), 1);
-    assert_eq!(outcome.skipped, told);
-    assert_eq!(told[0].file, bad.display().to_string());
-    assert!(told[0].why.contains("bad.png"), "{}", told[0].why);
+    assert_eq!(outcome.skipped, wanted);
+    assert_eq!(wanted[0].file, bad.display().to_string());
+    assert!(wanted[0].why.contains("bad.png"), "{}", wanted[0].why);
     std::fs::remove_dir_all(&out).unwrap();
     let alone = simulate::simulate(&request(&[&bad]), &mut |_| ()).unwrap_err();
     assert!(!out.exists(), "a single picture that is refused leaves nothing behind");
@@ -167,7 +167,7 @@ fn a_wrong_simulation_is_refused_before_anything_is_written() {
     assert_eq!(request(&|r| r.images.clear()), "the list of files is empty; at least one entry is needed");
     assert!(request(&|r| r.run.method = vec!["best".into()]).contains("method \"best\" is unknown"));
     assert!(request(&|r| r.white = -1.0).starts_with("white = -1"));
-    for (option, values, told) in [
+    for (option, values, wanted) in [
         ("--alpha", "0", "'alpha' = 0"),
         ("--gains", "chess", "checkerboard"),
         // The names of the images have no lens.
@@ -175,14 +175,14 @@ fn a_wrong_simulation_is_refused_before_anything_is_written() {
     ] {
         let words = ["simulate", "-o", "out", "x.png", option, values];
         let why = SimulationRequest::try_parse_from(words).unwrap_err().to_string();
-        assert!(why.contains(told) && why.contains(values), "{why}");
+        assert!(why.contains(wanted) && why.contains(values), "{why}");
     }
     let low = with("--gains checkerboard --gain-ratio 0.5", &|_| ());
     assert!(low.contains("'gain_ratio' = 0.5: must be at most 0.25"), "{low}");
     // The gains decide the method: one that was asked for would be ignored.
     let ignored = with("--gains checkerboard", &|r| r.run.method = vec!["spud".into()]);
-    for told in ["--method spud", "--gains checkerboard", "checkerboard_gains"] {
-        assert!(ignored.contains(told), "{told}: {ignored}");
+    for wanted in ["--method spud", "--gains checkerboard", "checkerboard_gains"] {
+        assert!(ignored.contains(wanted), "{wanted}: {ignored}");
     }
     let published = request(&|r| r.run.method = vec!["spud_as_published".into()]);
     assert!(published.contains("modulo eval") && published.contains("spud is the same"), "{published}");
@@ -302,13 +302,13 @@ fn only_files_that_keep_the_codes_are_unwrapped() {
         let words = words.into_iter().chain([out.as_path()]).chain(files.iter().copied());
         recover::unwrap_files(&UnwrapRequest::parse_from(words), &mut |_| {})
     };
-    for (file, bits, told) in
+    for (file, bits, wanted) in
         [(&jpeg, "8", "destroys the wraps"), (&good, "10", "not the codes of a sensor of 10 bits")]
     {
         let why = unwrap(&[file], bits).expect_err("no codes");
         let name = file.display().to_string();
         assert!(matches!(&why, BenchError::NotCodes(..)), "{why}");
-        assert!(why.to_string().contains(told) && why.to_string().contains(&name), "{why}");
+        assert!(why.to_string().contains(wanted) && why.to_string().contains(&name), "{why}");
         assert!(!out.exists(), "{why}");
     }
     let outcome = unwrap(&[&jpeg, &good], "8").unwrap();
@@ -325,17 +325,17 @@ fn a_folder_stands_for_its_images() {
     for other in ["notes.txt", "labels.json", "._a.png"] {
         std::fs::write(pictures.join(other), "no picture").unwrap();
     }
-    let mut told = Vec::new();
+    let mut wanted = Vec::new();
     let rows = simulate::simulate(&request(&simulated, &[&pictures]), &mut |event| {
         if let BenchEvent::Warning(warning) = event {
-            told.push(warning.to_owned());
+            wanted.push(warning.to_owned());
         }
     });
     let files: Vec<_> = rows.unwrap().rows.into_iter().map(|row| row.file).collect();
     assert_eq!(files, ["a.png", "b.png"].map(|name| pictures.join(name).display().to_string()));
     assert!(
-        told.len() == 1 && told[0].contains("2 in number") && told[0].contains("labels.json"),
-        "{told:?}"
+        wanted.len() == 1 && wanted[0].contains("2 in number") && wanted[0].contains("labels.json"),
+        "{wanted:?}"
     );
     let codes = folder.path().join("codes");
     std::fs::create_dir(&codes).unwrap();

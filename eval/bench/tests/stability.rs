@@ -16,7 +16,7 @@ fn nothing_is_worse_than_expected() {
     outcome.better.iter().for_each(|line| println!("better than expected: {line}"));
     println!(
         "{} held; {} of {} recovered results vouched for",
-        outcome.held, outcome.vouched, outcome.could_vouch
+        outcome.held, outcome.trusted, outcome.judged
     );
     assert!(outcome.broken.is_empty(), "broken:\n{}", outcome.broken.join("\n"));
 }

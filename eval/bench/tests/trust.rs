@@ -32,7 +32,7 @@ struct Condition {
     /// The darkest radiance over the brightest one.
     darkest: f32,
     /// The alpha that the method is told over the true one.
-    told: f64,
+    expected: f64,
 }
 
 impl Condition {
@@ -47,7 +47,7 @@ impl Condition {
         };
         let headroom = choose(&[0.9, 0.97, 1.0]) as f32;
         let darkest = choose(&[0.0, 0.0, 0.1, 0.3]) as f32;
-        let told = choose(&[0.9, 0.98, 1.0, 1.0, 1.02, 1.1]);
+        let expected = choose(&[0.9, 0.98, 1.0, 1.0, 1.02, 1.1]);
         let alpha = choose(&[1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0]);
         let psf = match choose(&[0.0, 0.5, 0.8, 1.4, 2.0]) {
             0.0 => Psf::None,
@@ -59,7 +59,7 @@ impl Condition {
         let mosaic = (choose(&[0.0, 0.0, 1.0]) > 0.0).then_some(Mosaic::Rggb);
         let sensor = SensorConfig { alpha, psf, read_noise, hot_pixels, ..SensorConfig::default() };
         let config = SensorConfig { optical_black, mosaic, ..sensor };
-        Self { config, headroom, darkest, told }
+        Self { config, headroom, darkest, expected }
     }
 }
 
@@ -95,10 +95,10 @@ impl Tally {
         let mut condition = Condition::at(number);
         // A mosaic needs colours.
         condition.config.mosaic = condition.config.mosaic.filter(|_| radiance.dim().2 == 3);
-        let Condition { config, headroom, darkest, told } = &condition;
+        let Condition { config, headroom, darkest, expected } = &condition;
         let light = radiance.mapv(|x| headroom * (darkest + (1.0 - darkest) * x.min(1.0)));
         let exposure = Sensor::new(*config).expect("a sensor").expose(light.view(), 1).expect("an image");
-        let range = Range::new(8, config.alpha * told).unwrap().with_optical_black(config.optical_black);
+        let range = Range::new(8, config.alpha * expected).unwrap().with_optical_black(config.optical_black);
         let mut out = Recovered::default();
         let mut auto = by_name("auto", &Options::default()).expect("listed");
         auto.unwrap(&exposure.modulo(), range, &mut out).expect("codes of that sensor");
@@ -240,7 +240,7 @@ impl Draws {
     fn shape(&mut self, (height, width): (usize, usize)) -> Array3<f32> {
         let (h, w, kind) = (height as f64, width as f64, (self.next() * 6.0) as usize);
         let [a, b, c, d] = [(); 4].map(|()| self.next());
-        let (turn, period) =
+        let (angle, period) =
             (self.pick(&[0.0, std::f64::consts::FRAC_PI_2, 0.3]), self.of(2.0, 40.0).round());
         let glyphs: Vec<bool> = (0..997).map(|_| self.next() < 0.5).collect();
         let (size, steps) = (1 + (4.0 * c) as usize, 2.0 + (7.0 * d).floor());
@@ -250,7 +250,7 @@ impl Draws {
                 0 => u > 0.8 * a && u < a + 0.2 * c && v > 0.8 * b && v < b + 0.5 * d,
                 1 => (u - a).hypot((v - b) * w / h) < 0.05 + 0.4 * c,
                 2 => {
-                    ((i as f64 * f64::sin(turn) + j as f64 * f64::cos(turn)) / period).rem_euclid(1.0)
+                    ((i as f64 * f64::sin(angle) + j as f64 * f64::cos(angle)) / period).rem_euclid(1.0)
                         < 0.2 + 0.6 * a
                 }
                 3 => return ((if a < 0.5 { u } else { v } * steps).floor() / (steps - 1.0)) as f32,

@@ -132,12 +132,12 @@ fn rows<'a>(page: &'a str, heading: &str) -> Vec<&'a str> {
 
 #[test]
 fn intervals_say_what_was_drawn_and_warn_of_few_drives() {
-    let said = |drawn, drives| {
+    let message = |drawn, drives| {
         let mut results = made_up();
         (results.input.drawn, results.input.drives) = (drawn, drives);
         page(&results)
     };
-    for (drawn, drives, told, warned) in [
+    for (drawn, drives, wanted, warned) in [
         (Some(Drawn::Drives(9)), 9, "draws from 9 drives.", Some("come from only 9 drives")),
         (Some(Drawn::Drives(10)), 10, "draws from 10 drives.", None),
         (
@@ -149,8 +149,8 @@ fn intervals_say_what_was_drawn_and_warn_of_few_drives() {
         (Some(Drawn::Frames(20)), 0, "draws from 20 frames.", None),
         (None, 3, "is in brackets.", None),
     ] {
-        let page = said(drawn, drives);
-        assert!(page.contains(told), "{drawn:?}");
+        let page = message(drawn, drives);
+        assert!(page.contains(wanted), "{drawn:?}");
         assert_eq!(warned.is_some(), page.contains("at least 10 drives"), "{drawn:?}");
         assert!(warned.is_none_or(|warned| page.contains(warned)), "{drawn:?}");
     }

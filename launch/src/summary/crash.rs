@@ -136,7 +136,7 @@ mod tests {
         NodeReport { running: true, ..life }
     }
 
-    fn told(reports: &[NodeReport]) -> Vec<String> {
+    fn lines(reports: &[NodeReport]) -> Vec<String> {
         losses(reports).iter().map(ToString::to_string).collect()
     }
 
@@ -144,23 +144,23 @@ mod tests {
     fn a_reader_that_crashed_misses_what_no_life_of_it_has_received() {
         let lives =
             |second| [camera(290, 10), crashed(reader(&[("/modulo", 100)])), reader(&[("/modulo", second)])];
-        assert_eq!(told(&lives(187)), ["lost in a crash: 13 of 300 frames of /modulo at /unwrap"]);
-        assert_eq!(told(&lives(200)), [""; 0]);
+        assert_eq!(lines(&lives(187)), ["lost in a crash: 13 of 300 frames of /modulo at /unwrap"]);
+        assert_eq!(lines(&lives(200)), [""; 0]);
         let mut lossy = lives(187);
         lossy[2].lost = counts(&[("/modulo", 12)]);
-        assert_eq!(told(&lossy), ["lost in a crash: 1 of 300 frames of /modulo at /unwrap"]);
+        assert_eq!(lines(&lossy), ["lost in a crash: 1 of 300 frames of /modulo at /unwrap"]);
     }
 
     #[test]
     fn a_sender_that_crashed_has_counted_a_frame_that_it_did_not_send() {
         let lives = [crashed(camera(101, 0)), camera(199, 0), reader(&[("/modulo", 299)])];
-        assert_eq!(told(&lives), ["lost in a crash: 1 of 300 frames of /modulo at /unwrap"]);
+        assert_eq!(lines(&lives), ["lost in a crash: 1 of 300 frames of /modulo at /unwrap"]);
     }
 
     #[test]
     fn without_a_crash_nothing_is_lost_in_one() {
         // A reader that joined late.
-        assert_eq!(told(&[camera(290, 10), reader(&[("/modulo", 100)])]), [""; 0]);
+        assert_eq!(lines(&[camera(290, 10), reader(&[("/modulo", 100)])]), [""; 0]);
     }
 
     #[test]
@@ -171,18 +171,18 @@ mod tests {
             crashed(reader(&[("/modulo", 8)])),
             reader(&[("/modulo", 12)]),
         ];
-        assert_eq!(told(&lives), ["lost in a crash: 10 of 30 frames of /modulo at /unwrap"]);
+        assert_eq!(lines(&lives), ["lost in a crash: 10 of 30 frames of /modulo at /unwrap"]);
     }
 
     #[test]
     fn the_number_is_unknown_where_inputs_changed_or_the_sender_keeps_no_account() {
         let unknown = "lost in a crash: an unknown number of frames of /modulo at /unwrap";
         let lives = [crashed(reader(&[("/modulo", 100)])), reader(&[("/modulo", 80)])];
-        assert_eq!(told(&lives), [unknown], "a recording that is played");
+        assert_eq!(lines(&lives), [unknown], "a recording that is played");
         let swapped = NodeReport { swapped: true, ..lives[0].clone() };
-        assert_eq!(told(&[camera(200, 0), swapped, lives[1].clone()]), [unknown]);
+        assert_eq!(lines(&[camera(200, 0), swapped, lives[1].clone()]), [unknown]);
         let other = reader(&[("/ideal", 80)]);
-        let found = told(&[camera(200, 0), lives[0].clone(), other]);
+        let found = lines(&[camera(200, 0), lives[0].clone(), other]);
         assert!(found.contains(&unknown.to_owned()), "{found:?}");
     }
 }

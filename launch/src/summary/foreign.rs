@@ -72,22 +72,22 @@ mod tests {
             }
         };
         let camera = NodeReport { received: [].into(), lost: [].into(), ..node("/camera", 0, 0, 30) };
-        let told = |reports: &[NodeReport]| -> Vec<String> {
+        let lines = |reports: &[NodeReport]| -> Vec<String> {
             foreign(reports).iter().map(ToString::to_string).collect()
         };
         let line = |foreign, received| {
             vec![format!("not of this launch: {foreign} of {received} messages of /modulo at /unwrap")]
         };
-        assert_eq!(told(&[camera.clone(), node("/unwrap", 60, 0, 60)]), line(30, 60));
-        assert_eq!(told(&[camera.clone(), node("/unwrap", 25, 10, 25)]), line(5, 25));
+        assert_eq!(lines(&[camera.clone(), node("/unwrap", 60, 0, 60)]), line(30, 60));
+        assert_eq!(lines(&[camera.clone(), node("/unwrap", 25, 10, 25)]), line(5, 25));
         for (received, lost) in [(30, 0), (10, 20), (12, 0)] {
-            assert_eq!(told(&[camera.clone(), node("/unwrap", received, lost, 9)]), [""; 0]);
+            assert_eq!(lines(&[camera.clone(), node("/unwrap", received, lost, 9)]), [""; 0]);
         }
         // A restart of the reader, a topic of a camera outside, and a camera that crashed.
         let lives = [camera.clone(), node("/unwrap", 10, 0, 10), node("/unwrap", 20, 0, 20)];
-        assert_eq!(told(&lives), [""; 0]);
-        assert_eq!(told(&[node("/unwrap", 60, 0, 60)]), [""; 0]);
+        assert_eq!(lines(&lives), [""; 0]);
+        assert_eq!(lines(&[node("/unwrap", 60, 0, 60)]), [""; 0]);
         let crashed = NodeReport { running: true, ..camera };
-        assert_eq!(told(&[crashed, node("/unwrap", 60, 0, 60)]), [""; 0]);
+        assert_eq!(lines(&[crashed, node("/unwrap", 60, 0, 60)]), [""; 0]);
     }
 }

@@ -147,13 +147,13 @@ const MEMORY: &str = "/dev/shm";
 pub(super) fn all(plan: &Plan, how: &Supervision, folders: &Folders) -> Result<Vec<Job>, LaunchError> {
     let reports = folders.reports();
     let traced = how.trace.iter().map(|_| (TRACE_DIR, folders.traces().display().to_string()));
-    let told = [
+    let variables = [
         (launcher::REPORT_DIR, reports.display().to_string()),
         (launcher::STATE_DIR, folders.state.folder.path().display().to_string()),
         (launcher::PID, std::process::id().to_string()),
     ];
-    let told: Vec<_> = told.into_iter().chain(traced).collect();
-    let nodes = plan.nodes.iter().map(|node| node_job(node, how, reports, &told));
+    let variables: Vec<_> = variables.into_iter().chain(traced).collect();
+    let nodes = plan.nodes.iter().map(|node| node_job(node, how, reports, &variables));
     let executables = plan.executables.iter().map(|executable| {
         let command = executable_command(executable, &how.suite);
         let mut process = executable.process.clone();
@@ -174,12 +174,12 @@ fn node_job(
     node: &NodePlan,
     how: &Supervision,
     reports: &Path,
-    told: &[(&str, String)],
+    variables: &[(&str, String)],
 ) -> Result<Job, LaunchError> {
     let origin = if node.package == SUITE { Origin::Suite } else { Origin::Foreign };
     let mut process = node.process.clone();
     // These come after the variables of the plan: no launch file can lead the reports of a node elsewhere.
-    process.env.extend(told.iter().map(|(name, value)| ((*name).to_owned(), Some(value.clone()))));
+    process.env.extend(variables.iter().map(|(name, value)| ((*name).to_owned(), Some(value.clone()))));
     let watched = origin == Origin::Suite && matches!(process.respawn, Respawn::After { .. });
     let life_signs = how.hang_timeout.filter(|_| watched).and_then(|limit| {
         let name = node.name.as_ref().map(|name| format!("{}/{name}", node.namespace));
@@ -241,13 +241,13 @@ fn variable(process: &ProcessPlan, name: &str) -> String {
 
 impl Job {
     /// Runs the process until it has ended for good. `told` has the reason when all are to end.
-    pub async fn keep(self, mut told: watch::Receiver<Option<Ending>>, print: Print) -> ProcessOutcome {
+    pub async fn keep(self, mut end_signal: watch::Receiver<Option<Ending>>, print: Print) -> ProcessOutcome {
         let mut restarts = Restarts::default();
         let done = |restarts: &Restarts, end| {
             let label = self.process.label.clone();
             ProcessOutcome { label, restarts: restarts.count, end }
         };
-        if !pause(self.process.start_after, &mut told).await {
+        if !pause(self.process.start_after, &mut end_signal).await {
             return done(&restarts, ProcessEnd::ShutDown);
         }
         loop {
@@ -260,7 +260,7 @@ impl Job {
                 }
             };
             // The last lines of this life are shown before the first ones of the next.
-            let (end, last_line) = self.live(running, &mut told, restarts.count, &print).await;
+            let (end, last_line) = self.live(running, &mut end_signal, restarts.count, &print).await;
             let end = match end {
                 Ok(end) => end,
                 Err(status) => return done(&restarts, after_shutdown(self.origin, &status, last_line)),
@@ -269,7 +269,7 @@ impl Job {
                 Ok(delay) => delay,
                 Err(end) => return done(&restarts, end),
             };
-            if !pause(delay, &mut told).await {
+            if !pause(delay, &mut end_signal).await {
                 return done(&restarts, end);
             }
         }
@@ -280,7 +280,7 @@ impl Job {
     async fn live(
         &self,
         mut running: Running,
-        told: &mut watch::Receiver<Option<Ending>>,
+        end_signal: &mut watch::Receiver<Option<Ending>>,
         restarts: u32,
         print: &Print,
     ) -> (Result<ProcessEnd, io::Result<ExitStatus>>, String) {
@@ -297,9 +297,9 @@ impl Job {
                 let _ = running.wait().await;
                 Ok(ProcessEnd::Crashed(why))
             }
-            () = told_to_end(told) => {
+            () = end_requested(end_signal) => {
                 // The user who interrupts a run does not want to wait for the step at hand.
-                let is_patient = || self.origin == Origin::Suite && *told.borrow() == Some(Ending::Completed);
+                let is_patient = || self.origin == Origin::Suite && *end_signal.borrow() == Some(Ending::Completed);
                 Err(running.shut_down(&self.process, is_patient).await)
             }
         };
@@ -458,16 +458,16 @@ fn last_report(folder: &Path, node: &str) -> Option<(u32, SystemTime)> {
 }
 
 /// Waits until all are told to end. It also returns when the supervisor, which tells it, has ended.
-async fn told_to_end(told: &mut watch::Receiver<Option<Ending>>) {
-    let _ = told.wait_for(Option::is_some).await;
+async fn end_requested(end_signal: &mut watch::Receiver<Option<Ending>>) {
+    let _ = end_signal.wait_for(Option::is_some).await;
 }
 
 /// Waits for `delay`. Returns false when all are told to end before it is over.
-async fn pause(delay: Duration, told: &mut watch::Receiver<Option<Ending>>) -> bool {
+async fn pause(delay: Duration, end_signal: &mut watch::Receiver<Option<Ending>>) -> bool {
     tokio::select! {
         biased;
         // The order to end wins over a start that is due at the same moment.
-        () = told_to_end(told) => false,
+        () = end_requested(end_signal) => false,
         () = tokio::time::sleep(delay) => true,
     }
 }

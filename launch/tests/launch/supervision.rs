@@ -141,9 +141,10 @@ async fn a_process_that_does_not_listen_is_ended_ever_more_firmly() {
     assert_eq!(outcome.processes.len(), 3);
     assert!(!outcome.failed());
     let shown = lines.all();
-    let said = |label: &str, signal: &str| shown.iter().any(|l| l.starts_with(label) && l.ends_with(signal));
-    assert!(said("[no_int]", "sending SIGTERM") && !said("[no_int]", "sending SIGKILL"), "{shown:?}");
-    assert!(said("[no_term]", "sending SIGKILL"), "{shown:?}");
+    let message =
+        |label: &str, signal: &str| shown.iter().any(|l| l.starts_with(label) && l.ends_with(signal));
+    assert!(message("[no_int]", "sending SIGTERM") && !message("[no_int]", "sending SIGKILL"), "{shown:?}");
+    assert!(message("[no_term]", "sending SIGKILL"), "{shown:?}");
 }
 
 #[tokio::test]

@@ -64,8 +64,8 @@ mod tests {
             let mut range = CodeRange::default();
             assert_eq!(range.note(&image(0), None), None, "a cap on the lens");
             let warning = range.note(&image(largest), None).expect("a warning");
-            let told = [format!("no code above {largest},"), format!("bits to {bits}, or to 16")];
-            assert!(told.iter().all(|text| warning.contains(text)), "{warning}");
+            let expected = [format!("no code above {largest},"), format!("bits to {bits}, or to 16")];
+            assert!(expected.iter().all(|text| warning.contains(text)), "{warning}");
             assert_eq!(range.note(&image(largest), None), None, "told already");
         }
     }

@@ -76,8 +76,8 @@ mod tests {
             [10.0, 20.0, 30.0, 40.0, 0.8, f32::NAN],
         ];
         let all = found(&rows, &[]);
-        let told: Vec<_> = all.iter().map(|one| (one.class.as_str(), one.score)).collect();
-        assert_eq!(told, [("7", 0.9), ("car", 0.5)]);
+        let pairs: Vec<_> = all.iter().map(|one| (one.class.as_str(), one.score)).collect();
+        assert_eq!(pairs, [("7", 0.9), ("car", 0.5)]);
         assert_eq!(all[1].bbox, BBox { x1: 10.0, y1: 20.0, x2: 30.0, y2: 40.0 });
         assert_eq!(found(&rows, &[("max_det", "1")]).len(), 1);
         assert_eq!(found(&rows, &[("classes", "car")]).len(), 1);

@@ -195,8 +195,8 @@ mod tests {
     fn cameras_of_other_sizes_keep_their_tensors() {
         let mut pre = Preprocessor::default();
         let mut tensors = std::collections::BTreeSet::new();
-        for turn in 0..4 * KEPT {
-            let frame = Frame::from_u8(Array3::zeros((9 + 32 * (turn % KEPT), 40, 1))).expect("a frame");
+        for round in 0..4 * KEPT {
+            let frame = Frame::from_u8(Array3::zeros((9 + 32 * (round % KEPT), 40, 1))).expect("a frame");
             pre.fill(&frame, 255.0, InputSize::Auto).expect("filled");
             tensors.insert(pre.tensor().expect("a frame").as_ptr());
         }

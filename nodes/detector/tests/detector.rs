@@ -71,8 +71,8 @@ fn detections(node: &mut Detector, frame: Frame) -> Detection2DArray {
 }
 
 fn classes(array: &Detection2DArray) -> Vec<(String, f32)> {
-    let told = |one: modulo_core::Detection| (one.class, one.score);
-    array.detections.iter().filter_map(|one| one.to_detection()).map(told).collect()
+    let reported = |one: modulo_core::Detection| (one.class, one.score);
+    array.detections.iter().filter_map(|one| one.to_detection()).map(reported).collect()
 }
 
 #[test]
@@ -82,12 +82,12 @@ fn a_frame_gives_its_boxes_with_its_header() {
     let header = image(grey(1, 1, 0)).header;
     assert_eq!(array.header, header);
     assert!(array.detections.iter().all(|one| one.header == header));
-    let told = classes(&array);
-    assert_eq!(told[0], ("person".to_owned(), 0.9));
+    let reported = classes(&array);
+    assert_eq!(reported[0], ("person".to_owned(), 0.9));
     // The last row's score is the mean of the tensor: 96 of 128 rows are the image.
     let mean = (204.0 * 0.75 + 114.0 * 0.25) / 255.0;
-    assert!(told[1].0 == "7" && (told[1].1 - mean).abs() < 1e-4, "{told:?}");
-    assert_eq!(told[2], ("car".to_owned(), 0.5));
+    assert!(reported[1].0 == "7" && (reported[1].1 - mean).abs() < 1e-4, "{reported:?}");
+    assert_eq!(reported[2], ("car".to_owned(), 0.5));
     let car = array.detections[2].to_detection().expect("a box").bbox;
     assert_eq!((car.x1, car.y1, car.x2, car.y2), (8.0, 4.0, 40.0, 20.0));
 }
@@ -230,10 +230,10 @@ fn bits_bring_the_sensor_to_the_models_range() {
         [("12", 2048, 128.0), ("0", 2048, 8.0), ("10", 1023, 255.0), ("4", 15, 255.0)]
     {
         let mut node = detector("rows.onnx", &[("bits", bits), ("score_threshold", "0")]);
-        let told = classes(&detections(&mut node, dark(level)));
+        let reported = classes(&detections(&mut node, dark(level)));
         let (_, score) =
-            told.iter().find(|(class, _)| class == "7").expect("the score of this class is the level");
-        assert!((score - expected / 255.0).abs() < 1e-4, "{bits} bits: {told:?}");
+            reported.iter().find(|(class, _)| class == "7").expect("the score of this class is the level");
+        assert!((score - expected / 255.0).abs() < 1e-4, "{bits} bits: {reported:?}");
     }
 }
 
@@ -264,8 +264,8 @@ fn read_as(
     let Some((0, Message::Detections(array))) = answers.first() else { panic!("{answers:?}") };
     let (_, score) =
         classes(array).into_iter().find(|(class, _)| class == "7").expect("its score is the level");
-    let told = node.state().into_iter().find(|(key, _)| *key == "bits").expect("in the state").1;
-    (told, (255.0 * score).round() as u8)
+    let reported = node.state().into_iter().find(|(key, _)| *key == "bits").expect("in the state").1;
+    (reported, (255.0 * score).round() as u8)
 }
 
 /// The bits of the sensor are those of its codes. Pictures have 8, and of an image of another name, which the camera may have sensed, they say

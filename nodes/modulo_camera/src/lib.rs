@@ -52,7 +52,7 @@ pub struct ModuloCamera {
     /// Describes the sensor to the nodes that read its frames.
     parameters: CameraParameters,
     /// Frames taken from this source since the launch, those that could not be read included.
-    taken: u64,
+    frames_read: u64,
     /// Frames sensed in this life of the node.
     sensed: u64,
 }
@@ -81,7 +81,7 @@ impl ModuloCamera {
             input,
             sensor: parameters.sensor.simulated()?,
             parameters: parameters.clone(),
-            taken: 0,
+            frames_read: 0,
             sensed: 0,
         })
     }
@@ -96,7 +96,7 @@ impl ModuloCamera {
         self.sensor = parameters.sensor.simulated()?;
         if let Some(input) = input {
             self.calibration = input.calibration();
-            (self.input, self.taken) = (input, 0);
+            (self.input, self.frames_read) = (input, 0);
         }
         self.parameters = parameters;
         Ok(())
@@ -104,7 +104,7 @@ impl ModuloCamera {
 
     /// Returns whether as many frames were taken as were asked for.
     fn is_over(&self) -> bool {
-        self.parameters.frames > 0 && self.taken >= self.parameters.frames.unsigned_abs()
+        self.parameters.frames > 0 && self.frames_read >= self.parameters.frames.unsigned_abs()
     }
 
     fn next_frame(&mut self) -> Result<Option<SourceFrame>, StepError> {
@@ -118,7 +118,7 @@ impl ModuloCamera {
         }
         let frame = reader.next_frame();
         // A frame that cannot be read is taken as well: after a crash it must not be tried again.
-        self.taken += u64::from(!matches!(frame, Ok(None) | Err(StepError::Fatal(_))));
+        self.frames_read += u64::from(!matches!(frame, Ok(None) | Err(StepError::Fatal(_))));
         frame
     }
 
@@ -174,7 +174,7 @@ impl ModuloCamera {
         if let Some(truth) = frame.ground_truth.as_deref().filter(|_| cx.wanted(GROUND_TRUTH)) {
             cx.emit(GROUND_TRUTH, ground_truth(truth, &header));
         }
-        let sensed = self.sense(self.taken - 1, &frame.radiance, &header, cx);
+        let sensed = self.sense(self.frames_read - 1, &frame.radiance, &header, cx);
         let CameraInput::Frames(reader) = &mut self.input else { return Ok(()) };
         sensed.map_err(|why| reader.refuse(format!("frame {}: {why}", frame.name)))?;
         reader.accept();
@@ -188,11 +188,11 @@ impl ModuloCamera {
         let CameraInput::Live(video) = &self.input else { return Ok(()) };
         let Some(live) = video.newest(LIVE_PATIENCE) else { return Ok(()) };
         let live = live.map_err(|why| StepError::Skip(why.to_string()))?;
-        self.taken += 1;
+        self.frames_read += 1;
         let (transfer, header) =
             (self.parameters.sensor.transfer, self.header(Time::from_ns(live.stamp_ns), FRAME_ID));
-        let radiance = live.pixels.radiance(transfer, self.taken).map_err(|why| why.to_string());
-        let sensed = radiance.and_then(|radiance| self.sense(self.taken - 1, &radiance, &header, cx));
+        let radiance = live.pixels.radiance(transfer, self.frames_read).map_err(|why| why.to_string());
+        let sensed = radiance.and_then(|radiance| self.sense(self.frames_read - 1, &radiance, &header, cx));
         sensed.map_err(StepError::Skip)
     }
 }
@@ -244,7 +244,7 @@ impl Node for ModuloCamera {
     }
 
     fn position(&self) -> Option<u64> {
-        (!matches!(self.input, CameraInput::Topic { .. })).then_some(self.taken)
+        (!matches!(self.input, CameraInput::Topic { .. })).then_some(self.frames_read)
     }
 
     fn resume(&mut self, position: u64) {
@@ -253,7 +253,7 @@ impl Node for ModuloCamera {
             CameraInput::Live(_) => {}
             CameraInput::Topic { .. } => return,
         }
-        self.taken = position;
+        self.frames_read = position;
     }
 
     fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError> {
@@ -291,10 +291,10 @@ impl Node for ModuloCamera {
                 let CameraInput::Topic { white, name } = &mut self.input else { return Ok(Flow::Continue) };
                 // The scale of float images is kept from message to message, as within a folder.
                 let radiance = white.radiance(&image.frame, &name);
-                self.taken += 1;
+                self.frames_read += 1;
                 let radiance = radiance.map_err(|why| StepError::Skip(why.to_string()))?;
                 let header = self.header(image.header.stamp, &image.header.frame_id);
-                self.sense(self.taken - 1, &radiance, &header, cx).map_err(StepError::Skip)?;
+                self.sense(self.frames_read - 1, &radiance, &header, cx).map_err(StepError::Skip)?;
             }
             Trigger::Message { message: Message::CameraInfo(info), .. } => self.calibration.take(info),
             Trigger::Message { .. } => {}

@@ -108,22 +108,23 @@ fn each_frame_is_described_with_its_own_stamp_and_counted() {
     let sent = step(&mut node, modulo.clone(), &[false, false, true]).expect("a good frame");
     assert!(matches!(&sent[..], [(2, Message::Diagnostics(_))]), "{sent:?}");
     let sent = step(&mut node, modulo.clone(), &[true, false, true]).expect("a good frame");
-    let [(2, Message::Diagnostics(said)), (0, _)] = &sent[..] else {
+    let [(2, Message::Diagnostics(printed)), (0, _)] = &sent[..] else {
         panic!("a description is expected: {sent:?}")
     };
-    assert_eq!(said.header, header());
-    let value =
-        |key: &str| said.status[0].values.iter().find(|pair| pair.key == key).map(|pair| pair.value.clone());
+    assert_eq!(printed.header, header());
+    let value = |key: &str| {
+        printed.status[0].values.iter().find(|pair| pair.key == key).map(|pair| pair.value.clone())
+    };
     assert_eq!(value("method").as_deref(), Some("auto"));
-    assert_eq!(value("trusted").as_deref(), Some("true"), "{said:?}");
+    assert_eq!(value("trusted").as_deref(), Some("true"), "{printed:?}");
 
     // A new alpha is a new method, but the count goes on.
     node.configure(&parameters(&[("alpha", "2.5"), ("method", "itoh")])).expect("possible");
     let sent = step(&mut node, modulo, &[true, false, true]).expect("a good frame");
-    let [(2, Message::Diagnostics(said)), (0, _)] = &sent[..] else {
+    let [(2, Message::Diagnostics(printed)), (0, _)] = &sent[..] else {
         panic!("a description is expected: {sent:?}")
     };
-    assert!(said.status[0].values.iter().all(|pair| pair.key != "trusted"), "itoh makes no claim");
+    assert!(printed.status[0].values.iter().all(|pair| pair.key != "trusted"), "itoh makes no claim");
     let status = node.status();
     assert!(status.contains(&("trusted", "2 of 3 frames".to_owned())), "{status:?}");
 }
@@ -134,8 +135,8 @@ fn the_reason_of_an_untrusted_frame_covers_missing_evidence() {
     let mut node = unwrap(&[("alpha", "4")]);
     let uniform = Frame::from_u8(Array3::from_elem((30, 40, 3), 44)).expect("an image");
     let sent = step(&mut node, uniform, &[false, false, true]).expect("a good frame");
-    let [(2, Message::Diagnostics(said))] = &sent[..] else { panic!("a description: {sent:?}") };
-    let message = &said.status[0].message;
+    let [(2, Message::Diagnostics(printed))] = &sent[..] else { panic!("a description: {sent:?}") };
+    let message = &printed.status[0].message;
     assert!(
         message.starts_with("not trusted: ") && message.contains("nothing shows the absolute offset"),
         "{message}"
@@ -148,8 +149,8 @@ fn two_nodes_differ_in_diagnostics() {
     let mut node = unwrap(&[("alpha", "2")]);
     for (name, status) in [("/unwrap", "unwrap: recovery"), ("/left/unwrap_b", "left/unwrap_b: recovery")] {
         let sent = step_as(name, &mut node, modulo.clone(), &[true, false, true]).expect("a good frame");
-        let Message::Diagnostics(said) = &sent[0].1 else { panic!("a description is expected: {sent:?}") };
-        assert_eq!(said.status[0].name, status);
+        let Message::Diagnostics(printed) = &sent[0].1 else { panic!("a description is expected: {sent:?}") };
+        assert_eq!(printed.status[0].name, status);
     }
 }
 

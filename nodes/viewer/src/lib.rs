@@ -118,9 +118,9 @@ pub fn run(
     ready: impl FnOnce(&ViewAddresses),
 ) -> Result<usize, ViewError> {
     let token = options.token.clone().map_or_else(random_token, Ok).map_err(ViewError::Random)?;
-    let taken = |why| ViewError::Listen(options.address, why);
-    let listener = TcpListener::bind(options.address).map_err(taken)?;
-    let address = listener.local_addr().map_err(taken)?;
+    let in_use = |why| ViewError::Listen(options.address, why);
+    let listener = TcpListener::bind(options.address).map_err(in_use)?;
+    let address = listener.local_addr().map_err(in_use)?;
     let page = format!("http://{address}/?token={token}");
     let mut addresses = ViewAddresses { page, foxglove: None, token: token.clone() };
     let node_name = NodeName { name: NODE.into(), namespace: "/".into(), remaps: Vec::new() };

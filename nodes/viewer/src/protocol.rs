@@ -268,8 +268,8 @@ impl ParameterView {
         let integers =
             descriptor.integer_range.first().map(|range| (range.from_value as f64, range.to_value as f64));
         let words = descriptor.additional_constraints.strip_prefix("one of ");
-        let told = descriptor.description.strip_suffix(')');
-        let (description, default) = told.and_then(|text| text.rsplit_once(" (default ")).unzip();
+        let described = descriptor.description.strip_suffix(')');
+        let (description, default) = described.and_then(|text| text.rsplit_once(" (default ")).unzip();
         Self {
             name: descriptor.name.clone(),
             r#type: type_name(descriptor.r#type),

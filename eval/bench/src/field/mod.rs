@@ -242,10 +242,10 @@ mod tests {
             r#"{{"field": {{"cells": [{cells}], "facts": ["2 frames."]}}, "definitions": {{"ssim": "of images"}}}}"#
         );
         let FieldReport { page, charts } = report(&text).expect("results");
-        for said in
+        for message in
             ["mine &amp; more", "raised ValueError: &lt;no&gt;", "62.5", "of images", "2 frames.", "<svg"]
         {
-            assert!(page.contains(said), "{said}");
+            assert!(page.contains(message), "{message}");
         }
         // Only alpha has several values.
         assert_eq!(
@@ -258,10 +258,10 @@ mod tests {
     #[test]
     fn what_is_no_result_is_refused() {
         let empty = r#"{"field": {"cells": [], "facts": []}, "definitions": {}}"#;
-        for (text, said) in
+        for (text, message) in
             [("{}", "cannot be read: missing field `field`"), (empty, "the list of cells is empty")]
         {
-            assert!(report(text).err().expect("an error").to_string().contains(said), "{text}");
+            assert!(report(text).err().expect("an error").to_string().contains(message), "{text}");
         }
     }
 }

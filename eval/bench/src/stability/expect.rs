@@ -93,8 +93,8 @@ impl Judgement {
 pub fn judge_trust(score: &MethodScore, observable: bool) -> Judgement {
     // Where k is not observable, another scene gives the same y. A method that trusted no such result could trust no
     // result on that other scene either, so that a wrong trust is excused there and nowhere else.
-    let vouched = score.report.trust == Trust::Trusted;
-    if vouched && score.exact < RECOVERED && observable {
+    let trusted = score.report.trust == Trust::Trusted;
+    if trusted && score.exact < RECOVERED && observable {
         return Judgement::Broken(format!("vouches for k, of which {} is exact", percent(score.exact)));
     }
     Judgement::Held

@@ -37,7 +37,7 @@ pub fn html(report: &StabilityReport) -> String {
                     @for row in &report.refusals {
                         tr {
                             td { (row.what) }
-                            td { @if row.held { "refused: " } @else { "\u{2717} not refused: " } (row.said) }
+                            td { @if row.held { "refused: " } @else { "\u{2717} not refused: " } (row.message) }
                         }
                     }
                 }
@@ -60,8 +60,8 @@ fn head(report: &StabilityReport) -> Markup {
             }
             p.sum {
                 b { (outcome.held) " of " (total) } " expectations held, " b { (outcome.better.len()) }
-                " better than expected, " b { (outcome.broken.len()) } " broken. Of " (outcome.could_vouch)
-                " recovered results whose method judges itself, it vouched for " (outcome.vouched) "."
+                " better than expected, " b { (outcome.broken.len()) } " broken. Of " (outcome.judged)
+                " recovered results whose method judges itself, it vouched for " (outcome.trusted) "."
             }
             @for (title, list) in [("Broken", &outcome.broken), ("Better than expected", &outcome.better)] {
                 @if !list.is_empty() { h3 { (title) } ul { @for item in list { li { (item) } } } }

@@ -25,9 +25,9 @@ pub struct StabilityOutcome {
     /// `scene, method: what` for each broken expectation. The command fails if there is one.
     pub broken: Vec<String>,
     /// Number of recovered results that their method trusts.
-    pub vouched: usize,
+    pub trusted: usize,
     /// Number of recovered results of methods that make a statement of trust.
-    pub could_vouch: usize,
+    pub judged: usize,
 }
 
 /// The results of all methods on one scene.
@@ -71,7 +71,7 @@ pub struct RejectionRow {
     /// The input and its receiver.
     pub what: String,
     /// The error message, or a note that the input was accepted.
-    pub said: String,
+    pub message: String,
     /// Whether the message names the place and the value.
     pub held: bool,
 }
@@ -93,13 +93,13 @@ impl StabilityReport {
             }
             // Trust is counted only over recovered results: a method that never trusts is safe, but of no use.
             let recovered = trial.exact >= RECOVERED;
-            outcome.could_vouch += usize::from(recovered && trial.trusted.is_some());
-            outcome.vouched += usize::from(recovered && trial.trusted == Some(true));
+            outcome.judged += usize::from(recovered && trial.trusted.is_some());
+            outcome.trusted += usize::from(recovered && trial.trusted == Some(true));
         }
         for rejection in &refusals {
             match rejection.held {
                 true => outcome.held += 1,
-                false => outcome.broken.push(format!("{}: {}", rejection.what, rejection.said)),
+                false => outcome.broken.push(format!("{}: {}", rejection.what, rejection.message)),
             }
         }
         Self { outcome, scenes, refusals }

@@ -321,13 +321,13 @@ mod tests {
 
     #[test]
     fn what_no_cell_can_have_is_refused() {
-        for (axes, told) in [
+        for (axes, expected) in [
             (Axes { stream: vec![], ..Axes::default() }, "streams is empty"),
             (axes("--method magic"), "magic"),
             (axes("--model a/x.onnx,b/x.onnx"), "twice x"),
         ] {
-            let why = axes.points(Protocol::Suite).expect_err(told).to_string();
-            assert!(why.contains(told), "{why}");
+            let why = axes.points(Protocol::Suite).expect_err(expected).to_string();
+            assert!(why.contains(expected), "{why}");
         }
         let auto = axes("--method auto");
         assert!(auto.points(Protocol::Paper).is_err(), "the paper has no auto");

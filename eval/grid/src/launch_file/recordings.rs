@@ -146,10 +146,10 @@ impl Recordings {
 impl Shown {
     /// What the messages of a frame show of `stream`, with the method that has unwrapped its image and its trust in the title.
     fn of(stream: &DetectorStream, out: &[OnTopic]) -> Self {
-        let said = stream.recovery.as_deref().and_then(|topic| recovery(out, topic));
+        let note = stream.recovery.as_deref().and_then(|topic| recovery(out, topic));
         let boxes: Vec<Detection> = found(out, &stream.detections).unwrap_or_default();
         Self {
-            title: said.map_or_else(|| stream.name.clone(), |said| format!("{}: {said}", stream.name)),
+            title: note.map_or_else(|| stream.name.clone(), |note| format!("{}: {note}", stream.name)),
             picture: stream.annotated.as_deref().and_then(|topic| picture(&image(out, topic)?.frame)),
             classes: boxes.into_iter().map(|found| found.class).collect(),
         }

@@ -201,9 +201,9 @@ impl<'a> Field<'a> {
 }
 
 fn split<'a>(rest: &mut &'a [u8], length: usize) -> Option<&'a [u8]> {
-    let (taken, left) = rest.split_at_checked(length)?;
+    let (head, left) = rest.split_at_checked(length)?;
     *rest = left;
-    Some(taken)
+    Some(head)
 }
 
 /// Takes a number of variable length off `rest`.

@@ -1,4 +1,4 @@
-// Places labels so that they cover neither each other nor, if possible, objects: `draw/src/plates.rs` of the suite in short. An area
+// Places labels so that they cover neither each other nor, if possible, objects: `crates/draw/src/plates.rs` of the suite in short. An area
 // is [left, top, right, bottom].
 
 const shared = (a, b) =>

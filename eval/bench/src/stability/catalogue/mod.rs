@@ -76,10 +76,10 @@ fn code(method: &str) -> RejectionRow {
 /// The row of an input. It holds if the error contains `named`.
 fn row<T, E: ToString>(what: String, result: Result<T, E>, named: impl ToString) -> RejectionRow {
     match result {
-        Ok(_) => RejectionRow { what, said: "nothing: it was taken".to_owned(), held: false },
+        Ok(_) => RejectionRow { what, message: "nothing: it was taken".to_owned(), held: false },
         Err(error) => {
-            let said = error.to_string();
-            RejectionRow { held: said.contains(&named.to_string()), what, said }
+            let message = error.to_string();
+            RejectionRow { held: message.contains(&named.to_string()), what, message }
         }
     }
 }

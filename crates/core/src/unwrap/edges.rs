@@ -1,0 +1,211 @@
+//! Whether an edge of the scene could be as wrong as by a multiple of the peak without a trace, so that no result is to be trusted.
+//!
+//! Where all second differences of the scene are below half a peak, only one result has this property. Behind a lens, those of an edge are
+//! at most those of its [`Sharpness`]:
+//!
+//! | edge | a result is trusted |
+//! |---|---|
+//! | up to half a peak | unless very many of its second differences are near half a peak or above it |
+//! | up to [`READABLE`] | if hardly one is: where an edge may be wrong, its wrapped second differences are at least 3/16 of the peak |
+//! | above | never |
+//! | of an unknown lens | as up to half a peak, unless its edges are as sharp as without a lens |
+//!
+//! On a mosaic, samples of one colour are two pixels apart, where edges bend more: there a result is trusted up to [`READABLE`] unless very many of these
+//! second differences are near half a peak. With two gains, a result is trusted up to [`OF_TWO_GAINS`].
+//!
+//! An unknown lens is taken for one of at least 0.8 px, and what is sharper is searched for. It remains undetected where all edges differ from a multiple
+//! of the peak by less than a sixteenth of it or by the noise, or have three differences that are alike modulo the peak.
+
+use ndarray::Array3;
+
+use super::{Range, Recovered, Trust, jumps};
+use crate::frame::in_order;
+use crate::simd::widest;
+
+/// The largest second difference, in peaks, of an edge that is read right.
+const SAFE: f64 = 0.5;
+
+/// The largest one, in peaks, of an edge that betrays itself where it is read wrong: modulo the peak, it is 3/16 of it.
+const READABLE: f64 = 13.0 / 16.0;
+
+/// Second differences above this share of the peak are near half of it. True ones at most as large are off by 5/8 where a count is wrong.
+const NEAR_HALF: f32 = 0.375;
+
+/// The most of them per sample: natural frames behind a lens of 1.4 px at alpha 4 have 0.001 to 0.013, also with noise.
+const MANY_NEAR_HALF: f32 = 1.0 / 64.0;
+
+/// Second differences above this share of the peak may be those of an edge that is read wrong.
+const BENT: f32 = 0.25;
+
+/// The most of them per sample, where an edge may be read wrong. A region of wrong counts of 0.1 % of the pixels has as many.
+const FEW_BENT: f32 = 1e-3;
+
+/// The largest second difference of an edge, in peaks, with which two gains are trusted: the mean of two opposite neighbours of low gain is wrong by
+/// half of it. Where a count is wrong without a trace, it is wrong by 5/8 of the peak.
+const OF_TWO_GAINS: f64 = 1.25;
+
+/// The most second differences of one colour of a mosaic near half a peak, per sample. Natural frames have up to 0.18, and sharp shapes that are
+/// wrong without a trace 0.3 and more.
+const MANY_IN_MOSAIC: f32 = 0.25;
+
+/// The heights, as shares of the peak, from which edges are searched that no lens has blurred.
+const STEPS: [f32; 3] = [1.0 / 16.0, 1.0 / 8.0, 1.0 / 4.0];
+
+/// A step stands alone if the differences before and after it are below this share of it; behind a lens of 0.8 px they are 0.46 of it.
+const BESIDE: f32 = 0.35;
+
+/// The lone steps over the second differences of the same height: a perfect lens has 1/2, noise 0.17, lenses from 0.5 px on have at most 0.11.
+const SHARP: f64 = 0.25;
+
+/// The least lone steps per sample.
+const FEWEST_STEPS: f64 = 2e-4;
+
+/// How sharp the edges of the images of a sensor may be, as far as its lens and its fitness say so.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Sharpness {
+    /// The lens is not known.
+    #[default]
+    Unknown,
+    /// The second differences of an edge from black to the end of the range are at most so many peaks, see
+    /// [`Psf::bend`](crate::Psf::bend).
+    UpTo(f64),
+    /// The counts of this sensor cannot be found in real pictures.
+    Unfit,
+}
+
+/// Where the next samples of the same gain and colour are.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) enum Arrangement {
+    /// At the next pixel.
+    Next,
+    /// Two pixels away, in a colour mosaic of one gain.
+    Mosaic,
+    /// Samples of a lower gain lie between them, which do not wrap.
+    TwoGains,
+}
+
+/// Takes the trust from a result that may be wrong without a trace.
+pub(crate) fn withhold_trust(
+    out: &mut Recovered,
+    arrangement: Arrangement,
+    sharpness: Sharpness,
+    range: Range,
+) {
+    let is_trusted = [Trust::Trusted, Trust::Relative].contains(&out.report.trust);
+    if is_trusted && range.max_wraps() > 0 && may_hide(&out.x, arrangement, sharpness, range) {
+        out.report.trust = Trust::Untrusted;
+    }
+}
+
+fn may_hide(x: &Array3<f32>, arrangement: Arrangement, sharpness: Sharpness, range: Range) -> bool {
+    let above = |share: f32| jumps::share_above(x, share * range.peak());
+    let edge = match sharpness {
+        Sharpness::Unfit => return true,
+        Sharpness::UpTo(edge) => Some(edge),
+        Sharpness::Unknown => None,
+    };
+    match (arrangement, edge) {
+        (Arrangement::TwoGains, edge) => edge.is_some_and(|edge| edge > OF_TWO_GAINS),
+        (_, Some(edge)) if edge > READABLE => true,
+        (Arrangement::Mosaic, _) => share_of_mosaic(x, NEAR_HALF * range.peak()) > MANY_IN_MOSAIC,
+        (_, Some(edge)) if edge > SAFE => above(BENT) > FEW_BENT,
+        (_, Some(_)) => above(NEAR_HALF) > MANY_NEAR_HALF,
+        (_, None) => above(NEAR_HALF) > MANY_NEAR_HALF || has_lone_steps(x, range),
+    }
+}
+
+/// Returns the second differences of the mosaic `x` above `limit` code units, per sample, along rows and columns of one colour.
+fn share_of_mosaic(x: &Array3<f32>, limit: f32) -> f32 {
+    let (height, width, _) = x.dim();
+    let rows: Vec<&[f32]> = in_order(x.view()).chunks_exact(width).collect();
+    let along = rows.iter().filter(|row| row.len() > 4);
+    let along: u64 =
+        along.map(|row| jumps::steep(&row[..width - 4], &row[2..width - 2], &row[4..], limit)).sum();
+    let across: u64 =
+        (4..height).map(|row| jumps::steep(rows[row - 4], rows[row - 2], rows[row], limit)).sum();
+    (along + across) as f32 / x.len() as f32
+}
+
+/// Returns whether edges of some height are mostly as sharp as without a lens, along rows and columns together.
+fn has_lone_steps(x: &Array3<f32>, range: Range) -> bool {
+    let (height, width, channels) = x.dim();
+    let (samples, stride) = (in_order(x.view()), width * channels);
+    let row = |at: usize| &samples[at * stride..][..stride];
+    let mut counts = [[0u64; 2]; STEPS.len()];
+    let mut add = |lines: [&[f32]; 4]| {
+        for (counts, step) in counts.iter_mut().zip(STEPS) {
+            let (lone, bent) = widest!(lone_steps(lines, range.peak(), step));
+            counts[0] += u64::from(lone);
+            counts[1] += u64::from(bent);
+        }
+    };
+    if width > 3 {
+        let inner = stride - 3 * channels;
+        (0..height).for_each(|at| add([0, 1, 2, 3].map(|column| &row(at)[column * channels..][..inner])));
+    }
+    (3..height).for_each(|at| add([3, 2, 1, 0].map(|before| row(at - before))));
+    let least = FEWEST_STEPS * (height * stride) as f64;
+    counts.iter().any(|&[lone, bent]| lone as f64 > least && lone as f64 > SHARP * bent as f64)
+}
+
+/// Returns how many steps between the second and the third line stand alone, modulo the peak, and how many second differences at the second
+/// line are as high.
+#[inline(always)]
+fn lone_steps([a, b, c, d]: [&[f32]; 4], peak: f32, step: f32) -> (u32, u32) {
+    let per_peak = peak.recip();
+    // Rounded by a sum, which is faster than a call.
+    let wrapped = |difference: f32| {
+        let peaks = difference * per_peak;
+        (peaks - ((peaks + ROUNDING) - ROUNDING)).abs()
+    };
+    let (mut lone, mut bent) = (0, 0);
+    for (((a, b), c), d) in a.iter().zip(b).zip(c).zip(d) {
+        let (before, here, after) = (wrapped(b - a), wrapped(c - b), wrapped(d - c));
+        lone += u32::from((here > step) & (before.max(after) < BESIDE * here));
+        bent += u32::from(wrapped(a + c - b - b) > step);
+    }
+    (lone, bent)
+}
+
+/// Adding and subtracting 1.5 * 2^23 rounds a number of either sign to the nearest whole one.
+const ROUNDING: f32 = 12_582_912.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Psf;
+
+    /// An image of 60 x 80 pixels with an edge of `height` peaks behind a lens of `sigma` px.
+    fn edge(height: f32, sigma: f64) -> Array3<f32> {
+        let x =
+            Array3::from_shape_fn((60, 80, 1), |(_, j, _)| if j < 40 { 10.0 } else { 10.0 + 256.0 * height });
+        crate::optics::blurred(x, Psf::of_sigma(sigma))
+    }
+
+    #[test]
+    fn the_bend_of_a_lens_is_that_of_its_edge() {
+        for sigma in [0.0, 0.5, 0.8, 1.0, 1.4, 2.0] {
+            let x = edge(1.0, sigma);
+            let second =
+                |j: usize| (x[(30, j - 1, 0)] + x[(30, j + 1, 0)] - 2.0 * x[(30, j, 0)]).abs() / 256.0;
+            let largest = (1..79).map(second).fold(0.0, f32::max);
+            assert!((f64::from(largest) - Psf::of_sigma(sigma).bend()).abs() < 1e-4, "{sigma} px: {largest}");
+        }
+    }
+
+    #[test]
+    fn edges_that_may_hide_a_peak_are_told_by_the_lens_and_without_it_by_their_sharpness() {
+        let range = Range::new(8, 4.0).unwrap();
+        let hides =
+            |height, sigma, sharpness| may_hide(&edge(height, sigma), Arrangement::Next, sharpness, range);
+        for (height, sigma, hidden) in
+            [(0.3, 0.0, true), (0.3, 0.3, true), (0.3, 0.8, false), (0.9, 1.4, false), (0.5, 0.0, true)]
+        {
+            assert_eq!(hides(height, sigma, Sharpness::Unknown), hidden, "{height} peaks, {sigma} px");
+        }
+        let behind = Sharpness::UpTo;
+        assert!(hides(0.0, 1.4, Sharpness::Unfit) && hides(0.0, 0.0, behind(4.0)));
+        assert!(!hides(1.0, 1.0, behind(0.75)) && hides(2.0, 1.0, behind(0.75)), "an edge near half a peak");
+        assert!(!hides(2.9, 1.4, behind(0.47)) && hides(3.9, 1.4, behind(0.47)), "many are near half a peak");
+    }
+}

@@ -1,0 +1,418 @@
+//! [`Graph`]: the ROS graph, made from the keys of liveliness tokens that appear and disappear; [`Conflict`]: two
+//! of its endpoints that do not fit together; and [`Twins`]: nodes that take each other's place. It knows no transport.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+
+use modulo_msgs::ros_name;
+use modulo_runtime::MessageKind;
+use modulo_runtime::name::is_hidden;
+use modulo_runtime::topic::{Durability, Profile, Reliability};
+use modulo_runtime::wire::keys::{Endpoint, EntityKind, NO_HASH, Token};
+
+/// Every entity that is alive now.
+#[derive(Clone, Debug, Default)]
+pub struct Graph {
+    tokens: BTreeMap<String, Token>,
+}
+
+impl Graph {
+    /// Adds the token of `key`. A key that is not a token is ignored.
+    pub fn appear(&mut self, key: &str) {
+        if let Some(token) = Token::parse(key) {
+            self.tokens.insert(key.to_owned(), token);
+        }
+    }
+
+    /// Returns the endpoints that do not fit `token`, each with the conflict.
+    pub fn conflicts_with<'a>(&'a self, token: &'a Token) -> impl Iterator<Item = (&'a Token, Conflict)> {
+        self.tokens().filter_map(|other| Some((other, conflict_between(token, other)?)))
+    }
+
+    /// Returns all conflicts between endpoints on `topic`.
+    pub fn conflicts_on(&self, topic: &str) -> Vec<Conflict> {
+        let givers = self.endpoints(EntityKind::Publisher, topic);
+        givers.flat_map(|giver| self.conflicts_with(giver)).map(|(_, conflict)| conflict).collect()
+    }
+
+    /// Removes the token of `key`.
+    pub fn disappear(&mut self, key: &str) {
+        self.tokens.remove(key);
+    }
+
+    /// Returns the fully qualified names of all nodes in their order; one that two nodes have comes twice.
+    pub fn nodes(&self) -> Vec<String> {
+        let nodes = self.tokens().filter(|token| token.kind == EntityKind::Node);
+        let mut names: Vec<String> = nodes.map(Token::node_name).collect();
+        names.sort();
+        names
+    }
+
+    /// Returns the nodes that take each other's place where that concerns the session `own`: those with the name of a node with
+    /// services in it, and those that publish a stream which it publishes or reads.
+    pub fn twins_of(&self, own: &str) -> Vec<Twins> {
+        // Each name and each stream, with its nodes and whether it is one of `own`.
+        type Shared<'a> = BTreeMap<(Option<&'a str>, String), (BTreeSet<TokenNode<'a>>, bool)>;
+        let mut shared = Shared::new();
+        for token in self.tokens() {
+            let stream = token.endpoint.as_ref().filter(|endpoint| is_stream(endpoint));
+            let of_stream = stream.map(|endpoint| (Some(&*endpoint.topic), String::new()));
+            let (key, is_one) = match (token.kind, of_stream) {
+                (EntityKind::Node, _) => ((None, token.node_name()), true),
+                // A node without services, such as a viewer, may be there several times.
+                (EntityKind::Server, _) => ((None, token.node_name()), false),
+                (EntityKind::Publisher, Some(stream)) => (stream, true),
+                (EntityKind::Subscription, Some(stream)) => (stream, false),
+                _ => continue,
+            };
+            let (nodes, is_own) = shared.entry(key).or_default();
+            if is_one {
+                nodes.insert((token.node_name(), &token.session, token.node_id));
+            }
+            *is_own |= token.session == own && token.kind != EntityKind::Node;
+        }
+        let mut twins: BTreeMap<Vec<String>, Vec<String>> = BTreeMap::new();
+        for ((topic, _), (nodes, is_own)) in shared {
+            if nodes.len() > 1 && is_own {
+                let topics = twins.entry(nodes.into_iter().map(|(name, ..)| name).collect()).or_default();
+                topics.extend(topic.map(str::to_owned));
+            }
+        }
+        twins.into_iter().map(|(nodes, topics)| Twins { nodes, topics }).collect()
+    }
+
+    /// Returns the fully qualified names of the nodes whose parameters can be asked for.
+    pub fn nodes_with_parameters(&self) -> BTreeSet<String> {
+        let servers = self.tokens().filter(|token| token.kind == EntityKind::Server);
+        let topics = servers.filter_map(|token| token.endpoint.as_ref()).map(|endpoint| &endpoint.topic);
+        topics.filter_map(|topic| topic.strip_suffix("/list_parameters").map(str::to_owned)).collect()
+    }
+
+    /// Returns the topics that have a publisher or a subscription, each with its types.
+    pub fn topics(&self) -> BTreeMap<String, BTreeSet<String>> {
+        let mut topics: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+        for token in self.tokens() {
+            if let (EntityKind::Publisher | EntityKind::Subscription, Some(endpoint)) =
+                (token.kind, &token.endpoint)
+            {
+                topics.entry(endpoint.topic.clone()).or_default().insert(ros_name(&endpoint.dds_type));
+            }
+        }
+        topics
+    }
+
+    /// Returns every entity, in the order of its key.
+    pub fn tokens(&self) -> impl Iterator<Item = &Token> {
+        self.tokens.values()
+    }
+
+    /// Returns whether the node with this fully qualified name is alive.
+    pub fn has_node(&self, name: &str) -> bool {
+        self.tokens().any(|t| t.kind == EntityKind::Node && t.node_name() == name)
+    }
+
+    /// Returns the endpoints of `kind` on `topic`.
+    pub fn endpoints<'a>(&'a self, kind: EntityKind, topic: &'a str) -> impl Iterator<Item = &'a Token> {
+        self.tokens().filter(move |t| t.kind == kind && t.endpoint.as_ref().is_some_and(|e| e.topic == topic))
+    }
+}
+
+/// Returns whether the messages of two publishers on this topic would mix: those of images and boxes. Any number of nodes
+/// publishes statuses and lines of the log on one topic.
+fn is_stream(endpoint: &Endpoint) -> bool {
+    let kinds =
+        [MessageKind::Image, MessageKind::CompressedImage, MessageKind::CameraInfo, MessageKind::Detections];
+    let type_name = ros_name(&endpoint.dds_type);
+    !is_hidden(&endpoint.topic) && kinds.iter().any(|kind| kind.type_name() == type_name)
+}
+
+/// Name, session and number of a node.
+type TokenNode<'a> = (String, &'a str, u64);
+
+/// Nodes that have one name, or publish one stream, as when a suite runs twice in a domain.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Twins {
+    /// Their fully qualified names, at least two.
+    pub nodes: Vec<String>,
+    /// The streams that all of them publish.
+    pub topics: Vec<String>,
+}
+
+impl fmt::Display for Twins {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { nodes, topics } = self;
+        let count = nodes.len();
+        if nodes.iter().all(|node| *node == nodes[0]) {
+            write!(
+                f,
+                "{count} nodes are called {}, and a request to this name reaches all of them; ",
+                nodes[0]
+            )?;
+        }
+        // A compressed variant goes with its topic.
+        let variant = |topic: &&String| topic.ends_with("/compressed") && topics.len() > 1;
+        let shown: Vec<&str> = topics.iter().filter(|topic| !variant(topic)).map(String::as_str).collect();
+        if !shown.is_empty() {
+            let (shown, have) = (shown.join(", "), if shown.len() > 1 { "have" } else { "has" });
+            let nodes = nodes.join(", ");
+            write!(
+                f,
+                "{shown} {have} {count} publishers ({nodes}), which mix in each reader, its counts and its boxes; "
+            )?;
+        }
+        write!(f, "give one of the suites another namespace or another ROS_DOMAIN_ID")
+    }
+}
+
+/// The reason why two endpoints do not fit together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cause {
+    /// The types differ.
+    Type,
+    /// The same type with another definition.
+    Hash,
+    /// The reader asks for reliable samples, the publisher sends by best effort.
+    Reliability,
+    /// The reader asks for earlier samples, but the publisher does not keep them.
+    Durability,
+}
+
+/// Two endpoints on one name that do not, or not fully, hear each other. zenoh itself is silent about it: other keys
+/// are other topics.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Conflict {
+    /// The reason.
+    pub cause: Cause,
+    /// Node and endpoint that publishes or serves.
+    pub giver: (String, Endpoint),
+    /// Node and endpoint that subscribes or calls.
+    pub taker: (String, Endpoint),
+}
+
+/// Returns the conflict between two endpoints if they are on the same name, and one of them offers what the other one
+/// requests.
+fn conflict_between(one: &Token, other: &Token) -> Option<Conflict> {
+    let (giver, taker) = match (one.kind, other.kind) {
+        (EntityKind::Publisher, EntityKind::Subscription) | (EntityKind::Server, EntityKind::Client) => {
+            (one, other)
+        }
+        (EntityKind::Subscription, EntityKind::Publisher) | (EntityKind::Client, EntityKind::Server) => {
+            (other, one)
+        }
+        _ => return None,
+    };
+    let (gives, takes) = (giver.endpoint.as_ref()?, taker.endpoint.as_ref()?);
+    // Topics and services share one space of names here; the kinds above keep them apart.
+    if gives.topic != takes.topic {
+        return None;
+    }
+    Some(Conflict {
+        cause: cause(gives, takes)?,
+        giver: (giver.node_name(), gives.clone()),
+        taker: (taker.node_name(), takes.clone()),
+    })
+}
+
+fn cause(gives: &Endpoint, takes: &Endpoint) -> Option<Cause> {
+    let (offered, asked) = (Profile::parse(&gives.qos), Profile::parse(&takes.qos));
+    // The worst first: with another type or hash nothing arrives, and the policies do not matter.
+    if gives.dds_type != takes.dds_type {
+        Some(Cause::Type)
+    } else if gives.type_hash != takes.type_hash {
+        Some(Cause::Hash)
+    } else if (offered.reliability, asked.reliability) == (Reliability::BestEffort, Reliability::Reliable) {
+        Some(Cause::Reliability)
+    } else if (offered.durability, asked.durability) == (Durability::Volatile, Durability::TransientLocal) {
+        Some(Cause::Durability)
+    } else {
+        None
+    }
+}
+
+impl fmt::Display for Conflict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { giver: (giver, gives), taker: (taker, takes), .. } = self;
+        let topic = &gives.topic;
+        let (offered, asked) = (ros_name(&gives.dds_type), ros_name(&takes.dds_type));
+        match self.cause {
+            Cause::Type => write!(
+                f,
+                "{topic}: {giver} offers {offered}, {taker} asks for {asked}: nothing arrives; remap one of them"
+            ),
+            Cause::Hash => write!(
+                f,
+                "{topic}: {giver} and {taker} mean different things by {offered}: nothing arrives; {giver} has \
+                 {}, {taker} has {}; {}",
+                gives.type_hash,
+                takes.type_hash,
+                remedy(gives, takes)
+            ),
+            Cause::Reliability => write!(
+                f,
+                "{topic}: {taker} asks for reliable samples, {giver} offers best effort: some may be lost; \
+                 incompatible policy: RELIABILITY"
+            ),
+            Cause::Durability => write!(
+                f,
+                "{topic}: {taker} asks for samples from before it came, {giver} keeps none: only new ones \
+                 arrive; incompatible policy: DURABILITY"
+            ),
+        }
+    }
+}
+
+fn remedy(gives: &Endpoint, takes: &Endpoint) -> &'static str {
+    if gives.type_hash == NO_HASH || takes.type_hash == NO_HASH {
+        "one of them is of ROS 2 Humble, which has no hashes: start all of modulo with --hash none beside \
+         Humble, and without it beside later releases"
+    } else {
+        "their message definitions are of different releases"
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use modulo_runtime::Qos;
+    use modulo_runtime::wire::keys::qos_string;
+
+    #[test]
+    fn entities_come_and_go() {
+        let mut graph = Graph::default();
+        let node = "@ros2_lv/0/a/0/0/NN/%/%/unwrap";
+        let publisher = "@ros2_lv/0/a/0/1/MP/%/%/unwrap/%recovered/T_/RIHS01_0/2::,5:,:,:,,";
+        graph.appear(node);
+        graph.appear(publisher);
+        graph.appear("@ros2_lv/nonsense");
+        assert!(graph.has_node("/unwrap"));
+        assert_eq!(graph.endpoints(EntityKind::Publisher, "/recovered").count(), 1);
+        assert_eq!(graph.endpoints(EntityKind::Subscription, "/recovered").count(), 0);
+        graph.disappear(publisher);
+        assert_eq!(graph.endpoints(EntityKind::Publisher, "/recovered").count(), 0);
+        assert_eq!(graph.tokens().count(), 1);
+    }
+
+    fn token(kind: EntityKind, node: &str, dds_type: &str, type_hash: &str, qos: Qos) -> Token {
+        let endpoint = Endpoint {
+            topic: "/modulo".into(),
+            dds_type: dds_type.into(),
+            type_hash: type_hash.into(),
+            qos: qos_string(qos).into(),
+        };
+        Token {
+            domain: 0,
+            session: "a".into(),
+            node_id: 0,
+            entity_id: 1,
+            kind,
+            namespace: "/".into(),
+            node: node.into(),
+            endpoint: Some(endpoint),
+        }
+    }
+
+    const IMAGE: &str = "sensor_msgs::msg::dds_::Image_";
+
+    #[test]
+    fn what_does_not_fit_is_named_whoever_comes_first() {
+        let giver = |dds_type, hash, qos| token(EntityKind::Publisher, "camera", dds_type, hash, qos);
+        let reader = |qos| token(EntityKind::Subscription, "unwrap", IMAGE, "RIHS01_aa", qos);
+        for (given, asked, cause, named) in [
+            (
+                giver("std_msgs::msg::dds_::String_", "RIHS01_bb", Qos::Images),
+                Qos::Images,
+                Cause::Type,
+                "String",
+            ),
+            (giver(IMAGE, "RIHS01_bb", Qos::Images), Qos::Images, Cause::Hash, "RIHS01_bb"),
+            (giver(IMAGE, NO_HASH, Qos::Images), Qos::Images, Cause::Hash, "--hash none"),
+            (giver(IMAGE, "RIHS01_aa", Qos::Images), Qos::Results, Cause::Reliability, "RELIABILITY"),
+            (giver(IMAGE, "RIHS01_aa", Qos::Results), Qos::Latched, Cause::Durability, "DURABILITY"),
+        ] {
+            let reader = reader(asked);
+            let found = conflict_between(&given, &reader).expect("they do not fit");
+            assert_eq!(conflict_between(&reader, &given).as_ref(), Some(&found));
+            assert_eq!(found.cause, cause);
+            let message = found.to_string();
+            for word in ["/modulo", "/camera", "/unwrap", named] {
+                assert!(message.contains(word), "{word}: {message}");
+            }
+        }
+    }
+
+    /// A suite that is there twice: both nodes of a name and both publishers of a stream are told to those whom it concerns.
+    #[test]
+    fn nodes_that_take_each_others_place_are_twins() {
+        let mut graph = Graph::default();
+        let suite = |session: &str, ns: &str| {
+            let key = |number: u32, kind: &str, rest: &str| {
+                format!("@ros2_lv/0/{session}/0/{number}/{kind}/%/{ns}/unwrap{rest}")
+            };
+            let on = |topic: &str, kind: &str| {
+                let topic = format!("{}%{topic}", ns.trim_end_matches('%'));
+                format!("/{topic}/sensor_msgs::msg::dds_::{kind}_/RIHS01_0/2::,5:,:,:,,")
+            };
+            [
+                key(0, "NN", ""),
+                key(1, "MP", &on("recovered", "Image")),
+                key(2, "MP", &on("recovered%compressed", "CompressedImage")),
+                key(3, "MS", &on("modulo", "Image")),
+                key(
+                    4,
+                    "MP",
+                    "/%diagnostics/diagnostic_msgs::msg::dds_::DiagnosticArray_/RIHS01_0/::,10:,:,:,,",
+                ),
+                key(
+                    5,
+                    "SS",
+                    "/%unwrap%list_parameters/rcl_interfaces::srv::dds_::ListParameters_/RIHS01_0/::,10:,:,:,,",
+                ),
+            ]
+        };
+        let mut appear = |keys: &[String]| keys.iter().for_each(|key| graph.appear(key));
+        appear(&suite("a", "%"));
+        appear(&suite("b", "%front"));
+        // A viewer, twice, and a recorder.
+        appear(&["v", "w"].map(|session| format!("@ros2_lv/0/{session}/0/0/NN/%/%/modulo_view")));
+        let image = "sensor_msgs::msg::dds_::Image_/RIHS01_0/2::,5:,:,:,,";
+        appear(&[format!("@ros2_lv/0/r/0/1/MS/%/%/rosbag2_recorder/%recovered/{image}")]);
+        for session in ["a", "b", "v", "r"] {
+            assert_eq!(graph.twins_of(session), [], "{session}");
+        }
+        let second = suite("c", "%");
+        second.iter().for_each(|key| graph.appear(key));
+        let nodes = vec!["/unwrap".to_owned(); 2];
+        let twins = |topics: &[&str]| {
+            let topics = topics.iter().map(|topic| (*topic).to_owned()).collect();
+            [Twins { nodes: nodes.clone(), topics }]
+        };
+        for session in ["a", "c"] {
+            assert_eq!(graph.twins_of(session), twins(&["/recovered", "/recovered/compressed"]));
+        }
+        assert_eq!((graph.twins_of("b"), graph.twins_of("v")), (vec![], vec![]));
+        assert_eq!(graph.twins_of("r"), twins(&["/recovered"]));
+        assert_eq!(graph.nodes().iter().filter(|name| *name == "/unwrap").count(), 2);
+        let message = graph.twins_of("a")[0].to_string();
+        for part in ["2 nodes are called /unwrap", "/recovered has 2 publishers", "mix", "ROS_DOMAIN_ID"] {
+            assert!(message.contains(part), "{message}");
+        }
+        assert!(!message.contains("compressed"), "{message}");
+        second.iter().for_each(|key| graph.disappear(key));
+        assert_eq!(graph.twins_of("a"), []);
+    }
+
+    #[test]
+    fn what_fits_is_no_conflict() {
+        let giver = |qos| token(EntityKind::Publisher, "camera", IMAGE, "RIHS01_aa", qos);
+        let reader = |qos| token(EntityKind::Subscription, "unwrap", IMAGE, "RIHS01_aa", qos);
+        for (given, asked) in [
+            (Qos::Images, Qos::Images),
+            (Qos::Results, Qos::Images),
+            (Qos::Latched, Qos::Results),
+            (Qos::Logs, Qos::Latched),
+        ] {
+            assert_eq!(conflict_between(&giver(given), &reader(asked)), None);
+        }
+        assert_eq!(conflict_between(&giver(Qos::Images), &giver(Qos::Results)), None, "two that give");
+    }
+}

@@ -1,0 +1,139 @@
+//! Detection models: the embedded demonstration detector, and the official YOLOv10 exports with the means to fetch them.
+//!
+//! A model is fetched only when its name is given, and kept only when its sha256 is right. An export whose hash is not
+//! known is not fetched without a hash from the user. Models are files here: no model is run.
+
+mod fetch;
+
+pub use fetch::{FetchError, FetchRequest, Fetched, LIMIT, fetch, hex};
+
+/// The embedded demonstration detector, ONNX, trained by this project on its own scenes only. Its card is
+/// `crates/models/README.md`.
+pub const DEMO: &[u8] = include_bytes!("../demo.onnx");
+
+/// Licence of the official weights. It differs from that of the project.
+pub const LICENCE: &str = "AGPL-3.0";
+
+const RELEASE: &str = "https://github.com/THU-MIG/yolov10/releases/download/v1.1";
+
+/// An official export (Wang et al., YOLOv10, NeurIPS 2024; 80 COCO classes, 640 x 640, rows `[1, 300, 6]`).
+#[derive(Debug, PartialEq, Eq)]
+pub struct Official {
+    /// Name of the model, such as `yolov10n`.
+    pub name: &'static str,
+    /// Length of the file in bytes, if it is known.
+    pub bytes: Option<u64>,
+    /// The sha256 as 64 hexadecimal digits, if it is known.
+    pub sha256: Option<&'static str>,
+}
+
+impl Official {
+    const fn known(name: &'static str, bytes: u64, sha256: &'static str) -> Self {
+        Self { name, bytes: Some(bytes), sha256: Some(sha256) }
+    }
+
+    const fn unknown(name: &'static str) -> Self {
+        Self { name, bytes: None, sha256: None }
+    }
+
+    /// Name of the released file.
+    pub fn file_name(&self) -> String {
+        format!("{}.onnx", self.name)
+    }
+
+    /// URL of the released file.
+    pub fn url(&self) -> String {
+        format!("{RELEASE}/{}", self.file_name())
+    }
+
+    /// Length and sha256 that a download must have. If the user gives a sha256, it belongs to another file, whose length
+    /// is not known.
+    ///
+    /// # Errors
+    /// [`OfficialError::Unpinned`] when no sha256 is known.
+    pub fn pinned<'a>(&self, given: Option<&'a str>) -> Result<(Option<u64>, &'a str), OfficialError> {
+        match (given, self.sha256) {
+            (Some(given), _) => Ok((None, given)),
+            (None, Some(known)) => Ok((self.bytes, known)),
+            (None, None) => Err(OfficialError::Unpinned(self.name)),
+        }
+    }
+}
+
+/// All official exports, from small to large.
+pub const OFFICIAL: &[Official] = &[
+    Official::known(
+        "yolov10n",
+        9_309_375,
+        "aeab0bcae6d55b6dd1907c14620e79f21a487e55a0e04f5051c365ebb780b059",
+    ),
+    Official::unknown("yolov10s"),
+    Official::known(
+        "yolov10m",
+        61_659_339,
+        "89b526498a6d55f869a6ab52e3a2eb20ad45b3711c1f7de3dd9ca0b399dfd6d7",
+    ),
+    Official::unknown("yolov10b"),
+    Official::unknown("yolov10l"),
+    Official::unknown("yolov10x"),
+];
+
+/// Error of an official export that is not fetched.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum OfficialError {
+    /// No export has this name.
+    #[error("model '{0}': must be one of {names}", names = names())]
+    Unknown(String),
+    /// The sha256 of the export is not known.
+    #[error(
+        "model '{0}': its sha256 is not known to this program, so a damaged or exchanged file could not be \
+         told from the right one; give --sha256 HEX of a copy that you trust"
+    )]
+    Unpinned(&'static str),
+}
+
+fn names() -> String {
+    OFFICIAL.iter().map(|model| model.name).collect::<Vec<_>>().join(", ")
+}
+
+/// Finds the export with the name `name`.
+///
+/// # Errors
+/// [`OfficialError::Unknown`] with all names, if there is no such export.
+pub fn official(name: &str) -> Result<&'static Official, OfficialError> {
+    let found = OFFICIAL.iter().find(|model| model.name == name);
+    found.ok_or_else(|| OfficialError::Unknown(name.to_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_known_hash_is_64_hex_digits_and_comes_with_a_length() {
+        for model in OFFICIAL {
+            assert_eq!(model.sha256.is_some(), model.bytes.is_some(), "{}", model.name);
+            let digits = model.sha256.unwrap_or(OFFICIAL[0].sha256.expect("known"));
+            assert!(digits.len() == 64 && digits.bytes().all(|digit| digit.is_ascii_hexdigit()));
+        }
+    }
+
+    #[test]
+    fn names_lead_to_files_of_the_release() {
+        let url = official("yolov10n").expect("known").url();
+        assert_eq!(url, "https://github.com/THU-MIG/yolov10/releases/download/v1.1/yolov10n.onnx");
+        let why = official("yolov8n").expect_err("unknown").to_string();
+        assert!(why.contains("'yolov8n'") && why.contains("yolov10n, yolov10s"), "{why}");
+    }
+
+    #[test]
+    fn an_unknown_hash_must_be_given() {
+        let small = official("yolov10s").expect("listed");
+        let why = small.pinned(None).expect_err("no hash").to_string();
+        assert!(why.contains("yolov10s") && why.contains("--sha256"), "{why}");
+        assert_eq!(small.pinned(Some("ab")), Ok((None, "ab")));
+        let nano = official("yolov10n").expect("listed");
+        assert_eq!(nano.pinned(Some("ab")), Ok((None, "ab")), "the user's word counts");
+        assert_eq!(nano.pinned(None).map(|(bytes, _)| bytes), Ok(Some(9_309_375)));
+    }
+}
