@@ -1,6 +1,6 @@
 //! The bodies of the fuzz targets: each takes any bytes, and panics where a property does not hold.
 //!
-//! `cargo fuzz run -s none NAME` looks for such bytes; `tests/corpus.rs` repeats those that are kept.
+//! `cargo fuzz run -s none NAME` looks for such bytes; `tests/suite/corpus.rs` repeats those that are kept.
 
 pub mod bags;
 pub mod messages;

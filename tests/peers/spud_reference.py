@@ -1,4 +1,4 @@
-"""SPUD in double precision by scipy, the peer that crates/core/tests/references.rs compares with.
+"""SPUD in double precision by scipy, the peer that crates/core/tests/suite/references.rs compares with.
 
 Prints sampled values of phi for images that a formula defines:
 

@@ -1,4 +1,4 @@
-"""PSNR and SSIM by scikit-image, the peer that crates/core/tests/references.rs compares with.
+"""PSNR and SSIM by scikit-image, the peer that crates/core/tests/suite/references.rs compares with.
 
 Prints one line for each pair of images that a formula defines:
 

@@ -3,9 +3,13 @@
 #[path = "../harness/mod.rs"]
 mod harness;
 
+mod accounts;
+mod bags;
 mod bits;
 mod bridge;
 mod cases;
+mod corpus;
+mod crash;
 mod eval;
 mod launch;
 mod live;
@@ -14,5 +18,6 @@ mod refused;
 mod repository;
 mod ros;
 mod screen;
+mod session;
 mod video;
 mod view;

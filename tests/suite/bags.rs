@@ -1,7 +1,5 @@
 //! Bags of the shipped binary: they are recorded, cut by a crash, split, replayed, and controlled by services.
 
-mod harness;
-
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
@@ -14,7 +12,7 @@ use modulo_middleware::transport::{Guard, RawSample, Transport};
 use modulo_runtime::wire::keys::{self, Endpoint, EntityKind, Hashes, Token};
 use modulo_runtime::{NodeName, Qos, SystemClock};
 
-use harness::{Background, Bench, data, signal, text, wait_until};
+use crate::harness::{Background, Bench, data, signal, text, wait_until};
 use modulo_bags::bag::{BagReader, BagTopic, BagWriter, Compression, Selection};
 use modulo_msgs::builtin::Time;
 use modulo_msgs::rosbag2_interfaces as player;

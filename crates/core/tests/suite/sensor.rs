@@ -1,12 +1,7 @@
 //! The sensor's streams agree with each other and with eq. 1, and their noise depends only on the seed. The deblurring
 //! filter restores images that the lens has blurred.
 
-// Helpers of tests may unwrap as tests do.
-#![allow(clippy::unwrap_used)]
-
-#[path = "../../../tests/harness/data.rs"]
-mod data;
-
+use crate::data;
 use modulo_core::unwrap::{Options, Trust, by_name};
 use modulo_core::{
     Deblur, Frame, Gains, Mosaic, Psf, Range, Recovered, SamplePosition, Sensor, SensorConfig, SensorError,

@@ -1,9 +1,6 @@
 //! Tests `auto` with the properties of ordinary chips and scenes, on rendered scenes: defects, an alpha that is known to some percent, scenes in which
 //! nothing is dark.
 
-// Helpers of tests may unwrap as tests do.
-#![allow(clippy::unwrap_used)]
-
 use modulo_core::metric::exact_share;
 use modulo_core::unwrap::{OffsetEvidence, Options, PASS_THROUGH, Trust, Unwrap as _, by_name};
 use modulo_core::{Exposure, Frame, Gains, Mosaic, Psf, Range, Recovered, Sensor, SensorConfig, TwoGains};

@@ -4,12 +4,7 @@
 //! Each picture is exposed by some sensors of [`Condition::at`]; `MODULO_TRUST=1000` tests a thousand of them for each picture, and
 //! prints the figures of docs/methods.md.
 
-// Helpers of tests may unwrap as tests do.
-#![allow(clippy::unwrap_used)]
-
-#[path = "../../../tests/harness/data.rs"]
-mod data;
-
+use crate::data;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 

@@ -1,8 +1,5 @@
 //! Compares every method on every scene of the catalogue with the expected result.
 
-// Helpers of tests may unwrap as tests do.
-#![allow(clippy::unwrap_used)]
-
 use std::collections::HashSet;
 
 use modulo_bench::stability::{Case, cases, measure, run};
@@ -88,7 +85,7 @@ fn page_stands_on_its_own() {
 
 #[test]
 fn documentation_names_every_method_and_unobservable_scene() {
-    let text = include_str!("../../../docs/methods.md");
+    let text = include_str!("../../../../docs/methods.md");
     for method in METHODS {
         assert!(text.contains(&format!("## {method}\n")), "docs/methods.md has no section {method}");
     }

@@ -2,9 +2,6 @@
 //! with large prime factors, the phi of SPUD against dense matrices and scipy (`tests/peers/spud_reference.py`), and
 //! the metrics against scikit-image (`tests/peers/ssim_reference.py`).
 
-// Helpers of tests may unwrap as tests do.
-#![allow(clippy::unwrap_used)]
-
 use std::f64::consts::PI;
 
 use modulo_core::metric::{LEAST_SIDE, mse, psnr_db, ssim};
@@ -13,9 +10,7 @@ use modulo_core::{Frame, Range, Recovered, SamplePosition, UnwrapError};
 use ndarray::{Array2, Array3, Axis};
 use proptest::prelude::*;
 
-mod library;
-
-use library::{Direction, Library};
+use crate::library::{Direction, Library};
 
 /// A plane without symmetry, of whole numbers in [0, 256).
 fn noise(height: usize, width: usize) -> Array3<f32> {
@@ -136,7 +131,7 @@ fn agrees_with_dense_matrices_at_every_size() {
 fn agrees_with_scipy() {
     let mut phi = Array3::<f32>::zeros((0, 0, 0));
     let mut compared = 0;
-    for line in include_str!("data/spud_golden.txt").lines() {
+    for line in include_str!("../data/spud_golden.txt").lines() {
         let words: Vec<&str> = line.split(' ').collect();
         let number = |at: usize| words[at].parse::<usize>().unwrap();
         if words[0] == "case" {
@@ -209,7 +204,7 @@ fn counts_are_those_next_to_phi() {
     }
 }
 
-const METRICS: &str = include_str!("data/metric_golden.txt");
+const METRICS: &str = include_str!("../data/metric_golden.txt");
 
 type Dim = (usize, usize, usize);
 

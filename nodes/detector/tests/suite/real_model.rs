@@ -1,8 +1,6 @@
 //! The node on a real model and real frames.
 
-#[path = "../../../tests/harness/data.rs"]
-mod data;
-
+use crate::data;
 use std::path::Path;
 use std::sync::Arc;
 

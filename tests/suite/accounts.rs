@@ -1,8 +1,6 @@
 //! Frames that a crash takes are counted and named, and change the exit code; frames that a live run replaces are only
 //! counted; a swap takes no frame.
 
-mod harness;
-
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -12,7 +10,7 @@ use std::time::{Duration, Instant};
 use modulo_middleware::transport::Transport;
 use modulo_runtime::{Clock, Message, MessageKind, Qos, SystemClock};
 
-use harness::{Background, Bench, Heard, Peer, arg, json, model, signal, text, wait_until};
+use crate::harness::{Background, Bench, Heard, Peer, arg, json, model, signal, text, wait_until};
 use modulo_core::Frame;
 use modulo_msgs::cdr;
 use modulo_msgs::sensor_msgs::Image;
@@ -153,7 +151,7 @@ fn an_unreadable_image_is_skipped_and_counted() {
         "--summary",
         &file,
     ]);
-    assert_eq!(output.status.code(), Some(3), "{}", harness::text(&output));
+    assert_eq!(output.status.code(), Some(3), "{}", text(&output));
     let summary = json(&bench.path("summary.json"));
     assert_eq!(
         (&summary["frames"], &summary["topics"]["source"]["bad"]),

@@ -1,11 +1,6 @@
 //! The share of exact wrap counts on rendered scenes, and on KITTI frames if they are available.
 
-// Helpers of tests may unwrap as tests do.
-#![allow(clippy::unwrap_used)]
-
-#[path = "../../../tests/harness/data.rs"]
-mod data;
-
+use crate::data;
 use modulo_core::metric::exact_share;
 use modulo_core::unwrap::{METHODS, Options, SMOOTHED_TREE, Trust, by_name};
 use modulo_core::{Exposure, Psf, Recovered, Sensor, SensorConfig};

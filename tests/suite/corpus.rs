@@ -2,7 +2,7 @@
 //!
 //! `MODULO_MUTATIONS=N` also gives each target N inputs that are made of them by chance.
 
-#[path = "../fuzz/src/lib.rs"]
+#[path = "../../fuzz/src/lib.rs"]
 mod fuzz;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};

@@ -1,8 +1,6 @@
 //! How sessions meet and are configured: a router, shared memory, the
 //! variables of rmw_zenoh, and what is said when one of them is wrong.
 
-mod harness;
-
 use std::fs::File;
 use std::net::TcpListener;
 use std::os::unix::fs::PermissionsExt;
@@ -12,7 +10,7 @@ use modulo_middleware::transport::Transport;
 use modulo_middleware::transport::zenoh::meeting_port;
 use modulo_runtime::MessageKind;
 
-use harness::{Bench, Peer, arg, json, model, text, wait_until};
+use crate::harness::{Background, Bench, Peer, arg, json, model, signal, text, wait_until};
 use zenoh::Wait;
 
 /// The meeting port is taken by somebody who does not speak zenoh: nodes then see each other through the router alone.
@@ -59,7 +57,7 @@ fn images_go_through_shared_memory() {
     let detections = peer.hear("/detector/detections", MessageKind::Detections);
     let mut launch = bench.modulo(&["launch", "launch/recovered.launch.yaml", &source, &model]);
     launch.args(["engine:=rten", "rate:=10", "loop:=true", "--summary", &file]);
-    let running = harness::Background(
+    let running = Background(
         launch
             .env("ZENOH_CONFIG_OVERRIDE", "transport/shared_memory/enabled=true")
             .spawn()
@@ -102,7 +100,7 @@ fn a_turn_that_does_not_end_holds_nobody_up() {
         let mut command = bench.modulo(arguments);
         command.env("XDG_RUNTIME_DIR", &folder).env("TMPDIR", &folder);
         let command = command.stdout(Stdio::null()).stderr(Stdio::null());
-        harness::Background(command.spawn().expect("it starts"))
+        Background(command.spawn().expect("it starts"))
     };
     let (mut list, mut node) = (start(&["node", "list"]), start(&["run", "unwrap"]));
     // The handlers of signals are there before the session is opened.
@@ -111,7 +109,7 @@ fn a_turn_that_does_not_end_holds_nobody_up() {
         let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:")).unwrap_or("0");
         u64::from_str_radix(caught.trim(), 16).is_ok_and(|caught| caught & (1 << 14) != 0)
     });
-    harness::signal(node.0.id(), "TERM");
+    signal(node.0.id(), "TERM");
     for (what, child) in [("the list", &mut list.0), ("the node", &mut node.0)] {
         wait_until(what, || child.try_wait().expect("a child").is_some());
     }
@@ -173,7 +171,7 @@ fn a_configuration_file_is_used() {
     let (listens, connects) = (file("listens.json5", "listen"), file("connects.json5", "connect"));
     let mut node = bench.modulo(&["run", "unwrap"]);
     let node = node.env("ZENOH_SESSION_CONFIG_URI", listens).spawn().expect("it starts");
-    let _node = harness::Background(node);
+    let _node = Background(node);
     wait_until("the node through the file's endpoint", || {
         let mut list = bench.modulo(&["node", "list"]);
         let list = list.env("ZENOH_SESSION_CONFIG_URI", &connects).output().expect("it starts");

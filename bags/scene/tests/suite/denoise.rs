@@ -1,11 +1,6 @@
 //! Tests how much denoising gains on rendered scenes, and on KITTI frames if they are available.
 
-// Helpers of tests may unwrap as tests do.
-#![allow(clippy::unwrap_used)]
-
-#[path = "../../../tests/harness/data.rs"]
-mod data;
-
+use crate::data;
 use modulo_core::unwrap::{Options, by_name};
 use modulo_core::{Denoise, Gains, Mosaic, Psf, Recovered, Sensor, SensorConfig, TwoGains, Unwrap as _};
 use modulo_scene::{Preset, Scene};

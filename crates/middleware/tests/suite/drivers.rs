@@ -1,8 +1,5 @@
 //! The three drivers run the same steps to the same results, and sessions that are opened at the same moment meet.
 
-#[path = "../../../tests/harness/live.rs"]
-mod harness;
-
 use std::io::Write;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Barrier, Mutex};
@@ -27,7 +24,7 @@ use modulo_runtime::{
 };
 use ndarray::Array3;
 
-use harness::{Domain, wait_until};
+use crate::harness::{Domain, wait_until};
 
 /// Sends `count` one-pixel images whose value is their number.
 struct Counter {

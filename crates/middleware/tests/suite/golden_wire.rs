@@ -11,7 +11,7 @@ use modulo_runtime::{MessageKind, NodeName, Qos, Topic};
 use serde_json::Value;
 
 fn golden() -> Value {
-    serde_json::from_str(include_str!("data/golden_wire.json")).expect("JSON")
+    serde_json::from_str(include_str!("../data/golden_wire.json")).expect("JSON")
 }
 
 fn strings(list: &Value) -> impl Iterator<Item = &str> {

@@ -1,12 +1,7 @@
 //! Tests how much radiance modulo pixels keep that pixels which saturate lose: on rendered scenes, and on HDR pictures if they are
 //! available. Each sensor is compared with the one that has the same exposures and saturates.
 
-// Helpers of tests may unwrap as tests do.
-#![allow(clippy::unwrap_used)]
-
-#[path = "../../../tests/harness/data.rs"]
-mod data;
-
+use crate::data;
 use modulo_core::unwrap::{Options, by_name, of_gains};
 use modulo_core::{Exposure, Gains, Psf, Recovered, Sensor, SensorConfig, Transfer};
 use modulo_images::{White, read_image};

@@ -1,8 +1,6 @@
 //! A node that crashes is started again with its parameters, and the other nodes go on. Frames know their sensor: a change of
 //! the camera reaches the other nodes with the very frame that it concerns.
 
-mod harness;
-
 use std::collections::BTreeMap;
 use std::process::Stdio;
 use std::sync::Arc;
@@ -13,7 +11,7 @@ use modulo_middleware::transport::Transport;
 use modulo_runtime::sensor_info::SensorHistory;
 use modulo_runtime::{Message, MessageKind};
 
-use harness::{Background, Bench, Peer, arg, command_line, model, signal, text, wait_until};
+use crate::harness::{Background, Bench, Peer, arg, command_line, model, signal, text, wait_until};
 use modulo_core::Frame;
 
 /// The names of the nodes' executables.
@@ -26,7 +24,7 @@ fn suite(bench: &Bench, more: &[&str]) -> Background {
     bench.start(&[&["launch", "launch/recovered.launch.yaml", &source, &model][..], &fixed, more].concat())
 }
 
-/// Whether a crash took a frame is a matter of timing; `tests/accounts.rs` looks at the accounts.
+/// Whether a crash took a frame is a matter of timing; `accounts.rs` looks at the accounts.
 fn end_after_crash(running: Background) {
     let code = running.interrupt();
     assert!(matches!(code, Some(0 | 3)), "{code:?}");
@@ -174,7 +172,7 @@ fn nodes_end_with_a_launcher_that_was_killed() {
     assert!(reports.is_dir(), "{}", reports.display());
     let output =
         bench.run(&["launch", "launch/raw.launch.yaml", "source:=scene://day?frames=1&width=64&height=32"]);
-    assert_eq!(output.status.code(), Some(0), "{}", harness::text(&output));
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
     assert!(!reports.exists(), "{}", reports.display());
 }
 

@@ -1,9 +1,6 @@
 //! Streams over the loopback interface, served by ffmpeg: the newest frame is taken, a stream that ends is opened again, and no playlist is.
 
-#[path = "../../../tests/harness/data.rs"]
-#[allow(dead_code, reason = "these tests need no data")]
-mod data;
-
+use crate::data;
 use std::io::{Read, Write};
 use std::net::TcpListener;
 use std::process::{Child, Command};

@@ -2,9 +2,6 @@
 //! whose neighbours differ by more than half a peak, so that Itoh's condition fails: smooth bumps and edges of the
 //! lens's width.
 
-// Helpers of tests may unwrap as tests do.
-#![allow(clippy::unwrap_used)]
-
 use modulo_core::unwrap::{METHODS, Options, Trust, by_name};
 use modulo_core::{Frame, Range, Recovered, SamplePosition, UnwrapError};
 use ndarray::{Array3, Axis, s};

@@ -1,8 +1,5 @@
 //! `lines` against its definition, written out pixel by pixel on planes of integers.
 
-// Helpers of tests may unwrap as tests do.
-#![allow(clippy::unwrap_used)]
-
 use modulo_core::unwrap::{Options, QualityMetrics, by_name};
 use modulo_core::{Frame, Range, Recovered};
 use ndarray::{Array3, Axis};

@@ -1,8 +1,6 @@
 //! Videos that ffmpeg makes in the test: each frame once, at its time, in its range and the right way up; and what is no video.
 
-#[path = "../../../tests/harness/data.rs"]
-mod data;
-
+use crate::data;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 

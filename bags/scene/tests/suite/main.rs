@@ -1,0 +1,11 @@
+//! What the methods make of rendered scenes.
+
+// Helpers of tests may unwrap as tests do.
+#![allow(clippy::unwrap_used)]
+
+#[path = "../../../../tests/harness/data.rs"]
+mod data;
+
+mod denoise;
+mod exactness;
+mod robustness;

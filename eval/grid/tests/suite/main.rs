@@ -1,0 +1,4 @@
+//! Grids and their reports.
+
+mod grid;
+mod report;
