@@ -7,8 +7,6 @@ pub struct Axis {
     pub scale: Scale,
     /// The format of ticks.
     pub unit: Unit,
-    /// The direction of growing values.
-    pub direction: AxisDirection,
 }
 
 /// Scale of an axis.
@@ -37,15 +35,6 @@ pub enum Unit {
     Percent,
 }
 
-/// AxisDirection of growing values.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum AxisDirection {
-    /// To the right or upwards.
-    Up,
-    /// To the left or downwards.
-    Down,
-}
-
 /// Margin beyond the first and the last tick, as a share of the length.
 const PAD: f64 = 0.05;
 /// Distance of the zeros from the smallest tick, in powers of ten.
@@ -56,7 +45,6 @@ pub struct FittedAxis {
     from: f64,
     to: f64,
     places: Places,
-    direction: AxisDirection,
     /// Value and text of each tick.
     pub ticks: Vec<(f64, String)>,
 }
@@ -74,7 +62,7 @@ enum Places {
 impl Axis {
     /// A logarithmic axis of plain numbers, such as durations.
     pub fn log(label: impl Into<String>) -> Self {
-        Self { label: label.into(), scale: Scale::Log, unit: Unit::Plain, direction: AxisDirection::Up }
+        Self { label: label.into(), scale: Scale::Log, unit: Unit::Plain }
     }
 
     /// An axis of the settings of the data, see [`Scale::Settings`].
@@ -102,7 +90,7 @@ impl Axis {
         // An axis whose data have one value would have no length, and every position would be a division by zero.
         let pad = (to - from).max(1e-9) * PAD;
         let ticks = ticks.into_iter().map(|value| (value, self.unit.text(value))).collect();
-        FittedAxis { from: from - pad, to: to + pad, places, direction: self.direction, ticks }
+        FittedAxis { from: from - pad, to: to + pad, places, ticks }
     }
 }
 
@@ -115,11 +103,7 @@ impl FittedAxis {
             Places::Linear => value,
             Places::Settings(settings) => settings.partition_point(|setting| *setting < value) as f64,
         };
-        let share = ((value - self.from) / (self.to - self.from)).clamp(0.0, 1.0) as f32;
-        match self.direction {
-            AxisDirection::Up => share,
-            AxisDirection::Down => 1.0 - share,
-        }
+        ((value - self.from) / (self.to - self.from)).clamp(0.0, 1.0) as f32
     }
 
     /// Distance of two neighbouring settings as a share of the length. 0 on an axis of another scale.
@@ -228,21 +212,12 @@ mod tests {
     #[test]
     fn places_rise_with_values_and_stay_on_the_axis() {
         for data in [vec![], vec![0.0], vec![5.0], vec![0.0, 1e-6, 0.3], vec![1e-12, 1e12], vec![7.0, 7.0]] {
-            for direction in [AxisDirection::Up, AxisDirection::Down] {
-                for scale in [Scale::Log, Scale::Settings] {
-                    let fitted = Axis { direction, ..axis(scale, Unit::Plain) }.fit(data.iter().copied());
-                    let mut places: Vec<f32> =
-                        fitted.ticks.iter().map(|(value, _)| fitted.place(*value)).collect();
-                    if direction == AxisDirection::Down {
-                        places.reverse();
-                    }
-                    assert!(places.windows(2).all(|pair| pair[0] < pair[1]), "{data:?}: {places:?}");
-                    assert!(places.iter().all(|place| (0.0..=1.0).contains(place)), "{data:?}: {places:?}");
-                    assert!(
-                        data.iter().all(|value| (0.01..=0.99).contains(&fitted.place(*value))),
-                        "{data:?}"
-                    );
-                }
+            for scale in [Scale::Log, Scale::Settings] {
+                let fitted = axis(scale, Unit::Plain).fit(data.iter().copied());
+                let places: Vec<f32> = fitted.ticks.iter().map(|(value, _)| fitted.place(*value)).collect();
+                assert!(places.windows(2).all(|pair| pair[0] < pair[1]), "{data:?}: {places:?}");
+                assert!(places.iter().all(|place| (0.0..=1.0).contains(place)), "{data:?}: {places:?}");
+                assert!(data.iter().all(|value| (0.01..=0.99).contains(&fitted.place(*value))), "{data:?}");
             }
         }
     }

@@ -5,7 +5,6 @@
 //! pipeline and of the engines run the program as a user does.
 
 pub mod engines;
-pub mod field;
 pub mod pipeline;
 pub mod recover;
 pub mod runner;
