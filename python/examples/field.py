@@ -1,4 +1,4 @@
-"""Compares the methods of others with those of the suite: the tables, charts and reports of docs/peers.md.
+"""Compares the methods of others with those of the suite: the tables of docs/peers.md.
 
     pip install "./python[examples]" && pip install -r python/examples/peers/requirements.txt
     python python/examples/field.py --out field                 # ten rendered frames
@@ -51,7 +51,7 @@ def settings_table(result: modulo.Benchmark, figure: str, digits: int, scale: fl
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sources", nargs="*", default=RENDERED, help="what read_source takes; without it, rendered scenes")
-    parser.add_argument("--out", type=Path, default=Path("field"), help="the folder of the report and of the measured rows")
+    parser.add_argument("--out", type=Path, default=Path("field"), help="the folder of the results and of the measured rows")
     parser.add_argument("--frames", type=int, default=4, help="the largest number of frames of each source")
     parser.add_argument("--size", type=int, nargs=2, default=(96, 192), metavar=("HEIGHT", "WIDTH"), help="the middle of a frame that is taken")
     parser.add_argument("--time-limit", type=float, default=100.0, help="the limit of a call in s")

@@ -1,4 +1,4 @@
-"""An own unwrapping method beside scikit-image and the methods of the suite: table, charts and report.
+"""An own unwrapping method beside scikit-image and the methods of the suite: a table, and its results in a folder.
 
     pip install "./python[examples]"
     python python/examples/own_method.py

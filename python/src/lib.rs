@@ -2,13 +2,13 @@
 //!
 //! This crate converts arrays, parameters and results. The crates of the suite compute, while Python runs other threads. The package `modulo`, in `package/modulo`, gives these functions their types and documents them.
 
-mod field;
 mod image;
 mod parameters;
 mod picture;
 mod recording;
 mod score;
 mod sensor;
+mod stability;
 mod unwrap;
 
 use pyo3::prelude::*;
@@ -16,8 +16,6 @@ use pyo3::prelude::*;
 /// The module that Python imports.
 #[pymodule]
 mod _core {
-    #[pymodule_export]
-    use super::field::{field_report, ssim, stability_scene, stability_scenes};
     #[pymodule_export]
     use super::parameters::declared;
     #[pymodule_export]
@@ -28,6 +26,8 @@ mod _core {
     use super::score::average_precision;
     #[pymodule_export]
     use super::sensor::Sensor;
+    #[pymodule_export]
+    use super::stability::{ssim, stability_scene, stability_scenes};
     #[pymodule_export]
     use super::unwrap::unwrap;
     use super::*;

@@ -66,20 +66,21 @@ fn bench_pipeline(request: &pipeline::PipelineRequest) -> Result<Ended, Failure>
         device: request.device.parse().map_err(|why: String| usage(anyhow!(why)))?,
         threads: 0,
     };
-    let mut source = source::open(&request.suite.frames, &SourceOptions::default()).map_err(usage)?;
+    let mut source = source::open(&request.frames, &SourceOptions::default()).map_err(usage)?;
     let first = source.next().context("the source has no frame")?.map_err(anyhow::Error::from)?;
     let (height, width, _) = first.radiance.dim();
     let size = [(height.next_multiple_of(STRIDE), width.next_multiple_of(STRIDE))];
     let clock = SystemClock::default();
     let mut bare = |period| {
-        let speeds = measure(Path::new(&request.suite.model), options, &size, (BARE_RUNS, period), &clock);
+        let speeds = measure(Path::new(&request.model), options, &size, (BARE_RUNS, period), &clock);
         let speeds = speeds.map_err(|why| BenchError::Run(why.to_string()))?;
         Ok(speeds[0].durations_ns.iter().map(|&ns| ns as f64 / 1e6).collect())
     };
     let path = this_program()?;
     let launch_file = launch_file("recovered.launch.yaml".as_ref());
-    let program = pipeline::Program { path: &path, launch_file: &launch_file, now_ns: monotonic_ns };
-    let mut bench = pipeline::PipelineBench { program, bare: &mut bare };
+    let now_ns = monotonic_ns;
+    let mut bench =
+        pipeline::PipelineBench { program: &path, launch_file: &launch_file, now_ns, bare: &mut bare };
     let bar = progress_bar(STEPS);
     let rows = pipeline::pipeline(request, &mut bench, &mut |event| tell(&bar, event)).map_err(failure)?;
     bar.finish_and_clear();
@@ -177,13 +178,10 @@ fn word_of(engine: &str) -> Option<EngineChoice> {
 /// Tells an error of the command line from one of a file or of the run.
 pub fn failure(why: BenchError) -> Failure {
     let of_command_line = match &why {
-        BenchError::Empty(_)
-        | BenchError::Number { .. }
-        | BenchError::Option(_)
+        BenchError::Request(_)
         | BenchError::NotCodes(..)
         | BenchError::NoFrames(_)
         | BenchError::Parameter(_)
-        | BenchError::Output(..)
         | BenchError::Video(_)
         | BenchError::Image(ImageError::White(_)) => true,
         BenchError::Sensor(why) => !matches!(why, SensorError::Shape(_) | SensorError::NotFinite { .. }),

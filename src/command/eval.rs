@@ -164,7 +164,7 @@ fn finish(
         eprintln!("[eval] stopped by a signal: the results are those of the {frames} frames before it");
     }
     let files = [
-        recordings.finish().err().map(anyhow::Error::from),
+        recordings.finish().err().map(|why| anyhow!(why)),
         evaluation.write(out, summary.stopped).err().map(anyhow::Error::from),
         summary.write(&out.join(SUMMARY)).err().map(anyhow::Error::from),
     ];

@@ -246,14 +246,7 @@ fn data(args: &LabelledFrames, source: &[String]) -> Result<Data, Failure> {
 pub fn failure(why: GridError) -> Failure {
     // These come from the command line, and the others from files or from the run.
     let of_command_line = match &why {
-        GridError::Empty(_)
-        | GridError::Value { .. }
-        | GridError::Table(..)
-        | GridError::Parameter(_)
-        | GridError::Detector(_)
-        | GridError::NoCell(_)
-        | GridError::Output(..)
-        | GridError::OtherSetup(..) => true,
+        GridError::Request(_) | GridError::Parameter(_) | GridError::Detector(_) => true,
         GridError::Source(why) => {
             matches!(why, SourceError::Scene(_) | SourceError::Image(ImageError::White(_)))
         }

@@ -12,6 +12,7 @@ pub mod bag;
 pub mod bench;
 mod camera_end;
 #[cfg(test)]
+#[path = "tests/documents.rs"]
 mod documents;
 pub mod eval;
 pub mod graph;

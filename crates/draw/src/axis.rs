@@ -5,45 +5,18 @@ pub struct Axis {
     pub label: String,
     /// The scale.
     pub scale: Scale,
-    /// The format of ticks.
-    pub unit: Unit,
-    /// The direction of growing values.
-    pub direction: AxisDirection,
 }
 
 /// Scale of an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Scale {
-    /// Linear between two values.
-    Linear {
-        /// Value at the start.
-        from: f64,
-        /// Value at the end.
-        to: f64,
-    },
+    /// Linear for shares from 0 to 1, whose ticks are in percent.
+    Share,
     /// Logarithmic around the data. Zeros have a position of their own before the smallest value.
     Log,
     /// The distinct values of the data at equal distances, each with a tick. Points of several series at one value are drawn
     /// side by side, so that none covers another.
     Settings,
-}
-
-/// Format of a tick.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Unit {
-    /// The plain value.
-    Plain,
-    /// A share of 0 to 1 as percent.
-    Percent,
-}
-
-/// AxisDirection of growing values.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum AxisDirection {
-    /// To the right or upwards.
-    Up,
-    /// To the left or downwards.
-    Down,
 }
 
 /// Margin beyond the first and the last tick, as a share of the length.
@@ -56,7 +29,6 @@ pub struct FittedAxis {
     from: f64,
     to: f64,
     places: Places,
-    direction: AxisDirection,
     /// Value and text of each tick.
     pub ticks: Vec<(f64, String)>,
 }
@@ -74,7 +46,7 @@ enum Places {
 impl Axis {
     /// A logarithmic axis of plain numbers, such as durations.
     pub fn log(label: impl Into<String>) -> Self {
-        Self { label: label.into(), scale: Scale::Log, unit: Unit::Plain, direction: AxisDirection::Up }
+        Self { label: label.into(), scale: Scale::Log }
     }
 
     /// An axis of the settings of the data, see [`Scale::Settings`].
@@ -82,16 +54,15 @@ impl Axis {
         Self { scale: Scale::Settings, ..Self::log(label) }
     }
 
-    /// A linear axis of shares from 0 to `most` as percent.
-    pub fn percent(label: impl Into<String>, most: f64) -> Self {
-        let scale = Scale::Linear { from: 0.0, to: most };
-        Self { scale, unit: Unit::Percent, ..Self::log(label) }
+    /// An axis of shares, see [`Scale::Share`].
+    pub fn share(label: impl Into<String>) -> Self {
+        Self { scale: Scale::Share, ..Self::log(label) }
     }
 
     /// Fits the axis to finite `values`.
     pub fn fit(&self, values: impl Iterator<Item = f64> + Clone) -> FittedAxis {
         let (from, to, places, ticks) = match self.scale {
-            Scale::Linear { from, to } => (from, to, Places::Linear, linear_ticks(from, to)),
+            Scale::Share => (0.0, 1.0, Places::Linear, vec![0.0, 0.2, 0.4, 0.6, 0.8, 1.0]),
             Scale::Log => log_range(values),
             Scale::Settings => {
                 let mut settings = distinct(values);
@@ -101,8 +72,12 @@ impl Axis {
         };
         // An axis whose data have one value would have no length, and every position would be a division by zero.
         let pad = (to - from).max(1e-9) * PAD;
-        let ticks = ticks.into_iter().map(|value| (value, self.unit.text(value))).collect();
-        FittedAxis { from: from - pad, to: to + pad, places, direction: self.direction, ticks }
+        let text = |value| match self.scale {
+            Scale::Share => format!("{} %", rounded(100.0 * value)),
+            Scale::Log | Scale::Settings => rounded(value).to_string(),
+        };
+        let ticks = ticks.into_iter().map(|value| (value, text(value))).collect();
+        FittedAxis { from: from - pad, to: to + pad, places, ticks }
     }
 }
 
@@ -115,11 +90,7 @@ impl FittedAxis {
             Places::Linear => value,
             Places::Settings(settings) => settings.partition_point(|setting| *setting < value) as f64,
         };
-        let share = ((value - self.from) / (self.to - self.from)).clamp(0.0, 1.0) as f32;
-        match self.direction {
-            AxisDirection::Up => share,
-            AxisDirection::Down => 1.0 - share,
-        }
+        ((value - self.from) / (self.to - self.from)).clamp(0.0, 1.0) as f32
     }
 
     /// Distance of two neighbouring settings as a share of the length. 0 on an axis of another scale.
@@ -127,15 +98,6 @@ impl FittedAxis {
         match self.places {
             Places::Settings(_) => (1.0 / (self.to - self.from)) as f32,
             Places::Linear | Places::Log { .. } => 0.0,
-        }
-    }
-}
-
-impl Unit {
-    fn text(self, value: f64) -> String {
-        match self {
-            Self::Plain => format!("{}", rounded(value)),
-            Self::Percent => format!("{} %", rounded(100.0 * value)),
         }
     }
 }
@@ -154,18 +116,6 @@ pub fn distinct<T: PartialEq>(values: impl Iterator<Item = T>) -> Vec<T> {
 /// Removes the last digits that result from binary fractions.
 fn rounded(value: f64) -> f64 {
     format!("{value:.9e}").parse().expect("a number that was just written")
-}
-
-/// About five multiples of 1, 2 or 5 times a power of ten.
-fn linear_ticks(from: f64, to: f64) -> Vec<f64> {
-    // The smallest step of the form 1, 2 or 5 times a power of ten that is not below a fifth of the range. The
-    // tolerances keep a step and a last tick that binary fractions put slightly outside.
-    let rough = ((to - from).abs() / 5.0).max(f64::MIN_POSITIVE);
-    let power = 10f64.powf(rough.log10().floor());
-    let step = [1.0, 2.0, 5.0, 10.0].into_iter().map(|m| m * power).find(|step| *step >= rough * 0.999);
-    let step = step.unwrap_or(rough);
-    let (first, last) = ((from / step).ceil() as i64, (to / step + 1e-9).floor() as i64);
-    (first..=last).map(|n| n as f64 * step).collect()
 }
 
 /// Logarithms of both ends, the positions, and the values of the ticks.
@@ -198,8 +148,8 @@ fn log_range(values: impl Iterator<Item = f64> + Clone) -> (f64, f64, Places, Ve
 mod tests {
     use super::*;
 
-    fn axis(scale: Scale, unit: Unit) -> Axis {
-        Axis { scale, unit, ..Axis::log("") }
+    fn axis(scale: Scale) -> Axis {
+        Axis { scale, ..Axis::log("") }
     }
 
     fn texts(fitted: &FittedAxis) -> Vec<&str> {
@@ -208,41 +158,31 @@ mod tests {
 
     #[test]
     fn ticks_enclose_the_data() {
-        let log = axis(Scale::Log, Unit::Plain);
+        let log = axis(Scale::Log);
         assert_eq!(texts(&log.fit([3.1, 42.0].into_iter())), ["2", "5", "10", "20", "50"]);
         assert_eq!(
             texts(&log.fit([0.02, 90.0, 1500.0].into_iter())),
             ["0.01", "0.1", "1", "10", "100", "1000", "10000"]
         );
-        let share = axis(Scale::Log, Unit::Percent);
         assert_eq!(
-            texts(&share.fit([0.0, 0.00002, 0.6].into_iter())),
-            ["0 %", "0.001 %", "0.01 %", "0.1 %", "1 %", "10 %", "100 %"]
+            texts(&log.fit([0.0, 0.00002, 0.6].into_iter())),
+            ["0", "0.00001", "0.0001", "0.001", "0.01", "0.1", "1"]
         );
-        let settings = axis(Scale::Settings, Unit::Plain);
+        let settings = axis(Scale::Settings);
         assert_eq!(texts(&settings.fit([4.0, 0.0, 1.5, 4.0].into_iter())), ["0", "1.5", "4"]);
-        let linear = axis(Scale::Linear { from: 0.0, to: 1.0 }, Unit::Percent);
-        assert_eq!(texts(&linear.fit(std::iter::empty())), ["0 %", "20 %", "40 %", "60 %", "80 %", "100 %"]);
+        let share = axis(Scale::Share);
+        assert_eq!(texts(&share.fit(std::iter::empty())), ["0 %", "20 %", "40 %", "60 %", "80 %", "100 %"]);
     }
 
     #[test]
     fn places_rise_with_values_and_stay_on_the_axis() {
         for data in [vec![], vec![0.0], vec![5.0], vec![0.0, 1e-6, 0.3], vec![1e-12, 1e12], vec![7.0, 7.0]] {
-            for direction in [AxisDirection::Up, AxisDirection::Down] {
-                for scale in [Scale::Log, Scale::Settings] {
-                    let fitted = Axis { direction, ..axis(scale, Unit::Plain) }.fit(data.iter().copied());
-                    let mut places: Vec<f32> =
-                        fitted.ticks.iter().map(|(value, _)| fitted.place(*value)).collect();
-                    if direction == AxisDirection::Down {
-                        places.reverse();
-                    }
-                    assert!(places.windows(2).all(|pair| pair[0] < pair[1]), "{data:?}: {places:?}");
-                    assert!(places.iter().all(|place| (0.0..=1.0).contains(place)), "{data:?}: {places:?}");
-                    assert!(
-                        data.iter().all(|value| (0.01..=0.99).contains(&fitted.place(*value))),
-                        "{data:?}"
-                    );
-                }
+            for scale in [Scale::Log, Scale::Settings] {
+                let fitted = axis(scale).fit(data.iter().copied());
+                let places: Vec<f32> = fitted.ticks.iter().map(|(value, _)| fitted.place(*value)).collect();
+                assert!(places.windows(2).all(|pair| pair[0] < pair[1]), "{data:?}: {places:?}");
+                assert!(places.iter().all(|place| (0.0..=1.0).contains(place)), "{data:?}: {places:?}");
+                assert!(data.iter().all(|value| (0.01..=0.99).contains(&fitted.place(*value))), "{data:?}");
             }
         }
     }

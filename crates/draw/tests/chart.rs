@@ -28,7 +28,7 @@ fn any_text_and_any_number_can_be_drawn() {
         points: values.iter().map(point).collect(),
         style: SeriesStyle::LineAndMarkers,
     }];
-    for scale in [Scale::Log, Scale::Linear { from: -2.0, to: 5.0 }, Scale::Linear { from: 1.0, to: 1.0 }] {
+    for scale in [Scale::Log, Scale::Share] {
         let panel = ChartPanel { x: axis(scale), y: axis(Scale::Log), series: series.clone() };
         let chart = chart(ChartBody::Panels(vec![panel]));
         let svg = chart.svg(PageWidth::Wide).unwrap();
@@ -43,12 +43,11 @@ fn any_text_and_any_number_can_be_drawn() {
 
 #[test]
 fn a_look_leaves_out_marks_or_line_and_faded_marks_are_grey() {
-    let point = |x, emphasis| DataPoint { x, y: x, emphasis, ..DataPoint::default() };
+    let point = |x, emphasis| DataPoint { x, y: x / 3.0, emphasis, ..DataPoint::default() };
     let drawn = |style, emphasis| {
         let points = vec![point(1.0, emphasis), point(2.0, emphasis)];
         let series = vec![Series { name: "auto".to_owned(), points, style }];
-        let linear = Scale::Linear { from: 0.0, to: 3.0 };
-        let panel = ChartPanel { x: axis(linear), y: axis(linear), series };
+        let panel = ChartPanel { x: axis(Scale::Log), y: axis(Scale::Share), series };
         let svg = chart(ChartBody::Panels(vec![panel])).svg(PageWidth::Wide).unwrap();
         let of = |what: &str, colour: &str| {
             svg.lines().filter(|line| line.starts_with(what) && line.contains(colour)).count()
@@ -62,13 +61,13 @@ fn a_look_leaves_out_marks_or_line_and_faded_marks_are_grey() {
     assert_eq!(drawn(SeriesStyle::Markers, Emphasis::Faded), (0, 0, 3));
 }
 
-/// The SVG of a panel of `series` (name, and y at the settings 1 and 2) with intervals of +- 1.
+/// The SVG of a panel of `series` (name, and y in tenths at the settings 1 and 2) with intervals of +- 1 tenth.
 fn over_settings(series: &[(&str, [f64; 2])]) -> String {
     let point = |x, y| DataPoint {
         x,
-        y,
+        y: y / 10.0,
         hover: format!("{y} at {x}"),
-        interval: Some([y - 1.0, y + 1.0]),
+        interval: Some([(y - 1.0) / 10.0, (y + 1.0) / 10.0]),
         ..DataPoint::default()
     };
     let series = series.iter().map(|(name, [one, two])| Series {
@@ -76,8 +75,7 @@ fn over_settings(series: &[(&str, [f64; 2])]) -> String {
         points: vec![point(1.0, *one), point(2.0, *two)],
         style: SeriesStyle::LineAndMarkers,
     });
-    let y = axis(Scale::Linear { from: 0.0, to: 10.0 });
-    let panel = ChartPanel { x: Axis::settings("setting"), y, series: series.collect() };
+    let panel = ChartPanel { x: Axis::settings("setting"), y: axis(Scale::Share), series: series.collect() };
     chart(ChartBody::Panels(vec![panel])).svg(PageWidth::Wide).expect("drawn")
 }
 
@@ -165,11 +163,7 @@ fn no_text_lies_on_another_or_leaves_the_picture() {
     };
     let time = || Axis::log("median time of a call, ms");
     let panels = vec![
-        ChartPanel {
-            x: time(),
-            y: Axis::percent("exact wrap counts, %", 1.0),
-            series: series(|wrong| 1.0 - wrong),
-        },
+        ChartPanel { x: time(), y: Axis::share("exact wrap counts, %"), series: series(|wrong| 1.0 - wrong) },
         ChartPanel { x: time(), y: Axis::log("wrong wrap counts"), series: series(|wrong| wrong) },
     ];
     let named = Chart {

@@ -134,7 +134,7 @@ pub fn engines(
     tell: &mut dyn FnMut(BenchEvent<'_>),
 ) -> Result<(Vec<EngineRow>, [PathBuf; 2]), BenchError> {
     if request.count == 0 {
-        return Err(BenchError::Number { what: "count", value: 0, possible: "at least 1" });
+        return Err(BenchError::number("count", 0, "at least 1"));
     }
     make_folder(&request.out)?;
     let rows = rows(request, source, program, tell)?;
@@ -249,24 +249,20 @@ fn measure(
     let mut cells = read_json::<Evaluation>(&results)?.cells;
     match (cells.pop(), cells.is_empty()) {
         (Some(cell), true) => figures(cell, rss_mb),
-        _ => {
-            Err(BenchError::Option("each engine is measured with one setting of modulo eval only".to_owned()))
-        }
+        _ => Err(BenchError::Request(
+            "each engine is measured with one setting of modulo eval only".to_owned(),
+        )),
     }
 }
 
 fn figures(cell: EvaluatedCell, rss_mb: f64) -> Result<EngineFigures, BenchError> {
     let EvaluatedCell { frames, ap50, mut interval95, latency_ms, frame_ms } = cell;
     if frames < LEAST_FRAMES {
-        return Err(BenchError::Number {
-            what: "the number of labelled frames",
-            value: frames,
-            possible: "at least 20",
-        });
+        return Err(BenchError::number("the number of labelled frames", frames, "at least 20"));
     }
     let ap50: BTreeMap<String, f64> = ap50.into_iter().filter_map(|(group, ap)| Some((group, ap?))).collect();
     if ap50.is_empty() {
-        return Err(BenchError::Option(
+        return Err(BenchError::Request(
             "no labelled object is scored; -- --groups FILE names the classes".to_owned(),
         ));
     }
@@ -306,7 +302,7 @@ fn chart(rows: &[EngineRow], request: &EnginesRequest, processor: &str) -> Chart
         });
         ChartPanel {
             x: Axis::log(format!("median time of an inference, ms, {} inferences", reference.inferences)),
-            y: Axis::percent(format!("AP50 of {group}, %, {} frames", reference.frames), 1.0),
+            y: Axis::share(format!("AP50 of {group}, %, {} frames", reference.frames)),
             series: series.collect(),
         }
     };

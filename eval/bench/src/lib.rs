@@ -5,7 +5,6 @@
 //! pipeline and of the engines run the program as a user does.
 
 pub mod engines;
-pub mod field;
 pub mod pipeline;
 pub mod recover;
 pub mod runner;
@@ -20,7 +19,7 @@ use modulo_core::{SensorError, UnwrapError};
 use modulo_draw::ChartError;
 pub use modulo_draw::below_100;
 use modulo_images::{EXTENSIONS, ImageError, SaveError, is_hidden};
-use modulo_runtime::ParameterError;
+use modulo_runtime::{ParameterError, launcher};
 use modulo_video::VideoError;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -28,25 +27,9 @@ use serde::de::DeserializeOwned;
 /// Error of a simulation, benchmark or stability run. The message names the value and the possible ones.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
-    /// A list without an entry.
-    #[error("{0} is empty; at least one entry is needed")]
-    Empty(&'static str),
-    /// A number out of its range.
-    #[error("{what} is {value}, but must be {possible}")]
-    Number {
-        /// Name of the number.
-        what: &'static str,
-        /// The value.
-        value: usize,
-        /// The possible values.
-        possible: &'static str,
-    },
-    /// Options that do not go together, or that this command does not have. The text is a sentence with the remedy.
+    /// The request is impossible, or its folder takes no results. The sentence names the possible values or the remedy.
     #[error("{0}")]
-    Option(String),
-    /// Results cannot be written into a folder.
-    #[error("no result can be written into {path}, so that another folder is needed: {1}", path = .0.display())]
-    Output(PathBuf, #[source] std::io::Error),
+    Request(String),
     /// A folder without a readable image.
     #[error("{}: there is no readable image (.png, .jpg, .jpeg, .exr, .hdr)", .0.display())]
     NoFrames(PathBuf),
@@ -88,6 +71,12 @@ pub enum BenchError {
     Shapes(#[from] ShapesDiffer),
 }
 
+impl BenchError {
+    fn number(what: &str, value: usize, possible: &str) -> Self {
+        Self::Request(format!("{what} is {value}, but must be {possible}"))
+    }
+}
+
 /// Progress of a command.
 #[derive(Clone, Debug, PartialEq)]
 pub enum BenchEvent<'a> {
@@ -120,7 +109,10 @@ pub struct Skipped {
 /// # Errors
 /// [`BenchError::NoFrames`] of a folder without an image, and [`BenchError::Io`] of one that cannot be read.
 fn files(paths: &[PathBuf], tell: &mut dyn FnMut(BenchEvent<'_>)) -> Result<Vec<PathBuf>, BenchError> {
-    need("the list of files", paths)?;
+    if paths.is_empty() {
+        let why = "the list of files is empty; at least one entry is needed";
+        return Err(BenchError::Request(why.to_owned()));
+    }
     let mut files = Vec::new();
     for path in paths {
         if path.is_dir() {
@@ -161,33 +153,28 @@ fn images(folder: &Path, tell: &mut dyn FnMut(BenchEvent<'_>)) -> Result<Vec<Pat
     Ok(images)
 }
 
-/// Refuses an empty list.
-fn need<T>(what: &'static str, list: &[T]) -> Result<(), BenchError> {
-    if list.is_empty() { Err(BenchError::Empty(what)) } else { Ok(()) }
-}
-
 /// Creates `folder` and its parents, and checks that a file can be written into it: a run of hours must not end without results.
 fn make_folder(folder: &Path) -> Result<(), BenchError> {
     let made = fs::create_dir_all(folder).and_then(|()| tempfile::tempfile_in(folder));
-    made.map(drop).map_err(|source| BenchError::Output(folder.to_owned(), source))
+    let refused = |why| {
+        let folder = folder.display();
+        BenchError::Request(format!(
+            "no result can be written into {folder}, so that another folder is needed: {why}"
+        ))
+    };
+    made.map(drop).map_err(refused)
 }
 
-/// Writes `value` as JSON to a temporary file beside `path` and renames it.
+/// Writes `value` as JSON, as [`write`] does.
 fn write_json(path: &Path, value: &impl Serialize) -> Result<(), BenchError> {
-    let mut text =
-        serde_json::to_vec_pretty(value).map_err(|source| BenchError::Json(path.to_owned(), source))?;
+    let mut text = serde_json::to_vec_pretty(value).map_err(|why| BenchError::Json(path.to_owned(), why))?;
     text.push(b'\n');
     write(path, &text)
 }
 
-/// Writes `bytes` to a temporary file beside `path` and renames it.
+/// Replaces the content of `path`, as [`launcher::replace`] does.
 fn write(path: &Path, bytes: &[u8]) -> Result<(), BenchError> {
-    // Renaming is atomic within one file system, so that a reader and a killed run never see half a file.
-    let mut beside = path.as_os_str().to_owned();
-    beside.push(".part");
-    fs::write(&beside, bytes)
-        .and_then(|()| fs::rename(&beside, path))
-        .map_err(|source| BenchError::Io(path.to_owned(), source))
+    launcher::replace(path, bytes).map_err(|why| BenchError::Io(path.to_owned(), why))
 }
 
 /// Reads a JSON file.

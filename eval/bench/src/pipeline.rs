@@ -31,9 +31,9 @@ const TICKS: f64 = 100.0;
 /// The ROS domain of the runs. It is neither the default of a suite nor a domain of a test.
 const DOMAIN: &str = "96";
 
-/// The frames and the model of a run of the suite, as options of a command line.
+/// The settings of a benchmark of the pipeline, as options of a command line.
 #[derive(Clone, Debug, PartialEq, Args)]
-pub struct SuiteRequest {
+pub struct PipelineRequest {
     /// Source of the frames, as the parameter `source` of the camera takes it
     #[arg(long, value_name = "SOURCE", default_value = "scene://tunnel?seed=3&width=1242&height=375")]
     pub frames: String,
@@ -52,14 +52,6 @@ pub struct SuiteRequest {
     /// Folder for results.json
     #[arg(short, long, value_name = "FOLDER")]
     pub out: PathBuf,
-}
-
-/// The settings of a benchmark of the pipeline, as options of a command line.
-#[derive(Clone, Debug, PartialEq, Args)]
-pub struct PipelineRequest {
-    /// The frames and the model.
-    #[command(flatten)]
-    pub suite: SuiteRequest,
     /// Inference engine: ONNX Runtime (ort), ONNX Runtime with OpenVINO (openvino, or openvino_f32 with 32 bits), rten, or auto
     /// for ort where its library is found, and rten elsewhere
     #[arg(long, default_value = "auto", value_parser = ["auto", "ort", "openvino", "openvino_f32", "rten"])]
@@ -112,21 +104,14 @@ pub struct PipelineRow {
     pub stage_ms: BTreeMap<String, f64>,
 }
 
-/// The program under test.
-#[derive(Clone, Copy)]
-pub struct Program<'a> {
+/// The program under test, and the bare network beside which it runs.
+pub struct PipelineBench<'a> {
     /// Path of this program.
-    pub path: &'a Path,
+    pub program: &'a Path,
     /// The launch file of its suite.
     pub launch_file: &'a Path,
     /// Returns the ticks of the clock of the traces, ns.
     pub now_ns: fn() -> u64,
-}
-
-/// The program under test, and the bare network beside which it runs.
-pub struct PipelineBench<'a> {
-    /// The program.
-    pub program: Program<'a>,
     /// Returns durations of the network by itself on a tensor that is ready, ms, with a run in each period.
     pub bare: &'a mut dyn FnMut(Duration) -> Result<Vec<f64>, BenchError>,
 }
@@ -140,37 +125,36 @@ pub fn pipeline(
     bench: &mut PipelineBench<'_>,
     tell: &mut dyn FnMut(BenchEvent<'_>),
 ) -> Result<Vec<PipelineRow>, BenchError> {
-    let PipelineRequest { suite, engine, device, rate } = request;
-    if suite.count < ROUNDS {
+    let PipelineRequest { count, rate, out, .. } = request;
+    if *count < ROUNDS {
         let possible = "at least 4, the number of turns";
-        return Err(BenchError::Number { what: "count", value: suite.count, possible });
+        return Err(BenchError::number("count", *count, possible));
     }
     if *rate > 0.0 {
-        check_count(suite.count, *rate, at(&sorted((bench.bare)(Duration::ZERO)?), 0.5))?;
+        check_count(*count, *rate, at(&sorted((bench.bare)(Duration::ZERO)?), 0.5))?;
     }
-    make_folder(&suite.out)?;
-    let settings = |mode| RunSettings { mode, suite, engine, device, rate: *rate };
-    let frames = frames_of_run(suite.count);
+    make_folder(out)?;
+    let frames = frames_of_run(*count);
     let modes = [(Mode::Lockstep, "lockstep"), (Mode::Composed, "composed"), (Mode::Live, "live")];
     let mut runs = modes.map(|_| Vec::new());
     for round in 0..ROUNDS {
         for (place, (mode, next)) in modes.into_iter().enumerate() {
             tell(BenchEvent::Step { done: round * modes.len() + place, total: ROUNDS * modes.len(), next });
             let folder = temporary_folder()?;
-            let mut run = run(&settings(mode), frames, &bench.program, folder.path())?;
+            let mut run = run(request, mode, frames, bench, folder.path())?;
             if run.times.frames.is_empty() {
                 return Err(BenchError::Run(format!(
                     "the mode {next} answered no more than the first {WARM_UP} of {frames} frames, which are not counted; choose a larger \
                      --count, or --rate 0, with which no frame is replaced"
                 )));
             }
-            run.bare_ms = (bench.bare)(settings(mode).period())?;
+            run.bare_ms = (bench.bare)(period(mode, *rate))?;
             runs[place].push(run);
         }
     }
     let rows = modes.iter().zip(runs).map(|(&(mode, _), runs)| row(mode, runs));
     let rows = rows.collect::<Result<Vec<_>, _>>()?;
-    write_json(&suite.out.join(RESULTS), &rows)?;
+    write_json(&out.join(RESULTS), &rows)?;
     Ok(rows)
 }
 
@@ -189,27 +173,16 @@ fn check_count(count: usize, rate: f64, bare_ms: f64) -> Result<(), BenchError> 
     }
     // Twice as many, since the pipeline takes longer than the network.
     let enough = (2.0 * needed).ceil() as usize * ROUNDS;
-    Err(BenchError::Option(format!(
+    Err(BenchError::Request(format!(
         "--count {count} is too small with --rate {rate}: the network takes {bare_ms:.0} ms, so that most frames are replaced by newer \
          ones, and the first {WARM_UP} answers of a run are not counted; give --count {enough}, or --rate 0, with which no frame is replaced"
     )))
 }
 
-/// The settings of a run.
-struct RunSettings<'a> {
-    mode: Mode,
-    suite: &'a SuiteRequest,
-    engine: &'a str,
-    device: &'a str,
-    rate: f64,
-}
-
-impl RunSettings<'_> {
-    /// The time between two frames; zero where the next frame comes when the last one is done.
-    fn period(&self) -> Duration {
-        let paced = self.mode != Mode::Lockstep && self.rate > 0.0;
-        if paced { Duration::from_secs_f64(self.rate.recip()) } else { Duration::ZERO }
-    }
+/// The time between two frames; zero where the next frame comes when the last one is done.
+fn period(mode: Mode, rate: f64) -> Duration {
+    let paced = mode != Mode::Lockstep && rate > 0.0;
+    if paced { Duration::from_secs_f64(rate.recip()) } else { Duration::ZERO }
 }
 
 /// One run of one mode, and the network by itself right after it.
@@ -266,22 +239,23 @@ fn at(sorted: &[f64], share: f64) -> f64 {
 
 /// Runs the suite on `frames` frames of its source, and leaves the files of the run in `folder`.
 fn run(
-    settings: &RunSettings<'_>,
+    request: &PipelineRequest,
+    mode: Mode,
     frames: usize,
-    program: &Program<'_>,
+    bench: &PipelineBench<'_>,
     folder: &Path,
 ) -> Result<ModeRun, BenchError> {
     let cpu = children_cpu_s();
     let log = fs::File::create(folder.join("log.txt")).map_err(|why| BenchError::Io(folder.into(), why))?;
     let errors = log.try_clone().map_err(|why| BenchError::Io(folder.into(), why))?;
-    let mode = settings.mode;
-    let mut command = Command::new(program.path);
-    command.arg(command_of(mode)).arg(program.launch_file).args(arguments(settings, frames, folder));
+    let mut command = Command::new(bench.program);
+    command.arg(if mode == Mode::Lockstep { "eval" } else { "launch" });
+    command.arg(bench.launch_file).args(arguments(request, mode, frames, folder));
     command.stdin(Stdio::null()).stdout(log).stderr(errors);
     command.env("MODULO_TRACE_DIR", folder).env("ROS_DOMAIN_ID", DOMAIN);
     command.env("ZENOH_CONFIG_OVERRIDE", "transport/shared_memory/enabled=true");
-    let start_ms = (program.now_ns)() as f64 / 1e6;
-    let failed = |why| BenchError::Io(program.path.to_owned(), why);
+    let start_ms = (bench.now_ns)() as f64 / 1e6;
+    let failed = |why| BenchError::Io(bench.program.to_owned(), why);
     let mut child = command.spawn().map_err(failed)?;
     let (success, rss_mb) = watch(&mut child, mode).map_err(failed)?;
     if !success {
@@ -302,17 +276,9 @@ fn run(
     })
 }
 
-fn command_of(mode: Mode) -> &'static str {
-    match mode {
-        Mode::Lockstep => "eval",
-        Mode::Composed | Mode::Live => "launch",
-    }
-}
-
 /// The arguments of a run that leaves its summary in `folder`.
-fn arguments(settings: &RunSettings<'_>, count: usize, folder: &Path) -> Vec<OsString> {
-    let RunSettings { mode, suite, engine, device, rate } = settings;
-    let SuiteRequest { frames, model, alpha, psf_sigma, .. } = suite;
+fn arguments(request: &PipelineRequest, mode: Mode, count: usize, folder: &Path) -> Vec<OsString> {
+    let PipelineRequest { frames, model, alpha, psf_sigma, engine, device, rate, .. } = request;
     let mut arguments: Vec<OsString> = [
         format!("source:={frames}"),
         format!("frames:={count}"),
@@ -332,7 +298,7 @@ fn arguments(settings: &RunSettings<'_>, count: usize, folder: &Path) -> Vec<OsS
             arguments.extend(["--summary".into(), folder.join("summary.json").into()]);
         }
     }
-    arguments.extend((*mode == Mode::Composed).then(|| "--compose".into()));
+    arguments.extend((mode == Mode::Composed).then(|| "--compose".into()));
     arguments
 }
 

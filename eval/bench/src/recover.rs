@@ -61,7 +61,7 @@ pub fn unwrap_files(
     let range = sensor.range()?;
     if range.limit() > 65536.0 {
         let why = "the results have 16 bits, which cannot hold alpha * 2^bits above 65536; use the node unwrap for floats";
-        return Err(BenchError::Option(why.to_owned()));
+        return Err(BenchError::Request(why.to_owned()));
     }
     sensor.gains()?;
     let mut runner = Runner::new(&request.run, &sensor)?;

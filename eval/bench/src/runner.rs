@@ -209,7 +209,7 @@ fn methods(options: &RunOptions, has_two_gains: bool) -> Result<Vec<Box<dyn Unwr
         _ => names,
     };
     if has_two_gains && !options.method.is_empty() {
-        return Err(BenchError::Option(format!(
+        return Err(BenchError::Request(format!(
             "--method {} has no effect with --gains {}, whose images are unwrapped by {}: leave out one of these options",
             options.method.join(","),
             Gains::word(true),
@@ -218,7 +218,7 @@ fn methods(options: &RunOptions, has_two_gains: bool) -> Result<Vec<Box<dyn Unwr
     }
     // The method of the scripts of the paper is none for y.
     if names.contains(&"spud_as_published") {
-        return Err(BenchError::Option(
+        return Err(BenchError::Request(
             "spud_as_published needs the image before quantisation, which only modulo eval gives it; spud is the same \
              method on the modulo image"
                 .to_owned(),

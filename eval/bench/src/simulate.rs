@@ -92,7 +92,7 @@ impl SimulationRequest {
         let sensors = sensors.collect::<Result<Vec<_>, BenchError>>()?;
         if self.counts && sensors.iter().any(|(_, sensor)| sensor.range().limit() > 65536.0) {
             let why = "--counts writes images of 16 bits, which cannot hold alpha * 2^bits above 65536";
-            return Err(BenchError::Option(why.to_owned()));
+            return Err(BenchError::Request(why.to_owned()));
         }
         Ok(sensors)
     }

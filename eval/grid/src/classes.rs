@@ -53,7 +53,7 @@ impl ClassMap {
     /// Reads a mapping from a file. Classes that it does not list are dropped.
     ///
     /// # Errors
-    /// [`GridError::Table`] with the wrong line.
+    /// [`GridError::Request`] with the wrong line.
     pub fn read(path: &Path) -> Result<Self, GridError> {
         Ok(Self { table: read(path)?, keeps: |_| false })
     }
@@ -82,7 +82,7 @@ impl ClassGroups {
     /// Reads groups from a file.
     ///
     /// # Errors
-    /// [`GridError::Table`] with the wrong line.
+    /// [`GridError::Request`] with the wrong line.
     pub fn read(path: &Path) -> Result<Self, GridError> {
         read(path).map(Self)
     }
@@ -135,11 +135,10 @@ pub fn of_labels<'a>(labels: impl Iterator<Item = &'a GroundTruth>) -> BTreeSet<
 
 fn read(path: &Path) -> Result<Table, GridError> {
     let text = read_text(path, LARGEST_TEXT).map_err(|why| GridError::io(path, why))?;
-    let table = parse_class_map(&text).map_err(|why| GridError::Table(path.to_owned(), why))?;
+    let table = parse_class_map(&text).map_err(|why| GridError::of_file(path, why))?;
     // An empty file would drop all classes: every score would be 0 without a word.
     if table.is_empty() {
-        let why = "names no class, at least one line 'from: to' is needed".to_owned();
-        return Err(GridError::Table(path.to_owned(), why));
+        return Err(GridError::of_file(path, "names no class, at least one line 'from: to' is needed"));
     }
     Ok(table)
 }

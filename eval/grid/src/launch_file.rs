@@ -11,14 +11,10 @@ use std::path::Path;
 use modulo_ap::Difficulty;
 use modulo_ap::average::{ScoredFrame, by_class, mean_over_classes};
 use modulo_bags::FileError;
-use modulo_bags::bag::BagError;
 use modulo_bags::source::{GroundTruth, from_detections};
 use modulo_core::Detection;
-use modulo_images::SaveError;
-use modulo_msgs::cdr::CdrError;
 use modulo_runtime::clock::nanos;
 use modulo_runtime::lockstep::{Lockstep, LockstepError, OnTopic};
-use modulo_video::VideoError;
 use serde_json::{Value, json};
 
 pub use plan::{CameraPlan, DetectorStream, EvaluationPlan, NamedNodes, PlanError};
@@ -26,29 +22,6 @@ pub use recordings::Recordings;
 use timeline::Timeline;
 
 use crate::messages::{arrays, found};
-
-/// Error of an evaluation.
-#[derive(Debug, thiserror::Error)]
-pub enum EvalError {
-    /// A node failed.
-    #[error(transparent)]
-    Run(#[from] LockstepError),
-    /// An image could not be written.
-    #[error(transparent)]
-    Save(#[from] SaveError),
-    /// The bag could not be written.
-    #[error(transparent)]
-    Bag(#[from] BagError),
-    /// A message is too large for CDR.
-    #[error(transparent)]
-    Cdr(#[from] CdrError),
-    /// A file or folder could not be written.
-    #[error(transparent)]
-    File(#[from] FileError),
-    /// The video could not be written.
-    #[error(transparent)]
-    Video(#[from] VideoError),
-}
 
 /// Boxes and ground truth of all frames so far.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -126,14 +99,14 @@ impl Evaluation {
     /// stop the run.
     ///
     /// # Errors
-    /// [`EvalError::Run`] if a node fails; the frames before stay.
+    /// [`LockstepError`] if a node fails; the frames before stay.
     pub fn add(
         &mut self,
         chain: &mut Lockstep<'_>,
         plan: &EvaluationPlan,
         recordings: &mut Recordings,
         tell: &dyn Fn(&Lockstep<'_>) -> ControlFlow<()>,
-    ) -> Result<(), EvalError> {
+    ) -> Result<(), LockstepError> {
         // A stream without any frame has a result, too: that no image arrived.
         for stream in plan.streams() {
             self.streams.entry(stream.name.clone()).or_default();
@@ -219,8 +192,8 @@ impl Evaluation {
     /// not stay. `stopped` marks them as those of a part of the frames.
     ///
     /// # Errors
-    /// [`EvalError::File`] of the first file that cannot be written; the others are written.
-    pub fn write(&self, folder: &Path, stopped: bool) -> Result<(), EvalError> {
+    /// [`FileError`] of the first file that cannot be written; the others are written.
+    pub fn write(&self, folder: &Path, stopped: bool) -> Result<(), FileError> {
         let mut files: Vec<_> =
             self.streams.iter().map(|(name, frames)| (format!("{name}.json"), boxes(frames))).collect();
         let scores: BTreeMap<&str, Value> = self
@@ -239,7 +212,7 @@ impl Evaluation {
         }
         let write = |(name, text): (String, String)| {
             let path = folder.join(name);
-            std::fs::write(&path, text).map_err(|why| FileError::new(&path, why).into())
+            std::fs::write(&path, text).map_err(|why| FileError::new(&path, why))
         };
         files.into_iter().map(write).fold(Ok(()), Result::and)
     }

@@ -23,7 +23,8 @@ pub mod results;
 pub mod store;
 pub mod video;
 
-use std::path::{Path, PathBuf};
+use std::fmt::Display;
+use std::path::Path;
 
 use modulo_bags::FileError;
 use modulo_bags::source::SourceError;
@@ -36,25 +37,10 @@ use modulo_runtime::lockstep::LockstepError;
 /// Error of a grid run. The message names the value and the possible ones.
 #[derive(Debug, thiserror::Error)]
 pub enum GridError {
-    /// A list without an entry.
-    #[error("{0} is empty; at least one entry is needed")]
-    Empty(&'static str),
-    /// An impossible value.
-    #[error("{what} is {value}, but must be {possible}")]
-    Value {
-        /// Name of the option.
-        what: &'static str,
-        /// The value.
-        value: String,
-        /// The possible values.
-        possible: String,
-    },
-    /// A grid without a cell. The texts name the combinations of options, each with the reason.
-    #[error("the grid has no cell: {list}", list = .0.join("; "))]
-    NoCell(Vec<String>),
-    /// Results cannot be written into a folder.
-    #[error("no result can be written into {path}, so that another folder is needed: {1}", path = .0.display())]
-    Output(PathBuf, #[source] std::io::Error),
+    /// The request is impossible, or its folder holds results of another one or takes none. The sentence names the possible
+    /// values or the remedy.
+    #[error("{0}")]
+    Request(String),
     /// No frame of the data can be scored.
     #[error("{source_name}: none of the {frames} frames can be scored: {why}")]
     Nothing {
@@ -65,27 +51,12 @@ pub enum GridError {
         /// The reason.
         why: String,
     },
-    /// A file is not a class mapping. The text names the line and the expected form.
-    #[error("{path}: {1}", path = .0.display())]
-    Table(PathBuf, String),
-    /// A file holds results of another request. The text names the difference.
-    #[error("{path}: holds results that cannot be shown with those of this command: {1}; choose another folder, or start anew with --fresh", path = .0.display())]
-    OtherSetup(PathBuf, String),
-    /// A file holds other figures for a cell than an earlier file.
-    #[error("{path}: cell {1} was measured before with other figures", path = .0.display())]
-    Contradiction(PathBuf, String),
     /// A file or folder cannot be read or written.
     #[error(transparent)]
     Io(#[from] FileError),
-    /// A file is not JSON of results.
-    #[error("{path}: {1}", path = .0.display())]
-    Json(PathBuf, #[source] serde_json::Error),
-    /// The file of results is missing.
-    #[error("{}: there are no results; modulo eval --out writes them", .0.display())]
-    NoResults(PathBuf),
-    /// A chart could not be drawn.
-    #[error("chart {0}: {1}")]
-    Chart(String, #[source] modulo_draw::ChartError),
+    /// Stored results are missing, are no JSON of results, or contradict each other, or a chart of them cannot be drawn.
+    #[error("{0}")]
+    Results(String),
     /// The data cannot be read.
     #[error(transparent)]
     Source(#[from] SourceError),
@@ -110,6 +81,18 @@ pub enum GridError {
 }
 
 impl GridError {
+    fn value(what: &str, value: impl Display, possible: impl Display) -> Self {
+        Self::Request(format!("{what} is {value}, but must be {possible}"))
+    }
+
+    fn empty(list: &str) -> Self {
+        Self::Request(format!("{list} is empty; at least one entry is needed"))
+    }
+
+    fn of_file(path: &Path, why: impl Display) -> Self {
+        Self::Request(format!("{}: {why}", path.display()))
+    }
+
     fn io(path: &Path, source: std::io::Error) -> Self {
         FileError::new(path, source).into()
     }

@@ -23,7 +23,7 @@ pub fn load(folder: &Path) -> Result<Option<Results>, GridError> {
     let path = folder.join(RESULTS);
     match read_bytes(&path, LARGEST) {
         Ok(text) => {
-            let json = |source| GridError::Json(path.clone(), source);
+            let json = |why| GridError::Results(format!("{}: {why}", path.display()));
             serde_json::from_slice(&text).map(Some).map_err(json)
         }
         Err(why) if why.kind() == ErrorKind::NotFound => Ok(None),
@@ -36,18 +36,28 @@ pub fn load(folder: &Path) -> Result<Option<Results>, GridError> {
 /// # Errors
 /// [`GridError`] if there are none, or they cannot be read.
 pub fn stored(folder: &Path) -> Result<Results, GridError> {
-    load(folder)?.ok_or_else(|| GridError::NoResults(folder.join(RESULTS)))
+    let path = folder.join(RESULTS);
+    let missing = || {
+        GridError::Results(format!("{}: there are no results; modulo eval --out writes them", path.display()))
+    };
+    load(folder)?.ok_or_else(missing)
 }
 
 /// Creates `folder` and checks that a file can be written into it.
 ///
 /// # Errors
-/// [`GridError::Output`] if that fails.
+/// [`GridError::Request`] if that fails.
 pub fn prepare(folder: &Path) -> Result<(), GridError> {
     let probe = folder.join(format!(".modulo-{}", std::process::id()));
     let written = std::fs::create_dir_all(folder).and_then(|()| std::fs::write(&probe, []));
     let done = written.and_then(|()| std::fs::remove_file(&probe));
-    done.map_err(|why| GridError::Output(folder.to_owned(), why))
+    let refused = |why| {
+        let folder = folder.display();
+        GridError::Request(format!(
+            "no result can be written into {folder}, so that another folder is needed: {why}"
+        ))
+    };
+    done.map_err(refused)
 }
 
 /// Writes [`RESULTS`]. Creates `folder` if it is missing.
@@ -56,8 +66,7 @@ pub fn prepare(folder: &Path) -> Result<(), GridError> {
 /// [`GridError`] if it cannot be written.
 pub fn save(folder: &Path, results: &Results) -> Result<(), GridError> {
     let path = folder.join(RESULTS);
-    let mut text =
-        serde_json::to_vec_pretty(results).map_err(|source| GridError::Json(path.clone(), source))?;
+    let mut text = serde_json::to_vec_pretty(results).expect("results have text keys");
     text.push(b'\n');
     replace(&path, &text)
 }
@@ -66,7 +75,7 @@ pub fn save(folder: &Path, results: &Results) -> Result<(), GridError> {
 /// `replaced`.
 ///
 /// # Errors
-/// [`GridError::OtherSetup`] if the cells of both cannot be shown together; the folder stays as it is.
+/// [`GridError::Request`] if the cells of both cannot be shown together; the folder stays as it is.
 pub(crate) fn resume(folder: &Path, replaced: bool, empty: Results) -> Result<Results, GridError> {
     if replaced {
         // Damaged results are replaced as well.
@@ -142,7 +151,7 @@ pub fn merge(out: &Path, folders: &[PathBuf]) -> Result<Results, GridError> {
         let all = all.get_or_insert_with(|| Results { cells: Vec::new(), runs: Vec::new(), ..part.clone() });
         check_same(&path, &part, all)?;
         if part.setup.grid != all.setup.grid {
-            return Err(GridError::OtherSetup(path, "its cells are those of another grid".to_owned()));
+            return Err(other_setup(&path, "its cells are those of another grid"));
         }
         all.runs.extend(part.runs);
         for cell in part.cells {
@@ -151,11 +160,15 @@ pub fn merge(out: &Path, folders: &[PathBuf]) -> Result<Results, GridError> {
                 // All figures but durations are the same in every run. Different figures of one cell cannot both be
                 // right, and a merge cannot decide between them.
                 Some(known) if timeless(known) == timeless(&cell) => {}
-                Some(_) => return Err(GridError::Contradiction(path, cell.point.to_string())),
+                Some(_) => {
+                    let (path, cell) = (path.display(), &cell.point);
+                    let why = format!("{path}: cell {cell} was measured before with other figures");
+                    return Err(GridError::Results(why));
+                }
             }
         }
     }
-    let mut all = all.ok_or(GridError::Empty("the list of folders"))?;
+    let mut all = all.ok_or_else(|| GridError::empty("the list of folders"))?;
     sort(&mut all.cells, &all.setup.grid);
     save(out, &all)?;
     Ok(all)
@@ -181,7 +194,16 @@ fn check_same(path: &Path, old: &Results, new: &Results) -> Result<(), GridError
     let Some((what, a, b)) = difference(old, new) else { return Ok(()) };
     let [old, new] = [old, new].map(|results| labels::grid(&results.setup.grid));
     let why = format!("its {what} is {a}, and that of this command is {b}. There: {old}. Here: {new}");
-    Err(GridError::OtherSetup(path.to_owned(), why))
+    Err(other_setup(path, &why))
+}
+
+fn other_setup(path: &Path, why: &str) -> GridError {
+    GridError::of_file(
+        path,
+        format!(
+            "holds results that cannot be shown with those of this command: {why}; choose another folder, or start anew with --fresh"
+        ),
+    )
 }
 
 /// The first setting that must be the same in `old` and `new` and is not, with both values.

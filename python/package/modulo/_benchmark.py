@@ -1,5 +1,6 @@
 """`benchmark`: unwrapping methods of any origin on the same frames and sensors."""
 
+import csv
 import datetime
 import hashlib
 import importlib.util
@@ -60,10 +61,8 @@ _DEFINITIONS = {
     "failures": "Number of frames by the reason for which the method has no result.",
 }
 
-
-# The figures of a cell that `modulo eval` does not have, and those that the report of a benchmark shows.
+# The figures of a cell that `modulo eval` does not have. `modulo eval report` refuses figures that it does not know.
 _OWN_FIGURES = ("sensor_name", "failures", "up_to_offset")
-_FIELD = (*_OWN_FIGURES, "method", "alpha", "psf_sigma", "read_noise", "frames", "exact_k", "psnr_db", "ssim", "trusted", "trusted_wrong", "ap50", "frame_ms")  # fmt: skip
 
 
 class Benchmark:
@@ -106,37 +105,22 @@ class Benchmark:
                 return importlib.import_module(package).DataFrame(table)
         return table
 
-    def charts(self) -> dict[str, str]:
-        """Returns the charts by name, as SVG: accuracy against time (`frontier`), and exactness over alpha, lens and noise
-        (`settings`, and `settings_up_to_offset` with an offset for each channel forgiven), of which several values are there."""
-        return {name: svg for name, svg, _ in _core.field_report(json.dumps(self.results))[1]}
-
-    def save(self, folder: str | os.PathLike[str]) -> Path:
-        """Writes the report `index.html`, `results.json`, `frames.csv` and the charts (SVG and PNG) into a folder.
+    def save(self, folder: str | os.PathLike[str]) -> None:
+        """Writes `results.json` and `frames.csv`, which has all figures of each method, sensor and frame, into a folder.
 
         Parameters
         ----------
         folder : path
             The folder, which is created if it is missing.
-
-        Returns
-        -------
-        Path
-            The path of the report, which needs no other file.
         """
         place = Path(folder)
-        (place / "charts").mkdir(parents=True, exist_ok=True)
-        text = json.dumps(self.results, indent=2)
-        page, charts = _core.field_report(text)
-        for name, svg, png in charts:
-            (place / "charts" / f"{name}.svg").write_text(svg)
-            (place / "charts" / f"{name}.png").write_bytes(png)
-        (place / "results.json").write_text(text + "\n")
+        place.mkdir(parents=True, exist_ok=True)
+        (place / "results.json").write_text(json.dumps(self.results, indent=2) + "\n")
         frames = self._frames()
-        lines = [list(frames[0])] + [list(row.values()) for row in frames]
-        (place / "frames.csv").write_text("".join(",".join(_csv(value) for value in line) + "\n" for line in lines))
-        (place / "index.html").write_text(page)
-        return place / "index.html"
+        with open(place / "frames.csv", "w", newline="") as file:
+            writer = csv.DictWriter(file, list(frames[0]), lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(frames)
 
     def __str__(self) -> str:
         """A table in Markdown, with a row for each method."""
@@ -202,7 +186,7 @@ def benchmark(
     own : sequence of str
         The methods of the suite that are measured as well.
     out : path
-        A folder for the report, the charts and the results (see `Benchmark.save`), and for each measured row (`rows.jsonl`). A run that is started
+        A folder for the results (see `Benchmark.save`), and for each measured row (`rows.jsonl`). A run that is started
         again with the same folder measures only what is missing there.
     detect : callable
         Finds objects on an image of 8 bits, H x W x C, and returns a sequence of `Detection`. With it and labels of all frames, there is an AP50.
@@ -218,7 +202,7 @@ def benchmark(
     Returns
     -------
     Benchmark
-        Rows, tables, charts and the report. Printed, it is a table in Markdown.
+        Rows and tables. Printed, it is a table in Markdown.
 
     Raises
     ------
@@ -256,7 +240,7 @@ def benchmark(
         for method in given
         for name, sensor in named.items()
     ]
-    result = Benchmark(rows, cells, _results(cells, data, pictures, {**settings, "time_limit_s": time_limit_s}))
+    result = Benchmark(rows, cells, _results(cells, data, pictures, threads))
     if out is not None:
         result.save(out)
     return result
@@ -507,10 +491,10 @@ def _time(times: list[float], cpu: list[float]) -> Row:
     return {"p50": statistics.median(times), "interval95": [times[low], times[high]], "cpu_ms": statistics.median(cpu), "frames": len(times)}
 
 
-def _results(cells: list[Row], data: object, pictures: list[Frame], settings: Row) -> Row:
+def _results(cells: list[Row], data: object, pictures: list[Frame], threads: int) -> Row:
     """Returns the content of `results.json`."""
     started = datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")
-    host, processor, threads = platform.node(), _processor(), settings["threads"]
+    host, processor = platform.node(), _processor()
     device = {"processor": processor, "engine": "python", "threads": threads}
     for cell in cells:
         cell["device"] = device
@@ -518,20 +502,9 @@ def _results(cells: list[Row], data: object, pictures: list[Frame], settings: Ro
             cell["frame_ms"]["pass"] = f"{host} {started}"
     points = ("stream", "method", "deblur", "model", "input", *(name for name in Sensor().parameters if name not in ("seed", "white")))
     source = data if isinstance(data, (str, os.PathLike)) else f"{len(pictures)} frames"
-    sizes = sorted({" x ".join(str(side) for side in frame.image.shape) for frame in pictures})
     digest = hashlib.sha256()
     for frame in pictures:
         digest.update(np.ascontiguousarray(frame.image).tobytes())
-    bound = f"bound to {threads} processor{'s' * (threads > 1)}" if settings["time_limit_s"] is not None else "in one process with all processors"
-    facts = [
-        f"{len(pictures)} frames of {', '.join(sizes)} on {len({cell['sensor_name'] for cell in cells})} sensors.",
-        f"Each method was {bound} of {processor}; methods of the suite had {threads} thread{'s' * (threads > 1)}. "
-        f"Timed calls of a frame: {settings['repeats']} after one that was not; a call of more than 0.2 s is the only one. modulo {__version__}, "
-        f"Python {platform.python_version()}, numpy {np.__version__}.",
-        f"The sha256 of the frames is {digest.hexdigest()}.",
-    ]
-    if not any(cell["ap50"] for cell in cells):
-        facts.append("There is no AP50: it needs labels and the argument detect.")
     labelled = sum(frame.ground_truth is not None for frame in pictures)
     drives: Row = {"drives": 0, "drawn": None, "warnings": [], "without_twin": {}}
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
@@ -553,9 +526,7 @@ def _results(cells: list[Row], data: object, pictures: list[Frame], settings: Ro
         },
         "input": {"frames": len(pictures), "labelled": labelled, "digest": digest.hexdigest(), **drives},
         "definitions": _DEFINITIONS,
-        # `modulo eval report` refuses figures of a cell that it does not know.
         "cells": [{name: value for name, value in cell.items() if name not in _OWN_FIGURES} for cell in cells],
-        "field": {"facts": facts, "cells": [{name: value for name, value in cell.items() if name in _FIELD} for cell in cells]},
         "runs": [{**run, "load": load, "wall_s": None}],
     }
 
@@ -597,11 +568,6 @@ def _below_100(value: float, digits: int) -> str:
     """Returns a number as text. One below 100 is never rounded to 100."""
     text = f"{value:.{digits}f}"
     return _below_100(value, digits + 1) if value < 100 and float(text) >= 100 and digits < 12 else text
-
-
-def _csv(value: object) -> str:
-    text = "" if value is None else str(value)
-    return '"' + text.replace('"', '""') + '"' if any(sign in text for sign in ',"\n') else text
 
 
 def _processor() -> str:

@@ -3,7 +3,7 @@
 //! Expectations are lower bounds: a better result never breaks one.
 
 use modulo_core::unwrap::Trust;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::MethodScore;
 
@@ -11,7 +11,8 @@ use super::MethodScore;
 pub const RECOVERED: f64 = 0.999;
 
 /// The expected result of one method on one scene.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Expect {
     /// Every k is exact.
     Exact,
@@ -20,7 +21,7 @@ pub enum Expect {
     /// Every k is exact up to one offset for each channel.
     UpToOffset,
     /// The method fails for the given reason, with at least this share of exact k, 0 to 1.
-    Fails(f64, &'static str),
+    Fails(f64, String),
 }
 
 /// Comparison of a result with its expectation.
@@ -37,14 +38,14 @@ pub enum Judgement {
 
 impl Expect {
     /// Compares `score` with the expectation.
-    pub fn judge(self, score: &MethodScore) -> Judgement {
+    pub fn judge(&self, score: &MethodScore) -> Judgement {
         let below = |least: f64| {
             (score.exact < least)
                 .then(|| format!("{} exact, {} expected", percent(score.exact), percent(least)))
         };
         let broken = match self {
             Self::Exact => below(1.0),
-            Self::AtLeast(share) | Self::Fails(share, _) => below(share),
+            Self::AtLeast(share) | Self::Fails(share, _) => below(*share),
             Self::UpToOffset => (score.up_to_offset < 1.0)
                 .then(|| format!("{} exact up to an offset, 100 % expected", percent(score.up_to_offset))),
         };
@@ -58,22 +59,22 @@ impl Expect {
     }
 
     /// Whether the method is expected to miss the absolute k.
-    pub fn is_failure(self) -> bool {
+    pub fn is_failure(&self) -> bool {
         matches!(self, Self::UpToOffset | Self::Fails(..))
     }
 
     /// The expectation as a phrase.
-    pub fn words(self) -> String {
+    pub fn words(&self) -> String {
         match self {
             Self::Exact => "exact".to_owned(),
-            Self::AtLeast(share) => format!("at least {}", percent(share)),
+            Self::AtLeast(share) => format!("at least {}", percent(*share)),
             Self::UpToOffset => "exact up to one offset a channel".to_owned(),
-            Self::Fails(share, _) => format!("fails, at least {}", percent(share)),
+            Self::Fails(share, _) => format!("fails, at least {}", percent(*share)),
         }
     }
 
     /// The reason of an expected failure.
-    pub fn reason(self) -> Option<&'static str> {
+    pub fn reason(&self) -> Option<&str> {
         if let Self::Fails(_, why) = self { Some(why) } else { None }
     }
 }
@@ -124,8 +125,13 @@ mod tests {
         };
         assert!(worse(Expect::Exact, 0.99999) && !worse(Expect::Exact, 1.0));
         assert!(worse(Expect::AtLeast(0.9), 0.89) && !worse(Expect::AtLeast(0.9), 0.9));
-        assert!(worse(Expect::Fails(0.5, ""), 0.49) && !worse(Expect::Fails(0.5, ""), 0.5));
-        assert_eq!(Expect::Fails(0.5, "").judge(&score(0.9991, 1.0, Trust::Unknown)), Judgement::Better);
+        assert!(
+            worse(Expect::Fails(0.5, String::new()), 0.49) && !worse(Expect::Fails(0.5, String::new()), 0.5)
+        );
+        assert_eq!(
+            Expect::Fails(0.5, String::new()).judge(&score(0.9991, 1.0, Trust::Unknown)),
+            Judgement::Better
+        );
         assert_eq!(Expect::UpToOffset.judge(&score(0.0, 1.0, Trust::Unknown)), Judgement::Held);
         assert_eq!(Expect::UpToOffset.judge(&score(1.0, 1.0, Trust::Unknown)), Judgement::Better);
         assert!(worse(Expect::UpToOffset, 0.9));

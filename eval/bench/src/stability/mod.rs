@@ -1,16 +1,16 @@
 //! The stability suite: every method on the scenes on which methods fail, compared with the expected results.
 //!
-//! `radiance` draws, `catalogue` lists scenes and expectations, `expect` judges, `page` and `report` write the results. A
-//! run reads no file.
+//! `case` has the scenes with their expectations, `radiance` draws them, `expect` judges, `rejections` tries what must be refused,
+//! `page` and `report` write the results. A run reads no file.
 //!
 //! All pictures of a run have the same gamma, which makes dark scenes visible: radiance is `255 sqrt(x / (alpha 2^b))`, codes
 //! are `255 y / 2^b`. No figure is computed from pictures.
 
 mod case;
-mod catalogue;
 mod expect;
 mod page;
 mod radiance;
+mod rejections;
 mod report;
 
 use std::collections::BTreeMap;
@@ -24,8 +24,7 @@ use ndarray::{Array3, Axis, concatenate, s};
 use report::{SceneRow, StabilityReport, Trial};
 
 use crate::{BenchError, BenchEvent, make_folder, write, write_json};
-pub use case::Case;
-pub use catalogue::cases;
+pub use case::{Case, cases};
 pub use report::StabilityOutcome;
 
 /// Runs all methods on all scenes and writes `index.html`, `results.json`, `pictures/` and `figures/` into `out`, which is
@@ -57,15 +56,15 @@ fn examine_all(
 ) -> Result<StabilityReport, BenchError> {
     let cases = cases();
     let mut scenes = Vec::new();
-    for (done, case) in cases.iter().enumerate() {
+    for (done, case) in cases.iter().copied().enumerate() {
         progress(BenchEvent::Step { done, total: cases.len(), next: case.name() });
         scenes.push(examine(case, folder)?);
     }
-    Ok(StabilityReport::new(scenes, catalogue::rejections()))
+    Ok(StabilityReport::new(scenes, rejections::rejections()))
 }
 
 /// Runs every method on `case`, and writes its pictures into `folder`, if there is one.
-fn examine(case: &Case, folder: Option<&Path>) -> Result<SceneRow, BenchError> {
+fn examine(case: &'static Case, folder: Option<&Path>) -> Result<SceneRow, BenchError> {
     let exposure = case.expose()?;
     // All methods get the same exposure, with the same noise.
     let y = exposure.modulo();
@@ -95,7 +94,7 @@ fn examine(case: &Case, folder: Option<&Path>) -> Result<SceneRow, BenchError> {
                 .transpose()?,
         });
     }
-    Ok(SceneRow { scene: case.scene.clone(), shape: y.dim(), trials })
+    Ok(SceneRow { scene: case, shape: y.dim(), trials })
 }
 
 /// Demosaics the radiance of a colour mosaic; any other one stays as it is.

@@ -1,11 +1,9 @@
 //! `index.html`: one page for screen, phone and paper, without script or network.
 
-use std::collections::BTreeSet;
-
 use maud::{Markup, html};
 use modulo_draw::html_page;
 
-use super::case::Family;
+use super::case::FAMILIES;
 use super::expect::{Judgement, percent};
 use super::report::{SceneRow, StabilityReport, Trial};
 
@@ -22,11 +20,11 @@ pub fn html(report: &StabilityReport) -> String {
         (head(report))
         (legend())
         (summary(report))
-        @for family in families(report) {
+        @for family in &*FAMILIES {
             section {
-                h2 { (family.title().0) }
-                p { (family.title().1) }
-                @for row in report.scenes.iter().filter(|row| row.scene.family == family) { (article(row)) }
+                h2 { (family.title) }
+                p { (family.about) }
+                @for row in report.scenes.iter().filter(|row| row.scene.is_of(family)) { (article(row)) }
             }
         }
         section {
@@ -97,10 +95,10 @@ fn summary(report: &StabilityReport) -> Markup {
                         }
                     }
                 }
-                @for family in families(report) {
+                @for family in &*FAMILIES {
                     tbody {
-                        tr.family { th colspan=(methods.len() + 1) { span { (family.title().0) } } }
-                        @for scene in report.scenes.iter().filter(|row| row.scene.family == family) {
+                        tr.family { th colspan=(methods.len() + 1) { span { (family.title) } } }
+                        @for scene in report.scenes.iter().filter(|row| row.scene.is_of(family)) {
                             (row(scene, methods.len()))
                         }
                     }
@@ -138,12 +136,12 @@ fn article(row: &SceneRow) -> Markup {
     html! {
         article id=(scene.name) {
             h3 { (scene.name) }
-            p { b { (capital(&scene.what)) "." } @if !scene.why.is_empty() { " " (capital(scene.why)) "." } }
+            p { b { (capital(&scene.what)) "." } @if !scene.why.is_empty() { " " (capital(&scene.why)) "." } }
             p.note {
                 (width) " x " (height) ", " @if channels == 1 { "mono" } @else { "colour" }
                 ", b = " (scene.bits) ", alpha = " (scene.alpha)
             }
-            @if let Some(twin) = scene.twin {
+            @if let Some(twin) = &scene.twin {
                 p.twin {
                     "\u{2205} Unobservable. The same y, code for code, comes from: " (twin) ". Nowhere is that scene "
                     "steeper or sharper, so nothing in y speaks for the true one."
@@ -189,11 +187,6 @@ fn figure(path: &str, (height, width, _): PictureShape, caption: Markup, class: 
             figcaption { (caption) }
         }
     }
-}
-
-/// The families of the scenes in their order.
-fn families(report: &StabilityReport) -> BTreeSet<Family> {
-    report.scenes.iter().map(|row| row.scene.family).collect()
 }
 
 /// The mark of a verdict, in addition to its colour.

@@ -1,172 +1,171 @@
-//! [`Radiance`]: the generators of the scenes of the catalogue.
+//! [`Draw`] and [`Light`]: how the radiance of a scene is drawn, in codes of an 8-bit sensor (256 = one peak).
 //!
 //! Noise of the sensor is never drawn here. Random content depends only on a seed.
 
-use std::ops::Range;
-
 use modulo_core::Transfer;
 use modulo_scene::{Preset, Scene};
-use ndarray::{Array2, Array3, Zip, s};
+use ndarray::{Array2, Array3, s};
+use serde::Deserialize;
 
 /// Number of rows and columns of most scenes.
 pub const SIZE: (usize, usize) = (192, 320);
 
-/// Red, green and blue light of most scenes: slightly different, so that the channels wrap at different pixels.
-const WARM: [f64; 3] = [1.0, 0.95, 0.9];
+/// The image that a drawing starts from.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Background {
+    /// `60 + 40 sin(column / 50) + 30 row / H`: 20 to 130 codes, nowhere steep.
+    #[default]
+    Dusk,
+    /// A constant image of these codes.
+    Even(f64),
+    /// 0 up to column 40, then a ramp of these codes a column over 40 columns, then constant.
+    Ramp(f64),
+    /// The rendered driving scene of the preset of this name with seed 0, in colour: full scale is alpha peaks.
+    Rendered(String),
+}
 
-/// Radiance without colour, H x W, in codes of an 8-bit sensor (256 = one peak).
-#[derive(Clone)]
-pub struct Radiance(Array2<f64>);
-
-impl Radiance {
-    /// The background: `60 + 40 sin(column / 50) + 30 row / H`, 20 to 130 codes, nowhere steep.
-    pub fn dusk(height: usize, width: usize) -> Self {
-        Self(Array2::from_shape_fn((height, width), |(row, column)| {
-            60.0 + 40.0 * (column as f64 / 50.0).sin() + 30.0 * row as f64 / height as f64
-        }))
-    }
-
-    /// [`Radiance::dusk`] with [`SIZE`].
-    pub fn evening() -> Self {
-        Self::dusk(SIZE.0, SIZE.1)
-    }
-
-    /// A constant image of `codes` with [`SIZE`].
-    pub fn even(codes: f64) -> Self {
-        Self(Array2::from_elem(SIZE, codes))
-    }
-
-    /// 0 up to column 40, then a ramp of `codes` a column over 40 columns, then constant; with [`SIZE`].
-    pub fn ramp(codes: f64) -> Self {
-        Self(Array2::from_shape_fn(SIZE, |(_, column)| codes * column.clamp(40, 80).abs_diff(40) as f64))
-    }
-
-    /// Multiplies all values by `factor`.
-    pub fn times(self, factor: f64) -> Self {
-        Self(self.0 * factor)
-    }
-
-    /// Takes all values for codes of a picture with `full_scale` codes, and decodes them into radiance.
-    pub fn decoded(self, transfer: Transfer, full_scale: f64) -> Self {
-        Self(self.0.mapv(|codes| full_scale * transfer.decode(codes / full_scale)))
-    }
-
-    /// Adds a slope from 0 at the left to `codes` at the right edge.
-    pub fn slope(self, codes: f64) -> Self {
-        let width = self.0.ncols() as f64;
-        self.add(|_, column| codes * column as f64 / width)
-    }
-
-    /// Adds `codes` in a rectangle, which is clipped to the image.
-    pub fn block(self, rows: Range<usize>, columns: Range<usize>, codes: f64) -> Self {
-        self.add(|row, column| if rows.contains(&row) && columns.contains(&column) { codes } else { 0.0 })
-    }
-
-    /// Adds `codes` from `column` to the right edge, over all rows.
-    pub fn step(self, column: usize, codes: f64) -> Self {
-        self.block(0..usize::MAX, column..usize::MAX, codes)
-    }
-
-    /// Adds a sky: `codes` above `row`.
-    pub fn sky(self, row: usize, codes: f64) -> Self {
-        self.block(0..row, 0..usize::MAX, codes)
-    }
-
-    /// Adds `codes` in `width` columns from `column`, over all rows.
-    pub fn pole(self, column: usize, width: usize, codes: f64) -> Self {
-        self.block(0..usize::MAX, column..column + width, codes)
-    }
-
-    /// Adds `codes` in the first `width` of every `period` columns.
-    pub fn fence(self, period: usize, width: usize, codes: f64) -> Self {
-        self.add(|_, column| if column % period < width { codes } else { 0.0 })
-    }
-
-    /// Adds a disc with a sharp edge: `codes` where the distance to (`row`, `column`) is below `radius`.
-    pub fn disc(self, row: usize, column: usize, radius: f64, codes: f64) -> Self {
-        self.add(|i, j| if distance((i, j), (row, column)) < radius { codes } else { 0.0 })
-    }
-
-    /// Adds glare: `codes / (1 + (d / radius)^2)` at the distance d from (`row`, `column`).
-    pub fn glare(self, row: usize, column: usize, radius: f64, codes: f64) -> Self {
-        self.add(|i, j| codes / (1.0 + (distance((i, j), (row, column)) / radius).powi(2)))
-    }
-
-    /// Adds `codes` at random pixels, about `share` of all, which depend on `seed`.
-    pub fn hot(self, share: f64, codes: f64, seed: u64) -> Self {
-        let width = self.0.ncols();
-        self.add(
-            |row, column| {
-                if fraction(seed, (row * width + column) as u64) < share { codes } else { 0.0 }
-            },
-        )
-    }
-
-    /// Motion blur: the mean over `length` (odd) pixels of a row, with the edge pixel repeated.
-    pub fn motion(self, length: usize) -> Self {
-        let (still, reach) = (self.0, length / 2);
-        let last = still.ncols().saturating_sub(1);
-        Self(Array2::from_shape_fn(still.dim(), |(row, column)| {
-            let along = (0..length).map(|step| (column + step).saturating_sub(reach).min(last));
-            along.map(|from| still[(row, from)]).sum::<f64>() / length as f64
-        }))
-    }
-
-    /// The image with one channel.
-    pub fn mono(self) -> Array3<f32> {
-        self.lit(&[1.0])
-    }
-
-    /// The image with three equal channels.
-    pub fn white(self) -> Array3<f32> {
-        self.lit(&[1.0; 3])
-    }
-
-    /// The image in warm light.
-    pub fn warm(self) -> Array3<f32> {
-        self.lit(&WARM)
-    }
-
-    fn lit(self, light: &[f64]) -> Array3<f32> {
-        let (height, width) = self.0.dim();
-        Array3::from_shape_fn((height, width, light.len()), |(row, column, channel)| {
-            (self.0[(row, column)] * light[channel]) as f32
+impl Background {
+    /// The image without colour. A rendered scene has none.
+    pub fn image(&self, (height, width): (usize, usize)) -> Array2<f64> {
+        Array2::from_shape_fn((height, width), |(row, column)| match self {
+            Self::Dusk => 60.0 + 40.0 * (column as f64 / 50.0).sin() + 30.0 * row as f64 / height as f64,
+            Self::Even(codes) => *codes,
+            Self::Ramp(codes) => codes * column.clamp(40, 80).abs_diff(40) as f64,
+            Self::Rendered(_) => 0.0,
         })
     }
+}
 
-    fn add(mut self, codes: impl Fn(usize, usize) -> f64) -> Self {
-        Zip::indexed(&mut self.0).for_each(|(row, column), value| *value += codes(row, column));
-        self
+/// A change of an image without colour.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Draw {
+    /// Multiplies all values by this factor.
+    Times(f64),
+    /// Takes all values for codes of a picture of sRGB with this full scale, and decodes them into radiance.
+    Decoded(f64),
+    /// Adds a slope from 0 at the left to these codes at the right edge.
+    Slope(f64),
+    /// Adds `codes` in a rectangle, from the first number of each pair up to the second; without a pair, all over the image.
+    Block {
+        #[serde(default = "everywhere")]
+        rows: [usize; 2],
+        #[serde(default = "everywhere")]
+        columns: [usize; 2],
+        codes: f64,
+    },
+    /// Adds `codes` in the first `width` of every `period` columns.
+    Fence { period: usize, width: usize, codes: f64 },
+    /// Adds a disc with a sharp edge: `codes` where the distance to (`row`, `column`) is below `radius`.
+    Disc { row: usize, column: usize, radius: f64, codes: f64 },
+    /// Adds glare: `codes / (1 + (d / radius)^2)` at the distance d from (`row`, `column`).
+    Glare { row: usize, column: usize, radius: f64, codes: f64 },
+    /// Adds `codes` at random pixels, about `share` of all, which depend on `seed`.
+    Hot { share: f64, codes: f64, seed: u64 },
+    /// Blurs by motion: the mean over this (odd) number of pixels of a row, with the edge pixel repeated.
+    Motion(usize),
+}
+
+fn everywhere() -> [usize; 2] {
+    [0, usize::MAX]
+}
+
+impl Draw {
+    /// The image after this change.
+    pub fn apply(&self, image: &Array2<f64>) -> Array2<f64> {
+        Array2::from_shape_fn(image.dim(), |place| self.value(image, place))
+    }
+
+    /// The value of a pixel after this change of `image`.
+    fn value(&self, image: &Array2<f64>, (row, column): (usize, usize)) -> f64 {
+        let (value, width) = (image[(row, column)], image.ncols());
+        let added = |is_there, codes| value + if is_there { codes } else { 0.0 };
+        let distance = |i, j| (row.abs_diff(i) as f64).hypot(column.abs_diff(j) as f64);
+        match *self {
+            Self::Times(factor) => value * factor,
+            Self::Decoded(full_scale) => full_scale * Transfer::Srgb.decode(value / full_scale),
+            Self::Slope(codes) => value + codes * column as f64 / width as f64,
+            Self::Block { rows, columns, codes } => {
+                added((rows[0]..rows[1]).contains(&row) && (columns[0]..columns[1]).contains(&column), codes)
+            }
+            Self::Fence { period, width, codes } => added(column % period < width, codes),
+            Self::Disc { row, column, radius, codes } => added(distance(row, column) < radius, codes),
+            Self::Glare { row, column, radius, codes } => {
+                value + codes / (1.0 + (distance(row, column) / radius).powi(2))
+            }
+            Self::Hot { share, codes, seed } => {
+                added(fraction(seed, (row * width + column) as u64) < share, codes)
+            }
+            Self::Motion(length) => {
+                let along = (0..length).map(|step| (column + step).saturating_sub(length / 2).min(width - 1));
+                along.map(|from| image[(row, from)]).sum::<f64>() / length as f64
+            }
+        }
     }
 }
 
-/// Adds a red lamp: `codes` in a rectangle of the red channel.
-pub fn red_block(
-    mut image: Array3<f32>,
-    rows: Range<usize>,
-    columns: Range<usize>,
-    codes: f32,
-) -> Array3<f32> {
-    image.slice_mut(s![rows, columns, 0]).mapv_inplace(|value| value + codes);
-    image
+/// The light of a scene, which gives its image channels.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Light {
+    /// One channel.
+    Mono,
+    /// Three equal channels.
+    White,
+    /// Three channels that differ slightly, so that they wrap at different pixels.
+    #[default]
+    Warm,
 }
 
-/// Chromatic aberration: shifts the red channel `columns` to the right, with the edge pixel repeated.
-pub fn shift_red(image: Array3<f32>, columns: usize) -> Array3<f32> {
-    Array3::from_shape_fn(image.dim(), |(row, column, channel)| {
-        let from = if channel == 0 { column.saturating_sub(columns) } else { column };
-        image[(row, from, channel)]
-    })
+impl Light {
+    /// The image in this light.
+    pub fn on(self, image: &Array2<f64>) -> Array3<f32> {
+        let light: &[f64] = match self {
+            Self::Mono => &[1.0],
+            Self::White => &[1.0; 3],
+            Self::Warm => &[1.0, 0.95, 0.9],
+        };
+        let (height, width) = image.dim();
+        Array3::from_shape_fn((height, width, light.len()), |(row, column, channel)| {
+            (image[(row, column)] * light[channel]) as f32
+        })
+    }
 }
 
-/// The rendered driving scene of `preset` with seed 0 and full scale `alpha` peaks, in the unit of [`Radiance`].
-pub fn rendered(preset: Preset, alpha: f64) -> Array3<f32> {
+/// A change of the red channel alone.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Red {
+    /// Adds a lamp of `codes` in a rectangle, from the first number of each pair up to the second.
+    Block { rows: [usize; 2], columns: [usize; 2], codes: f32 },
+    /// Shifts it by this number of columns to the right, as chromatic aberration does, with the edge pixel repeated.
+    Shift(usize),
+}
+
+impl Red {
+    /// The image after this change.
+    pub fn apply(&self, mut image: Array3<f32>) -> Array3<f32> {
+        match *self {
+            Self::Block { rows, columns, codes } => {
+                let mut lamp = image.slice_mut(s![rows[0]..rows[1], columns[0]..columns[1], 0]);
+                lamp.mapv_inplace(|value| value + codes);
+                image
+            }
+            Self::Shift(columns) => Array3::from_shape_fn(image.dim(), |(row, column, channel)| {
+                let from = if channel == 0 { column.saturating_sub(columns) } else { column };
+                image[(row, from, channel)]
+            }),
+        }
+    }
+}
+
+/// The rendered driving scene of the preset called `name`, with seed 0 and full scale `alpha` peaks.
+pub fn rendered(name: &str, alpha: f64) -> Array3<f32> {
     let full = (256.0 * alpha) as f32;
-    Scene::new(preset, 0).render(0, SIZE.0, SIZE.1).radiance.mapv_into(|value| value * full)
-}
-
-fn distance(a: (usize, usize), b: (usize, usize)) -> f64 {
-    (a.0.abs_diff(b.0) as f64).hypot(a.1.abs_diff(b.1) as f64)
+    let preset = Preset::ALL.into_iter().find(|preset| preset.name() == name);
+    let scene = Scene::new(preset.expect("the catalogue has names of presets"), 0);
+    scene.render(0, SIZE.0, SIZE.1).radiance.mapv_into(|value| value * full)
 }
 
 /// The `index`-th random number in [0, 1) of `seed` by SplitMix64 (Steele, Lea and Flood 2014).
@@ -185,7 +184,8 @@ mod tests {
 
     #[test]
     fn hot_pixels_follow_from_the_seed() {
-        let draw = |seed| Radiance::even(0.0).hot(0.01, 1.0, seed).mono();
+        let dark = Background::Even(0.0).image(SIZE);
+        let draw = |seed| Draw::Hot { share: 0.01, codes: 1.0, seed }.apply(&dark);
         assert_eq!(draw(1), draw(1));
         assert!(draw(1) != draw(2));
         let share = draw(3).mean().expect("the image has pixels");
@@ -194,16 +194,14 @@ mod tests {
 
     #[test]
     fn motion_keeps_what_is_even_and_spreads_a_line() {
-        let line = Radiance::even(7.0).pole(100, 1, 15.0).motion(15).mono();
-        assert_eq!(
-            (line[(5, 92, 0)], line[(5, 93, 0)], line[(5, 107, 0)], line[(5, 108, 0)]),
-            (7.0, 8.0, 8.0, 7.0)
-        );
+        let pole = Draw::Block { rows: everywhere(), columns: [100, 101], codes: 15.0 };
+        let line = Draw::Motion(15).apply(&pole.apply(&Background::Even(7.0).image(SIZE)));
+        assert_eq!((line[(5, 92)], line[(5, 93)], line[(5, 107)], line[(5, 108)]), (7.0, 8.0, 8.0, 7.0));
     }
 
     #[test]
     fn red_moves_alone() {
-        let image = shift_red(Radiance::ramp(1.0).white(), 3);
+        let image = Red::Shift(3).apply(Light::White.on(&Background::Ramp(1.0).image(SIZE)));
         assert_eq!((image[(0, 0, 0)], image[(0, 50, 0)], image[(0, 50, 1)]), (0.0, 7.0, 10.0));
     }
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::case::SceneDescription;
+use super::case::Case;
 use super::expect::{Judgement, RECOVERED};
 
 /// All results of a run.
@@ -34,7 +34,7 @@ pub struct StabilityOutcome {
 #[derive(Serialize)]
 pub struct SceneRow {
     #[serde(flatten)]
-    pub scene: SceneDescription,
+    pub scene: &'static Case,
     /// Rows, columns, channels.
     pub shape: (usize, usize, usize),
     pub trials: Vec<Trial>,

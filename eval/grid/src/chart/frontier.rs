@@ -67,7 +67,7 @@ fn frontier_panel(cells: &[&Cell], group: &str) -> ChartPanel {
     series.push(Series { name: FRONT.to_owned(), points: steps(&front), style: SeriesStyle::Line });
     ChartPanel {
         x: Axis::log(format!("median time of a frame, ms, {}", labels::timed_frames(cells))),
-        y: Axis::percent(labels::ap50(group, &labels::frames(cells.iter().map(|cell| cell.frames))), 1.0),
+        y: Axis::share(labels::ap50(group, &labels::frames(cells.iter().map(|cell| cell.frames)))),
         series,
     }
 }

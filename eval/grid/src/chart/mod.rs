@@ -149,7 +149,7 @@ fn panel(cells: &[&Cell], group: &str, setting: GridSetting) -> ChartPanel {
     let frames = labels::frames(cells.iter().map(|cell| cell.frames));
     ChartPanel {
         x: Axis::settings(setting.axis()),
-        y: Axis::percent(labels::ap50(group, &frames), 1.0),
+        y: Axis::share(labels::ap50(group, &frames)),
         series: names.into_iter().map(series).collect(),
     }
 }

@@ -123,7 +123,8 @@ impl Axes {
             }
         }
         if points.is_empty() {
-            Err(GridError::NoCell(self.without_cells(protocol, &points)))
+            let list = self.without_cells(protocol, &points).join("; ");
+            Err(GridError::Request(format!("the grid has no cell: {list}")))
         } else {
             Ok(points)
         }
@@ -186,7 +187,7 @@ impl Axes {
             [("the list of streams", self.stream.is_empty()), ("the list of models", self.model.is_empty())]
         {
             if empty {
-                return Err(GridError::Empty(what));
+                return Err(GridError::empty(what));
             }
         }
         for (parameter, value) in self.sensor.first().declared() {
@@ -203,8 +204,7 @@ impl Axes {
         if let Some(method) =
             self.methods(protocol).into_iter().find(|method| !known.contains(&method.as_str()))
         {
-            let possible = format!("one of {}", known.join(", "));
-            return Err(GridError::Value { what: "method", value: method, possible });
+            return Err(GridError::value("method", method, format!("one of {}", known.join(", "))));
         }
         self.check_models()
     }
@@ -222,9 +222,8 @@ impl Axes {
             [plain.headroom, 1.0].contains(&sensor.headroom) && sensor.reset(&["alpha", "headroom"]) == plain
         };
         let Some(other) = all.find(|sensor| !is_plain(sensor)) else { return Ok(()) };
-        let possible =
-            "that of the paper: blur 1.4 px (7 taps), headroom 1, no noise, one gain, no mosaic".to_owned();
-        Err(GridError::Value { what: "the sensor", value: labels::sensor(&other, &[]), possible })
+        let possible = "that of the paper: blur 1.4 px (7 taps), headroom 1, no noise, one gain, no mosaic";
+        Err(GridError::value("the sensor", labels::sensor(&other, &[]), possible))
     }
 
     fn check_models(&self) -> Result<(), GridError> {
@@ -236,8 +235,7 @@ impl Axes {
         let mut names: Vec<String> = models.iter().map(name).collect();
         names.sort();
         if let Some(pair) = names.windows(2).find(|pair| pair[0] == pair[1]) {
-            let (value, possible) = (format!("twice {}", pair[0]), "one file for each name".to_owned());
-            return Err(GridError::Value { what: "model", value, possible });
+            return Err(GridError::value("model", format!("twice {}", pair[0]), "one file for each name"));
         }
         Ok(())
     }

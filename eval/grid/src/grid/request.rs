@@ -148,7 +148,7 @@ impl Request {
     /// The file of the model with this name in cells.
     pub(super) fn model(&self, name: &str) -> Result<&Path, GridError> {
         let model = self.options.axes.model.iter().find(|path| Axes::model_name(path) == name);
-        model.map(PathBuf::as_path).ok_or(GridError::Empty("the list of models"))
+        model.map(PathBuf::as_path).ok_or_else(|| GridError::empty("the list of models"))
     }
 
     /// The settings with the cells at `points`. Reads the files of the models.
@@ -312,11 +312,10 @@ impl Data {
 }
 
 fn sha256(model: &Path) -> Result<String, GridError> {
-    let parts = modulo_detector::model_parts(model).map_err(|why| GridError::Value {
-        what: "--model",
-        value: model.display().to_string(),
-        possible: format!("demo or a file that can be read ({why})"),
-    })?;
+    let refused = |why| {
+        GridError::value("--model", model.display(), format!("demo or a file that can be read ({why})"))
+    };
+    let parts = modulo_detector::model_parts(model).map_err(refused)?;
     // As `cat model.onnx model.onnx.data | sha256sum` gives it.
     let hash = parts.iter().fold(Sha256::new(), |hash, (_, bytes)| hash.chain_update(bytes));
     Ok(modulo_models::hex(&hash.finalize()))

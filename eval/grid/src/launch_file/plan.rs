@@ -59,49 +59,13 @@ pub struct EvaluationPlan {
 
 /// Why nodes cannot be evaluated. The message has the remedy.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum PlanError {
-    /// A topic has no valid name.
-    #[error(transparent)]
-    Name(#[from] NameError),
-    /// There is no camera.
-    #[error("no node of the launch file is a source of frames: a modulo_camera is needed")]
-    NoCamera,
-    /// There is no detector.
-    #[error("no node of the launch file turns images into boxes: a detector is needed")]
-    NoDetector,
-    /// Two nodes have one full name.
-    #[error("two nodes are called {0}; give each node a name or a namespace of its own")]
-    SameName(String),
-    /// No node publishes the images that a node reads.
-    #[error(
-        "{node} would get no image: no camera of the launch file leads to the topic {topic}, which it reads"
-    )]
-    NoImages {
-        /// The node.
-        node: String,
-        /// The topic.
-        topic: String,
-    },
-    /// It is not known which camera an image is from.
-    #[error(
-        "{first} and {second} both publish {topic}; give each camera with its nodes a namespace of its own"
-    )]
-    SameTopic {
-        /// The topic.
-        topic: String,
-        /// A node that publishes it.
-        first: String,
-        /// Another one.
-        second: String,
-    },
-    /// A topic for the bag that would stay empty.
-    #[error("--topics {topic}: no node of the launch file publishes it; these topics are there: {}", known.join(", "))]
-    Unpublished {
-        /// The topic.
-        topic: String,
-        /// Those that are published.
-        known: Vec<String>,
-    },
+#[error("{0}")]
+pub struct PlanError(String);
+
+impl From<NameError> for PlanError {
+    fn from(why: NameError) -> Self {
+        Self(why.to_string())
+    }
 }
 
 /// The topics of a node by what they are for.
@@ -146,12 +110,16 @@ impl EvaluationPlan {
         let ports = nodes.iter().map(Ports::of).collect::<Result<Vec<_>, _>>()?;
         let mut names = BTreeSet::new();
         if let Some(twice) = ports.iter().find(|node| !names.insert(&node.name)) {
-            return Err(PlanError::SameName(twice.name.clone()));
+            let name = &twice.name;
+            let why = format!("two nodes are called {name}; give each node a name or a namespace of its own");
+            return Err(PlanError(why));
         }
         let known: BTreeSet<&String> = ports.iter().flat_map(|node| &node.published).collect();
         if let Some(topic) = bagged.iter().find(|topic| !known.contains(topic)) {
-            let known = known.into_iter().cloned().collect();
-            return Err(PlanError::Unpublished { topic: topic.clone(), known });
+            let known = known.into_iter().map(String::as_str).collect::<Vec<_>>().join(", ");
+            return Err(PlanError(format!(
+                "--topics {topic}: no node of the launch file publishes it; these topics are there: {known}"
+            )));
         }
         let mut cameras = Vec::new();
         for (member, node) in ports.iter().enumerate() {
@@ -165,14 +133,16 @@ impl EvaluationPlan {
             });
         }
         if cameras.is_empty() {
-            return Err(PlanError::NoCamera);
+            let why = "no node of the launch file is a source of frames: a modulo_camera is needed";
+            return Err(PlanError(why.to_owned()));
         }
         for (member, stream) in streams(&ports)? {
             let camera = cameras.iter_mut().find(|camera| camera.member == member);
             camera.expect("a stream comes from a source, and each is a camera").streams.push(stream);
         }
         if cameras.iter().all(|camera| camera.streams.is_empty()) {
-            return Err(PlanError::NoDetector);
+            let why = "no node of the launch file turns images into boxes: a detector is needed";
+            return Err(PlanError(why.to_owned()));
         }
         Ok(Self { cameras, folder, bagged })
     }
@@ -215,7 +185,11 @@ fn streams(nodes: &[Ports]) -> Result<Vec<(usize, DetectorStream)>, PlanError> {
 
 /// Follows the images on the topic that a node reads back to their camera, and returns its place.
 fn camera_of(nodes: &[Ports], (reader, wanted): (&str, &str)) -> Result<usize, PlanError> {
-    let missing = || PlanError::NoImages { node: reader.to_owned(), topic: wanted.to_owned() };
+    let missing = || {
+        PlanError(format!(
+            "{reader} would get no image: no camera of the launch file leads to the topic {wanted}, which it reads"
+        ))
+    };
     let mut topic = wanted;
     // An image passes a node at most once.
     for _ in nodes {
@@ -223,8 +197,10 @@ fn camera_of(nodes: &[Ports], (reader, wanted): (&str, &str)) -> Result<usize, P
             nodes.iter().enumerate().filter(|(_, node)| node.images_out.iter().any(|t| t == topic));
         let (member, maker) = makers.next().ok_or_else(missing)?;
         if let Some((_, other)) = makers.next() {
-            let (first, second) = (maker.name.clone(), other.name.clone());
-            return Err(PlanError::SameTopic { topic: topic.to_owned(), first, second });
+            let (first, second) = (&maker.name, &other.name);
+            return Err(PlanError(format!(
+                "{first} and {second} both publish {topic}; give each camera with its nodes a namespace of its own"
+            )));
         }
         if maker.period.is_some() {
             return Ok(member);

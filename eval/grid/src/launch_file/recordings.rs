@@ -1,6 +1,7 @@
 //! [`Recordings`]: what an evaluation writes while it runs: a bag, images, and a video of the boxes.
 
 use std::collections::BTreeMap;
+use std::error::Error;
 use std::path::Path;
 
 use modulo_bags::bag::{BagTopic, BagWriter};
@@ -11,10 +12,13 @@ use modulo_runtime::lockstep::OnTopic;
 use modulo_runtime::{Qos, sensor_info};
 use ndarray::Array3;
 
+use super::file_name;
 use super::plan::{CameraPlan, DetectorStream, EvaluationPlan};
-use super::{EvalError, file_name};
 use crate::messages::{found, image, value};
 use crate::video::AnnotatedVideo;
+
+/// Why a file could not be written.
+type Fault = Box<dyn Error + Send + Sync>;
 
 /// The recordings of an evaluation.
 #[derive(Default)]
@@ -29,7 +33,7 @@ pub struct Recordings {
     /// The last picture of each stream, by the name of the stream.
     shown: BTreeMap<String, Shown>,
     /// The error of the first file that could not be written. Nothing is recorded after it.
-    fault: Option<EvalError>,
+    fault: Option<Fault>,
 }
 
 /// The last annotated image of a stream.
@@ -87,7 +91,7 @@ impl Recordings {
         (camera, number): (&CameraPlan, u64),
         out: &[OnTopic],
         ends_round: bool,
-    ) -> Result<(), EvalError> {
+    ) -> Result<(), Fault> {
         if let Some(bag) = &mut self.bag {
             record(bag, out, &plan.bagged)?;
         }
@@ -136,9 +140,9 @@ impl Recordings {
     ///
     /// # Errors
     /// The error of the first file that could not be written.
-    pub fn finish(self) -> Result<(), EvalError> {
-        let bag = self.bag.map(BagWriter::finish).transpose().map(drop).map_err(EvalError::from);
-        let video = self.video.map(AnnotatedVideo::finish).transpose().map(drop).map_err(EvalError::from);
+    pub fn finish(self) -> Result<(), Fault> {
+        let bag = self.bag.map(BagWriter::finish).transpose().map(drop).map_err(Fault::from);
+        let video = self.video.map(AnnotatedVideo::finish).transpose().map(drop).map_err(Fault::from);
         self.fault.map_or(Ok(()), Err).and(bag).and(video)
     }
 }
@@ -157,7 +161,7 @@ impl Shown {
 }
 
 /// Writes the annotated images of the last frames into `folder`.
-fn save_sheet(folder: &Path, sheet: &RgbImage) -> Result<(), EvalError> {
+fn save_sheet(folder: &Path, sheet: &RgbImage) -> Result<(), Fault> {
     let size = (sheet.height() as usize, sheet.width() as usize, 3);
     let pixels = Array3::from_shape_vec(size, sheet.as_raw().clone()).expect("three samples a pixel");
     let frame = Frame::from_u8(pixels).expect("a sheet has three channels");
@@ -183,7 +187,7 @@ fn picture(frame: &Frame) -> Option<Picture> {
 }
 
 /// Writes the messages on `topics`. Log time and publish time are the stamp of the message.
-fn record(recorder: &mut BagWriter, out: &[OnTopic], topics: &[String]) -> Result<(), EvalError> {
+fn record(recorder: &mut BagWriter, out: &[OnTopic], topics: &[String]) -> Result<(), Fault> {
     for (topic, message) in out.iter().filter(|(topic, _)| topics.contains(topic)) {
         let bytes = message.encode()?;
         // The stamp, and not the wall clock: the same run must give the same bytes.

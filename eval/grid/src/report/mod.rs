@@ -134,7 +134,7 @@ pub fn save_pictures(folder: &Path, pictures: &[NamedChart]) -> Result<(), GridE
 
 /// Writes `NAME.svg`, `NAME.png`, and for charts with images `NAME.narrow.svg`.
 fn save(folder: &Path, named: &NamedChart) -> Result<RenderedChart, GridError> {
-    let chart = |source: ChartError| GridError::Chart(named.name.clone(), source);
+    let chart = |why: ChartError| GridError::Results(format!("chart {}: {why}", named.name));
     let drawn = named.render().map_err(chart)?;
     let file = |extension: &str| folder.join(format!("{}.{extension}", named.name));
     replace(&file("svg"), drawn.wide.as_bytes())?;

@@ -24,10 +24,7 @@ pub fn neighbours(stream: Stream) -> Neighbours {
 /// Refuses merged captures under the protocol of the paper, and of moving scenes where the frames of the data are not
 /// consecutive.
 pub fn check(request: &Request, points: &[Point]) -> Result<(), GridError> {
-    let refuse = |possible: &str| {
-        let value = "multi_exposure".to_owned();
-        Err(GridError::Value { what: "stream", value, possible: possible.to_owned() })
-    };
+    let refuse = |possible| Err(GridError::value("stream", "multi_exposure", possible));
     let has = |stream| points.iter().any(|point| point.stream == stream);
     let moving = has(Stream::MultiExposure);
     if (moving || has(Stream::MultiExposureStill)) && request.options.protocol == Protocol::Paper {

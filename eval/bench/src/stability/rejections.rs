@@ -1,32 +1,10 @@
-//! The catalogue: scenes that are hard for some methods, with the expected results, and inputs that must be refused.
-
-mod arrangements;
-mod edges;
-mod sensors;
+//! Inputs that must be refused.
 
 use modulo_core::unwrap::{METHODS, Options, by_name};
 use modulo_core::{Frame, Psf, Range, Recovered, Sensor, SensorConfig};
 use ndarray::Array3;
 
-use super::case::Case;
 use super::report::RejectionRow;
-
-/// Methods that solve a Poisson equation: a wrong difference distorts its surroundings.
-const LEAST_SQUARES: &[&str] = &["spud", "least_squares"];
-
-/// Methods that average over many differences where noise drowns each of them.
-const AVERAGING: &[&str] = &["spud", "least_squares", "auto"];
-
-/// Methods that use only first differences.
-const FIRST_ORDER: &[&str] = &["spud", "least_squares", "itoh", "tree"];
-
-/// The reason why methods that use only first differences fail behind a soft but high edge.
-const RIM: &str = "first differences exceed half a peak on the edge and are taken for small ones";
-
-/// All cases, in the order of their families.
-pub fn cases() -> Vec<Case> {
-    edges::cases().into_iter().chain(sensors::cases()).chain(arrangements::cases()).collect()
-}
 
 const SENSOR: SensorConfig = SensorConfig { psf: Psf::Paper7, ..SensorConfig::PLAIN };
 

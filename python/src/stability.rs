@@ -1,10 +1,8 @@
-//! The parts of the suite that a comparison of methods in Python uses: the scenes of the stability suite, SSIM, charts and page.
+//! The scenes of the stability suite, and SSIM, by which methods of any origin are compared in Python.
 
-use modulo_bench::field;
 use modulo_bench::stability::{self, Case};
 use modulo_core::{Exposure, metric};
 use pyo3::prelude::*;
-use pyo3::types::PyBytes;
 
 use crate::image::{Image, View, frame_to_numpy, to_numpy, value_error};
 
@@ -22,17 +20,6 @@ pub fn ssim(py: Python<'_>, left: &Bound<'_, PyAny>, right: &Bound<'_, PyAny>) -
     });
     let (left, right) = (left?, right?);
     py.detach(|| metric::ssim(&left, &right)).map_err(value_error)
-}
-
-/// Name, SVG and PNG of a chart.
-type Drawn<'py> = (&'static str, String, Bound<'py, PyBytes>);
-
-/// Returns the page of the results of a comparison, and name, SVG and PNG of each chart.
-#[pyfunction]
-pub fn field_report<'py>(py: Python<'py>, results: &str) -> PyResult<(String, Vec<Drawn<'py>>)> {
-    let field::FieldReport { page, charts } = py.detach(|| field::report(results)).map_err(value_error)?;
-    let charts = charts.into_iter().map(|(name, svg, png)| (name, svg, PyBytes::new(py, &png))).collect();
-    Ok((page, charts))
 }
 
 /// A method of the suite with its share of exact counts, that share up to an offset for each channel, and its trust.
@@ -62,7 +49,7 @@ pub fn stability_scene(py: Python<'_>, number: usize) -> PyResult<Scene<'_>> {
             ))
         })?;
         let exposure = case.expose().map_err(value_error)?;
-        let own = of_suite(&case, &exposure)?;
+        let own = of_suite(case, &exposure)?;
         let described = (case.name().to_owned(), case.family(), case.what().to_owned(), case.is_observable());
         Ok::<_, PyErr>((described, exposure, own))
     });
