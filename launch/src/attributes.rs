@@ -87,13 +87,6 @@ impl<'a> Attributes<'a> {
         }
     }
 
-    /// The number `key`, or a string that will be one. ROS 2 asks for a decimal point.
-    pub fn number(&self, key: &str) -> Result<Option<Text>, LaunchError> {
-        self.item(key)
-            .map(|item| self.scalar(key, item, &[ScalarType::Float, ScalarType::String]))
-            .transpose()
-    }
-
     /// The string `key`, which must be there.
     pub fn required(&self, key: &str) -> Result<Text, LaunchError> {
         self.text(key)?.ok_or_else(|| self.missing(key))

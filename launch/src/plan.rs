@@ -89,8 +89,8 @@ pub struct ExecutablePlan {
 pub struct ProcessPlan {
     /// The mark in front of each line of its output.
     pub label: String,
-    /// Variables to set, and those to remove (`None`), in the launcher's environment.
-    pub env: BTreeMap<String, Option<String>>,
+    /// Variables to set in the launcher's environment.
+    pub env: BTreeMap<String, String>,
     /// Its working folder; the launcher's when `None`.
     pub cwd: Option<PathBuf>,
     /// Which of its output is shown.
@@ -103,8 +103,6 @@ pub struct ProcessPlan {
     pub sigterm_timeout: Duration,
     /// From SIGTERM to SIGKILL at a shutdown.
     pub sigkill_timeout: Duration,
-    /// Started this long after the launch.
-    pub start_after: Duration,
 }
 
 /// Which output of a process is shown.
@@ -202,8 +200,7 @@ pub fn ros_arguments(node: &NodePlan) -> Vec<String> {
 /// Translates `plan` into nodes that run in one process. A setting that is not possible there is refused.
 ///
 /// # Errors
-/// [`LaunchError::NotComposable`] for executables, nodes of other packages, and
-/// settings that only a process of its own can have.
+/// [`LaunchError::Other`] for executables, nodes of other packages, and settings that only a process of its own can have.
 pub fn compose(plan: &Plan) -> Result<Vec<ComposedNode>, LaunchError> {
     if let Some(executable) = plan.executables.first() {
         return Err(refuse(&executable.process.label, "it is an executable, not a node of this suite"));
@@ -223,7 +220,6 @@ fn composed(node: &NodePlan) -> Result<ComposedNode, LaunchError> {
         (!node.ros_args.is_empty(), "ros_args"),
         (!node.process.env.is_empty(), "env"),
         (node.process.cwd.is_some(), "cwd"),
-        (!node.process.start_after.is_zero(), "a timer"),
     ];
     if let Some((_, setting)) = own.iter().find(|(used, _)| *used) {
         return Err(refuse(label, &format!("it has {setting}, which needs a process of its own")));
@@ -246,7 +242,7 @@ fn composed(node: &NodePlan) -> Result<ComposedNode, LaunchError> {
 }
 
 fn refuse(process: &str, why: &str) -> LaunchError {
-    LaunchError::NotComposable { process: process.to_owned(), why: why.to_owned() }
+    LaunchError::Other(format!("{process} cannot run in one process: {why}"))
 }
 
 impl fmt::Display for Plan {
@@ -289,12 +285,7 @@ impl fmt::Display for ExecutablePlan {
 /// Shows the settings that differ from the defaults.
 impl fmt::Display for ProcessPlan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (name, value) in &self.env {
-            match value {
-                Some(value) => writeln!(f, "  env {name}={value}")?,
-                None => writeln!(f, "  env {name} is removed")?,
-            }
-        }
+        self.env.iter().try_for_each(|(name, value)| writeln!(f, "  env {name}={value}"))?;
         if let Some(cwd) = &self.cwd {
             writeln!(f, "  in {}", cwd.display())?;
         }
@@ -307,9 +298,6 @@ impl fmt::Display for ProcessPlan {
         }
         if self.on_exit == OnExit::Shutdown {
             writeln!(f, "  its end is the end of all")?;
-        }
-        if !self.start_after.is_zero() {
-            writeln!(f, "  started after {} s", self.start_after.as_secs_f64())?;
         }
         Ok(())
     }

@@ -72,7 +72,7 @@ impl Supervision {
     /// [`MAX_RESTARTS`] holds.
     ///
     /// # Errors
-    /// [`LaunchError::Start`] when the running program's path is unknown.
+    /// [`LaunchError::Other`] when the running program's path is unknown.
     pub fn new(print: Print, watch: Option<Watch>) -> Result<Self, LaunchError> {
         let suite = std::env::current_exe().map_err(|e| start_error("launcher", e))?;
         Ok(Self { suite, print, watch, hang_timeout: None, max_restarts: Some(MAX_RESTARTS), trace: None })
@@ -187,13 +187,13 @@ impl Outcome {
 }
 
 pub(crate) fn start_error(process: &str, why: impl ToString) -> LaunchError {
-    LaunchError::Start { process: process.to_owned(), why: why.to_string() }
+    LaunchError::Other(format!("{process}: {}", why.to_string()))
 }
 
 /// Runs `plan` until all its processes have ended, one of them ends all, or the launcher gets SIGINT, SIGTERM or SIGHUP.
 ///
 /// # Errors
-/// [`LaunchError::Start`] when an executable is not found; nothing has been started then.
+/// [`LaunchError::Other`] when an executable is not found; nothing has been started then.
 pub async fn run(plan: Plan, how: &Supervision) -> Result<Outcome, LaunchError> {
     // The handlers are there before the first process: a signal would else end the launcher and leave its
     // processes running.

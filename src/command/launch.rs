@@ -265,7 +265,7 @@ fn run_processes(mut plan: Plan, args: &Launch) -> Result<LaunchResult, Failure>
     let word = chosen_hashes()?.word();
     for node in &mut plan.nodes {
         // An `env` of the launch file wins over the option.
-        node.process.env.entry(HASHES_VARIABLE.to_owned()).or_insert(Some(word.to_owned()));
+        node.process.env.entry(HASHES_VARIABLE.to_owned()).or_insert_with(|| word.to_owned());
         if args.verbose && node.package == modulo_launch::SUITE {
             // In front: a level of the launch file comes later and wins.
             node.ros_args.splice(0..0, ["--log-level", "debug"].map(str::to_owned));

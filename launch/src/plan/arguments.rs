@@ -81,16 +81,14 @@ impl Collector {
     fn one(&mut self, file: &Path, action: &Action) -> Result<(), LaunchError> {
         match &action.kind {
             ActionKind::Argument(argument) => self.declare(file, argument),
-            ActionKind::Let { name, value } => {
+            ActionKind::Let(name, value) => {
                 let view = self.scope.at(file);
                 if let (Ok(name), Ok(value)) = (view.string(name), view.string(value)) {
                     self.scope.variables.insert(name, value);
                 }
                 Ok(())
             }
-            ActionKind::Group { children, .. } | ActionKind::Timer { children, .. } => {
-                self.all(file, children)
-            }
+            ActionKind::Group { children, .. } => self.all(file, children),
             ActionKind::Include(include) => {
                 // A file that is not there counts only if it is really included.
                 match included(include, self.scope.at(file)) {

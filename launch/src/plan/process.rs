@@ -1,6 +1,5 @@
 //! Turns a `node` or `executable` action into the plan of a process. Nothing is started here.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -21,9 +20,6 @@ pub(super) struct DeclarationSite<'a> {
     pub line: usize,
     pub view: View<'a>,
     pub scope: &'a Scope,
-    /// The launcher's own environment.
-    pub outside: &'a BTreeMap<String, String>,
-    pub start_after: Duration,
 }
 
 /// The plan of an `executable` action.
@@ -123,29 +119,18 @@ fn process(
         Some(text) => view.number(key, text).map(Duration::from_secs_f64),
         None => Ok(default),
     };
+    let mut env = site.scope.environment.clone();
+    env.extend(view.pairs(&action.env)?);
     Ok(ProcessPlan {
         label,
-        env: environment(&view.pairs(&action.env)?, site),
+        env,
         cwd: view.optional(&action.cwd)?.map(PathBuf::from),
         output: output(action.output.as_ref(), view)?,
         respawn: respawn(action, view)?,
         on_exit: on_exit(action.on_exit.as_ref(), view)?,
         sigterm_timeout: seconds("sigterm_timeout", &action.sigterm_timeout, PATIENCE)?,
         sigkill_timeout: seconds("sigkill_timeout", &action.sigkill_timeout, PATIENCE)?,
-        start_after: site.start_after,
     })
-}
-
-/// Returns the difference between the environment of the process, with its `own` variables, and that of the launcher.
-fn environment(own: &[(String, String)], site: &DeclarationSite<'_>) -> BTreeMap<String, Option<String>> {
-    let (outside, inside) = (site.outside, &site.scope.environment);
-    // Only the differences are kept: the plan stays short, and a variable that is not text reaches the
-    // process as it is.
-    let removed = outside.keys().filter(|key| !inside.contains_key(*key)).map(|key| (key.clone(), None));
-    let set = inside.iter().filter(|(key, value)| outside.get(*key) != Some(value));
-    let set = set.map(|(key, value)| (key.clone(), Some(value.clone())));
-    let own = own.iter().map(|(key, value)| (key.clone(), Some(value.clone())));
-    removed.chain(set).chain(own).collect()
 }
 
 fn output(text: Option<&Text>, view: View<'_>) -> Result<Output, LaunchError> {

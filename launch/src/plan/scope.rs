@@ -11,7 +11,6 @@ use serde::Serialize;
 
 use crate::action::{self, Argument, Include, LaunchFile, ParameterValue};
 use crate::attributes::Text;
-use crate::package::environment;
 use crate::substitution::{SubstitutionError, Surroundings};
 use crate::{LaunchError, Mistakes, listed};
 
@@ -20,7 +19,7 @@ use crate::{LaunchError, Mistakes, listed};
 pub(super) struct Scope {
     /// Arguments and `let`s.
     pub variables: BTreeMap<String, String>,
-    /// The environment of processes started here.
+    /// The variables of `set_env`.
     pub environment: BTreeMap<String, String>,
     /// The pushed namespace, absolute.
     pub namespace: String,
@@ -37,7 +36,7 @@ impl Scope {
     pub fn new(arguments: &[(String, String)]) -> Self {
         Self {
             variables: arguments.iter().cloned().collect(),
-            environment: environment(),
+            environment: BTreeMap::new(),
             namespace: "/".to_owned(),
             parameters: Vec::new(),
             remaps: Vec::new(),

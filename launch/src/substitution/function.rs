@@ -109,7 +109,7 @@ pub struct Surroundings<'a> {
     pub file: &'a Path,
     /// Launch arguments and `let`s.
     pub variables: &'a BTreeMap<String, String>,
-    /// The environment, as `set_env` and `unset_env` left it.
+    /// The variables of `set_env`, which stand before those of the launcher's environment.
     pub environment: &'a BTreeMap<String, String>,
 }
 
@@ -152,8 +152,8 @@ fn call(
     };
     Ok(match function {
         Function::Var => variable(argument(0), arguments.get(1), around)?,
-        Function::Env => match environment.get(argument(0)).or(arguments.get(1)) {
-            Some(value) => value.clone(),
+        Function::Env => match package::variable(environment, argument(0)).or(arguments.get(1).cloned()) {
+            Some(value) => value,
             None => {
                 let name = argument(0);
                 return Err(SubstitutionError::Invalid(format!(

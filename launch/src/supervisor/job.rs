@@ -18,7 +18,7 @@ use super::activity::{Activity, LONG_STEP};
 use super::running::{CommandLine, Running};
 use super::{Channel, Ending, Print, ProcessEnd, ProcessOutcome, Supervision, start_error};
 use crate::LaunchError;
-use crate::package::SUITE;
+use crate::package::{SUITE, prefixes};
 use crate::plan::{ExecutablePlan, NodePlan, Plan, ProcessPlan, Respawn, ros_arguments};
 
 /// A process that lived shorter crashed for a reason that may still be there.
@@ -161,8 +161,7 @@ pub(super) fn all(plan: &Plan, how: &Supervision, folders: &Folders) -> Result<V
         if executable.command.first().is_some_and(|word| word == SUITE) {
             origin = Origin::Command;
             // A player of the suite reports what it has sent.
-            let folder = Some(reports.display().to_string());
-            process.env.insert(launcher::REPORT_DIR.to_owned(), folder);
+            process.env.insert(launcher::REPORT_DIR.to_owned(), reports.display().to_string());
         }
         Ok(Job { origin, command, process, life_signs: None, max_restarts: how.max_restarts })
     });
@@ -179,7 +178,7 @@ fn node_job(
     let origin = if node.package == SUITE { Origin::Suite } else { Origin::Foreign };
     let mut process = node.process.clone();
     // These come after the variables of the plan: no launch file can lead the reports of a node elsewhere.
-    process.env.extend(variables.iter().map(|(name, value)| ((*name).to_owned(), Some(value.clone()))));
+    process.env.extend(variables.iter().map(|(name, value)| ((*name).to_owned(), value.clone())));
     let watched = origin == Origin::Suite && matches!(process.respawn, Respawn::After { .. });
     let life_signs = how.hang_timeout.filter(|_| watched).and_then(|limit| {
         let name = node.name.as_ref().map(|name| format!("{}/{name}", node.namespace));
@@ -210,12 +209,8 @@ fn executable_command(executable: &ExecutablePlan, suite: &Path) -> CommandLine 
 }
 
 fn installed(node: &NodePlan) -> Result<PathBuf, LaunchError> {
-    let prefixes = variable(&node.process, "AMENT_PREFIX_PATH");
-    let places: Vec<PathBuf> = prefixes
-        .split(':')
-        .filter(|prefix| !prefix.is_empty())
-        .map(|prefix| Path::new(prefix).join("lib").join(&node.package).join(&node.executable))
-        .collect();
+    let place = |prefix: PathBuf| prefix.join("lib").join(&node.package).join(&node.executable);
+    let places: Vec<PathBuf> = prefixes(&node.process.env).into_iter().map(place).collect();
     if let Some(program) = places.iter().find(|place| place.is_file()) {
         return Ok(program.clone());
     }
@@ -231,14 +226,6 @@ fn installed(node: &NodePlan) -> Result<PathBuf, LaunchError> {
     ))
 }
 
-/// A variable as the process will see it.
-fn variable(process: &ProcessPlan, name: &str) -> String {
-    match process.env.get(name) {
-        Some(value) => value.clone().unwrap_or_default(),
-        None => std::env::var_os(name).unwrap_or_default().to_string_lossy().into_owned(),
-    }
-}
-
 impl Job {
     /// Runs the process until it has ended for good. `told` has the reason when all are to end.
     pub async fn keep(self, mut end_signal: watch::Receiver<Option<Ending>>, print: Print) -> ProcessOutcome {
@@ -247,9 +234,6 @@ impl Job {
             let label = self.process.label.clone();
             ProcessOutcome { label, restarts: restarts.count, end }
         };
-        if !pause(self.process.start_after, &mut end_signal).await {
-            return done(&restarts, ProcessEnd::ShutDown);
-        }
         loop {
             let start = Instant::now();
             let running = match Running::start(&self.command, &self.process, &print) {

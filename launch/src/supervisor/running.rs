@@ -164,17 +164,11 @@ fn prepared(command: &CommandLine, process: &ProcessPlan) -> Command {
     let mut prepared = Command::new(&command.program);
     // A process in the background that reads from the terminal would be stopped by SIGTTIN, so the input is
     // empty.
-    prepared.args(&command.arguments).stdin(Stdio::null()).stderr(Stdio::piped());
+    prepared.args(&command.arguments).envs(&process.env).stdin(Stdio::null()).stderr(Stdio::piped());
     prepared.stdout(match process.output {
         Output::Screen => Stdio::piped(),
         Output::Log => Stdio::null(),
     });
-    for (name, value) in &process.env {
-        match value {
-            Some(value) => prepared.env(name, value),
-            None => prepared.env_remove(name),
-        };
-    }
     if let Some(cwd) = &process.cwd {
         prepared.current_dir(cwd);
     }
@@ -222,7 +216,6 @@ mod tests {
             on_exit: OnExit::Continue,
             sigterm_timeout: Duration::ZERO,
             sigkill_timeout: Duration::ZERO,
-            start_after: Duration::ZERO,
         };
         let arguments = ["-c".to_owned(), "sleep 1000 & echo $!".to_owned()].into();
         let command = CommandLine { program: "/bin/sh".into(), arguments };
