@@ -49,17 +49,27 @@ pub(crate) enum ActionKind {
     Executable(Box<ExecutableAction>),
 }
 
-/// A declared launch argument.
+/// An argument of a launch file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DeclaredArgument {
+    /// Its name.
+    pub name: String,
+    /// Its value when none is given, as written; `None` when one must be given.
+    pub default: Option<String>,
+    /// Its purpose, for `--show-args`.
+    pub description: Option<String>,
+    /// The possible values; any when empty.
+    pub choices: Vec<String>,
+}
+
+/// The action that declares an argument.
 #[derive(Clone, Debug)]
 pub(crate) struct Argument {
-    /// Its name.
-    pub name: Text,
+    /// Line of its name, from 1.
+    pub line: usize,
+    pub declared: DeclaredArgument,
     /// Its value when none is given.
     pub default: Option<Text>,
-    /// Its purpose, for `--show-args`.
-    pub description: Option<Text>,
-    /// The possible values; any when empty.
-    pub choices: Vec<Text>,
 }
 
 /// Another launch file, with values for its arguments.
@@ -168,16 +178,19 @@ fn condition(attributes: &Attributes<'_>) -> Result<Option<(Text, bool)>, Launch
 
 fn argument(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
     let choices = attributes.entries("choice", &["value"])?;
-    Ok(ActionKind::Argument(Argument {
-        name: attributes.plain("name")?.ok_or_else(|| attributes.missing("name"))?,
-        default: attributes.text("default")?,
-        description: attributes.plain("description")?,
-        choices: choices.iter().map(choice).collect::<Result<_, _>>()?,
-    }))
+    let (name, default) = (required_plain(attributes, "name")?, attributes.text("default")?);
+    let choices = choices.iter().map(|choice| Ok(required_plain(choice, "value")?.1));
+    let declared = DeclaredArgument {
+        name: name.1,
+        default: default.as_ref().map(|text| text.source.clone()),
+        description: attributes.plain("description")?.map(|(_, text)| text),
+        choices: choices.collect::<Result<_, LaunchError>>()?,
+    };
+    Ok(ActionKind::Argument(Argument { line: name.0, declared, default }))
 }
 
-fn choice(choice: &Attributes<'_>) -> Result<Text, LaunchError> {
-    choice.plain("value")?.ok_or_else(|| choice.missing("value"))
+fn required_plain(attributes: &Attributes<'_>, key: &str) -> Result<(usize, String), LaunchError> {
+    attributes.plain(key)?.ok_or_else(|| attributes.missing(key))
 }
 
 /// Reads an action with two texts.

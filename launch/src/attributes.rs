@@ -65,15 +65,11 @@ impl<'a> Attributes<'a> {
         self.item(key).map(|item| self.scalar(key, item, &[ScalarType::String])).transpose()
     }
 
-    /// The string `key` as it is: ROS 2 evaluates no substitution in it.
-    pub fn plain(&self, key: &str) -> Result<Option<Text>, LaunchError> {
-        let text = self.text(key)?;
-        match text {
-            Some(text) if text.template.as_plain().is_none() => {
-                Err(self.refuse(text.line, format!("{key}: ROS 2 evaluates no substitution here")))
-            }
-            text => Ok(text),
-        }
+    /// The line and the string of `key`, in which ROS 2 evaluates no substitution.
+    pub fn plain(&self, key: &str) -> Result<Option<(usize, String)>, LaunchError> {
+        let Some(Text { line, template, .. }) = self.text(key)? else { return Ok(None) };
+        let plain = template.as_plain().map(|plain| Some((line, plain.to_owned())));
+        plain.ok_or_else(|| self.refuse(line, format!("{key}: ROS 2 evaluates no substitution here")))
     }
 
     /// The value of `key`, which must be of type `kind` as it is written. ROS 2 does not convert a string here:

@@ -14,17 +14,17 @@ use std::time::Duration;
 use modulo_runtime::NodeName;
 use modulo_runtime::parameter::file as parameter_file;
 use modulo_runtime::secret::without_secrets;
-use serde::Serialize;
 
 use crate::LaunchError;
 use crate::package::SUITE;
 
-pub use arguments::{DeclaredArgument, declared_arguments};
+pub use crate::action::DeclaredArgument;
+pub use arguments::declared_arguments;
 pub use resolve::{check, resolve};
 pub use scope::ParameterText;
 
 /// Everything that a launch file starts.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plan {
     /// The values of all declared arguments.
     pub arguments: BTreeMap<String, String>,
@@ -37,7 +37,7 @@ pub struct Plan {
 }
 
 /// A ROS 2 node to start.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct NodePlan {
     /// Its package; `modulo` is this suite.
     pub package: String,
@@ -61,13 +61,11 @@ pub struct NodePlan {
     /// How it is run.
     pub process: ProcessPlan,
     /// Launch file and line that declare it.
-    #[serde(skip)]
     pub declared_at: (PathBuf, usize),
 }
 
 /// An entry of `param` in a launch file: the values that it sets.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NodeParameter {
     /// The values of a parameter file.
     File(PathBuf),
@@ -76,7 +74,7 @@ pub enum NodeParameter {
 }
 
 /// A program that is no node.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ExecutablePlan {
     /// Program and arguments; never empty.
     pub command: Vec<String>,
@@ -85,7 +83,7 @@ pub struct ExecutablePlan {
 }
 
 /// How a process is run.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ProcessPlan {
     /// The mark in front of each line of its output.
     pub label: String,
@@ -93,54 +91,25 @@ pub struct ProcessPlan {
     pub env: BTreeMap<String, String>,
     /// Its working folder; the launcher's when `None`.
     pub cwd: Option<PathBuf>,
-    /// Which of its output is shown.
-    pub output: Output,
-    /// Whether it is started again after a crash.
-    pub respawn: Respawn,
-    /// The effect of its end on the other processes.
-    pub on_exit: OnExit,
+    /// Whether its standard error alone is shown, and not its standard output: ROS 2's `log`.
+    pub errors_only: bool,
+    /// How it is started again after a crash; `None` for one that stays down.
+    pub respawn: Option<Respawn>,
+    /// Whether the other processes are shut down when it has ended.
+    pub ends_all: bool,
     /// From SIGINT to SIGTERM at a shutdown.
     pub sigterm_timeout: Duration,
     /// From SIGTERM to SIGKILL at a shutdown.
     pub sigkill_timeout: Duration,
 }
 
-/// Which output of a process is shown.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Output {
-    /// Both streams.
-    #[default]
-    Screen,
-    /// Standard error only: ROS 2's `log`.
-    Log,
-}
-
-/// Whether a process that crashed is started again.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Respawn {
-    /// It stays down.
-    #[default]
-    Never,
-    /// It is started again.
-    After {
-        /// Pause before each start.
-        delay: Duration,
-        /// Starts after the first one; `None` for any number.
-        max_retries: Option<u32>,
-    },
-}
-
-/// The effect of the end of a process on the others.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum OnExit {
-    /// The other processes go on.
-    #[default]
-    Continue,
-    /// The other processes are shut down.
-    Shutdown,
+/// How a process that crashed is started again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Respawn {
+    /// Pause before each start.
+    pub delay: Duration,
+    /// Starts after the first one; `None` for any number.
+    pub max_retries: Option<u32>,
 }
 
 /// A node of this suite to run beside others in one process.
@@ -289,14 +258,14 @@ impl fmt::Display for ProcessPlan {
         if let Some(cwd) = &self.cwd {
             writeln!(f, "  in {}", cwd.display())?;
         }
-        if self.output == Output::Log {
+        if self.errors_only {
             writeln!(f, "  shows its errors only")?;
         }
-        if let Respawn::After { delay, max_retries } = self.respawn {
+        if let Some(Respawn { delay, max_retries }) = self.respawn {
             let times = max_retries.map_or("any number of".to_owned(), |n| format!("{n}"));
             writeln!(f, "  started again after a crash, {times} times, {} s later", delay.as_secs_f64())?;
         }
-        if self.on_exit == OnExit::Shutdown {
+        if self.ends_all {
             writeln!(f, "  its end is the end of all")?;
         }
         Ok(())

@@ -296,7 +296,7 @@ mod tests {
     /// 1..=100 ms, odd ones in one node, even ones in the other.
     fn halves() -> [NodeReport; 2] {
         [1, 2].map(|first| {
-            let buckets: Vec<(u64, u64)> = (0..50).map(|i| ((first + 2 * i) * 1000, 1)).collect();
+            let buckets: Histogram = (0..50).map(|i| ((first + 2 * i) * 1000, 1)).collect();
             report(
                 &serde_json::json!({
                     "node": format!("/detector_{first}"), "received": {"/recovered": 50}, "published": {},

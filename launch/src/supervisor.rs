@@ -20,7 +20,7 @@ use tokio::sync::watch;
 use tokio::task::JoinSet;
 
 use crate::LaunchError;
-use crate::plan::{OnExit, Plan};
+use crate::plan::Plan;
 use crate::summary::{NodeReport, Summary, read_reports, reports_so_far};
 use crate::trace::{self, TraceCounts};
 
@@ -254,7 +254,7 @@ async fn supervise(
     let mut running = JoinSet::new();
     for job in jobs {
         let (print, end_signal) = (how.print.clone(), end_signal.clone());
-        running.spawn(async move { (job.process.on_exit, job.keep(end_signal, print).await) });
+        running.spawn(async move { (job.process.ends_all, job.keep(end_signal, print).await) });
     }
     let (mut ending, mut ended) = (Ending::Completed, Vec::new());
     tokio::pin!(stop);
@@ -267,10 +267,10 @@ async fn supervise(
             }
             end = running.join_next() => match end {
                 None => return (ending, ended),
-                Some(Ok((on_exit, outcome))) => {
+                Some(Ok((ends_all, outcome))) => {
                     let last = outcome.end.is_final();
                     ended.push(outcome);
-                    if last || on_exit == OnExit::Shutdown {
+                    if last || ends_all {
                         shut_down.send_replace(Some(ending));
                     }
                 }

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use clap::Args;
-use modulo_launch::plan::{NodeParameter, OnExit};
+use modulo_launch::plan::NodeParameter;
 use modulo_launch::supervisor::{MAX_RESTARTS, ProcessEnd, Watch};
 use modulo_launch::{
     ComposedNode, Ending, NodePlan, Outcome, Plan, Summary, Supervision, launch_file, launch_files,
@@ -355,18 +355,14 @@ fn run_members(mut members: Vec<Member>, stop: &Stop) -> Result<Vec<NodeReport>,
 /// Makes the nodes of the plan in this process.
 fn members(plan: &Plan) -> Result<Vec<Member>, Failure> {
     let nodes = modulo_launch::compose(plan).map_err(usage)?;
-    let member = |(node, on_exit): (&ComposedNode, OnExit)| {
+    let member = |(node, ends_all): (&ComposedNode, bool)| {
         let (kind, node_name, parameters) = prepare(node)?;
         let step = kind.make(&parameters).with_context(|| node_name.fully_qualified())?;
-        let on_exit = match on_exit {
-            OnExit::Shutdown => composed::MemberExit::Shutdown,
-            OnExit::Continue => composed::MemberExit::Continue,
-        };
         let setup = NodeSetup { node: step, parameters, node_name, saved: None, report_file: None };
-        Ok(Member { setup, on_exit })
+        Ok(Member { setup, ends_all })
     };
-    let on_exits = plan.nodes.iter().map(|node| node.process.on_exit);
-    nodes.iter().zip(on_exits).map(member).collect::<anyhow::Result<_>>().map_err(usage)
+    let ends_all = plan.nodes.iter().map(|node| node.process.ends_all);
+    nodes.iter().zip(ends_all).map(member).collect::<anyhow::Result<_>>().map_err(usage)
 }
 
 /// Returns the kind, the name and the parameters of one node of a plan.

@@ -15,6 +15,8 @@ use modulo_runtime::stop::Wake as _;
 use modulo_runtime::wire::keys::{self, Endpoint, EntityKind};
 use modulo_runtime::{Clock, NodeName, Stop, Urgency};
 
+use crate::LiveError;
+
 /// The name of the node in ROS 2, too.
 const NODE: &str = "rosbag2_recorder";
 /// Interval at which the graph is searched for new topics.
@@ -26,17 +28,6 @@ const WAITING: Limit = Limit { messages: 1 << 20, bytes: 100 << 20 };
 const HELD: usize = 64 << 20;
 /// After a stop, samples that wait are written for this long; the rest is lost and counted.
 const LAST_WRITES_NS: u64 = 250_000_000;
-
-/// Error: a recording failed.
-#[derive(Debug, thiserror::Error)]
-pub enum CaptureError {
-    /// The bag cannot be written.
-    #[error(transparent)]
-    Bag(#[from] BagError),
-    /// The transport failed.
-    #[error(transparent)]
-    Transport(#[from] TransportError),
-}
 
 /// The content of a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -52,14 +43,14 @@ pub struct Captured {
 /// memory; those for which there is no room are dropped and counted.
 ///
 /// # Errors
-/// [`CaptureError`] when a topic cannot be subscribed or the disk is full.
+/// [`LiveError`] when a topic cannot be subscribed or the disk is full.
 pub fn capture(
     transport: &Arc<ZenohTransport>,
     clock: &Arc<dyn Clock>,
     recorder: BagWriter,
     topics: Option<&[String]>,
     stop: &Stop,
-) -> Result<Captured, CaptureError> {
+) -> Result<Captured, LiveError> {
     let queue = Arc::new(Queue::new(clock.clone(), WAITING));
     // The recorder sleeps in the queue, and a stop must not wait for the end of that sleep.
     stop.wakes(&queue);
@@ -116,7 +107,7 @@ struct AskedTopic {
 }
 
 impl CaptureLoop<'_> {
-    fn subscribe_new(&mut self, topics: Option<&[String]>) -> Result<(), CaptureError> {
+    fn subscribe_new(&mut self, topics: Option<&[String]>) -> Result<(), LiveError> {
         let graph = self.transport.graph();
         let publishers = graph.tokens().filter(|t| t.kind == EntityKind::Publisher);
         for endpoint in publishers.filter_map(|t| t.endpoint.as_ref()) {
@@ -231,7 +222,7 @@ impl CaptureLoop<'_> {
     }
 
     /// Ends the subscriptions, writes waiting samples within a time limit, and completes the bag.
-    fn finish(mut self, clock: &dyn Clock) -> Result<Captured, CaptureError> {
+    fn finish(mut self, clock: &dyn Clock) -> Result<Captured, LiveError> {
         // New samples end first, or the loop below could go on until its limit.
         self.guards.clear();
         let end = clock.ticks_ns() + LAST_WRITES_NS;

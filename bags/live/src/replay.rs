@@ -17,13 +17,13 @@ use modulo_middleware::transport::{
 use modulo_msgs::builtin::Time;
 use modulo_msgs::{Interface, cdr, rosgraph_msgs, sensor_msgs};
 use modulo_runtime::clock::nanos;
-use modulo_runtime::wire::attachment::Attachment;
 use modulo_runtime::wire::keys::{self, Endpoint, Hashes};
 use modulo_runtime::{
     Address, Allowed, Clock, Descriptor, Message, MessageKind, NodeName, NodeReport, Parameters, Qos, Stop,
     Topic, Urgency, Value, sensor_info,
 };
 
+use crate::LiveError;
 use crate::control::{PlayerAction, PlayerCommand, PlayerReply, Service};
 use crate::play::{NextMessage, PlaybackClock, PlaybackState, Player};
 use crate::remap::TopicRemaps;
@@ -44,28 +44,7 @@ enum PlayerEvent {
     Ack(Incoming),
 }
 
-impl Queued for PlayerEvent {
-    fn attachment(&self) -> Option<&Attachment> {
-        match self {
-            Self::Command(_) => None,
-            Self::Ack(incoming) => incoming.attachment(),
-        }
-    }
-}
-
-/// Error: a replay failed.
-#[derive(Debug, thiserror::Error)]
-pub enum ReplayError {
-    /// The bag cannot be read.
-    #[error(transparent)]
-    Bag(#[from] BagError),
-    /// The transport failed.
-    #[error(transparent)]
-    Transport(#[from] TransportError),
-    /// Nodes that should listen are not ready.
-    #[error("waited {0} s for {1}, which is not there; start it, or leave --wait-for out")]
-    Waited(u64, String),
-}
+impl Queued for PlayerEvent {}
 
 /// Options of a replay.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -89,7 +68,7 @@ pub struct Replayed {
 /// have taken the last one.
 ///
 /// # Errors
-/// [`ReplayError`] when the bag cannot be read on or the wire does not take it.
+/// [`LiveError`] when the bag cannot be read on or the wire does not take it.
 pub fn replay(
     transport: &ZenohTransport,
     clock: &Arc<dyn Clock>,
@@ -97,7 +76,7 @@ pub fn replay(
     pace: PlaybackClock,
     options: &ReplayOptions,
     stop: &Stop,
-) -> Result<Replayed, ReplayError> {
+) -> Result<Replayed, LiveError> {
     let node_name = NodeName { name: NODE.into(), namespace: "/".into(), remaps: Vec::new() };
     let ReplayOptions { remaps, clock_hz } = options;
     let time = clock_hz.map(|hz| ClockPublisher::declare(transport, &node_name, remaps, hz)).transpose()?;
@@ -138,7 +117,7 @@ fn serve(
         let (name, ros_type) = service.name_and_type();
         let events = events.clone();
         let give = move |command| events.push(lane, PlayerEvent::Command(command)).is_none();
-        let answer = Box::new(move |request: &[u8]| Ok(service.call(request, &give)?));
+        let answer = Box::new(move |request: &[u8]| service.call(request, &give));
         RawService { name, ros_type, qos: keys::SERVICE_QOS, answer }
     });
     transport.serve_raw(node_name, services.collect())
@@ -238,7 +217,7 @@ struct Replay<'a> {
 }
 
 impl Replay<'_> {
-    fn run(&mut self, stop: &Stop) -> Result<(), ReplayError> {
+    fn run(&mut self, stop: &Stop) -> Result<(), LiveError> {
         while !self.stopped && stop.urgency() == Urgency::None && self.look_ahead()? {
             let now = self.clock.ticks_ns();
             if let Some(time) = &mut self.time {
@@ -318,7 +297,7 @@ impl Replay<'_> {
         Ok(())
     }
 
-    fn carry_out(&mut self, action: PlayerAction, stop: &Stop) -> Result<PlayerReply, ReplayError> {
+    fn carry_out(&mut self, action: PlayerAction, stop: &Stop) -> Result<PlayerReply, LiveError> {
         let now = self.clock.ticks_ns();
         let (mut done, mut played) = (true, 0);
         match action {
@@ -350,7 +329,7 @@ impl Replay<'_> {
     }
 
     /// Plays up to `number` messages at once, if the replay is paused and until it is stopped; how many.
-    fn step(&mut self, now: u64, number: u64, stop: &Stop) -> Result<u64, ReplayError> {
+    fn step(&mut self, now: u64, number: u64, stop: &Stop) -> Result<u64, LiveError> {
         if self.pace.state() != PlaybackState::Paused {
             return Ok(0);
         }

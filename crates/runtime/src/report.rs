@@ -66,7 +66,6 @@ pub struct NodeReport {
     /// Status of the node, such as `engine` = `rten`.
     pub status: BTreeMap<String, String>,
     /// Durations by stage; buckets are (upper bound in microseconds, count).
-    #[serde(with = "pairs")]
     pub stages: BTreeMap<String, Histogram>,
 }
 
@@ -134,26 +133,6 @@ pub fn quantile(histogram: &Histogram, q: f64) -> Option<u64> {
         seen += count;
         (seen >= rank).then_some(bound)
     })
-}
-
-/// JSON objects have string keys, so histograms travel as lists of pairs.
-mod pairs {
-    use std::collections::BTreeMap;
-
-    use serde::{Deserialize, Deserializer, Serialize, Serializer};
-
-    use super::Histogram;
-
-    pub fn serialize<S: Serializer>(stages: &BTreeMap<String, Histogram>, s: S) -> Result<S::Ok, S::Error> {
-        let lists: BTreeMap<&String, Vec<(u64, u64)>> =
-            stages.iter().map(|(name, h)| (name, h.iter().map(|(&b, &n)| (b, n)).collect())).collect();
-        lists.serialize(s)
-    }
-
-    pub fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<BTreeMap<String, Histogram>, D::Error> {
-        let lists = BTreeMap::<String, Vec<(u64, u64)>>::deserialize(d)?;
-        Ok(lists.into_iter().map(|(name, list)| (name, list.into_iter().collect())).collect())
-    }
 }
 
 #[cfg(test)]

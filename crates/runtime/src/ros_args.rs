@@ -13,20 +13,10 @@ pub struct RosArgs {
     pub parameters: Vec<Setting>,
     /// `--log-level level` and `--log-level logger:=level` in order; later ones win.
     pub log_levels: Vec<LogLevel>,
-    /// Result of `--disable-rosout-logs` and `--enable-rosout-logs`.
-    pub rosout_logs: Logs,
-    /// Result of `--disable-stdout-logs` and `--enable-stdout-logs`.
-    pub stdout_logs: Logs,
-}
-
-/// Whether logs go somewhere.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Logs {
-    /// Logs are written there.
-    #[default]
-    Enabled,
-    /// No logs are written there.
-    Disabled,
+    /// Whether `--disable-rosout-logs` was given, and no `--enable-rosout-logs` after it.
+    pub no_rosout_logs: bool,
+    /// Whether `--disable-stdout-logs` was given, and no `--enable-stdout-logs` after it.
+    pub no_stdout_logs: bool,
 }
 
 /// A remapping rule.
@@ -116,10 +106,10 @@ impl RosArgs {
 
     fn flag<'a>(&mut self, flag: &str, rest: &mut impl Iterator<Item = &'a String>) -> Result<(), ArgsError> {
         match flag {
-            "--enable-rosout-logs" => self.rosout_logs = Logs::Enabled,
-            "--disable-rosout-logs" => self.rosout_logs = Logs::Disabled,
-            "--enable-stdout-logs" => self.stdout_logs = Logs::Enabled,
-            "--disable-stdout-logs" => self.stdout_logs = Logs::Disabled,
+            "--enable-rosout-logs" => self.no_rosout_logs = false,
+            "--disable-rosout-logs" => self.no_rosout_logs = true,
+            "--enable-stdout-logs" => self.no_stdout_logs = false,
+            "--disable-stdout-logs" => self.no_stdout_logs = true,
             // There is no such library here, and no log file.
             "--enable-external-lib-logs" | "--disable-external-lib-logs" => {}
             _ => return self.option(flag, rest.next()),
@@ -294,7 +284,7 @@ mod tests {
                     --enable-rosout-logs --log-config-file f --disable-external-lib-logs";
         let (args, _) = parse(line).expect("a valid line");
         assert_eq!((args.log_level_of("eye"), args.log_level_of("rcl")), (Some("debug"), Some("error")));
-        assert_eq!((args.rosout_logs, args.stdout_logs), (Logs::Enabled, Logs::Disabled));
+        assert_eq!((args.no_rosout_logs, args.no_stdout_logs), (false, true));
     }
 
     #[test]

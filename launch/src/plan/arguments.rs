@@ -3,25 +3,9 @@
 
 use std::path::{Path, PathBuf};
 
-use serde::Serialize;
-
 use super::scope::{Scope, argument_value, included};
-use crate::action::{self, Action, ActionKind, LaunchFile};
-use crate::attributes::Text;
+use crate::action::{self, Action, ActionKind, DeclaredArgument, LaunchFile};
 use crate::{LaunchError, Mistakes, listed};
-
-/// An argument of a launch file.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct DeclaredArgument {
-    /// Its name.
-    pub name: String,
-    /// Its value when none is given, as written; `None` when one must be given.
-    pub default: Option<String>,
-    /// Its purpose, for `--show-args`.
-    pub description: Option<String>,
-    /// The possible values; any when empty.
-    pub choices: Vec<String>,
-}
 
 /// The arguments of the launch file `file`, in order, each once.
 ///
@@ -80,7 +64,10 @@ impl Collector {
 
     fn one(&mut self, file: &Path, action: &Action) -> Result<(), LaunchError> {
         match &action.kind {
-            ActionKind::Argument(argument) => self.declare(file, argument),
+            ActionKind::Argument(argument) => {
+                self.declare(file, argument);
+                Ok(())
+            }
             ActionKind::Let(name, value) => {
                 let view = self.scope.at(file);
                 if let (Ok(name), Ok(value)) = (view.string(name), view.string(value)) {
@@ -100,25 +87,17 @@ impl Collector {
         }
     }
 
-    fn declare(&mut self, file: &Path, argument: &action::Argument) -> Result<(), LaunchError> {
-        let view = self.scope.at(file);
-        let source = |text: &Text| text.source.clone();
-        let declared = DeclaredArgument {
-            name: view.string(&argument.name)?,
-            default: argument.default.as_ref().map(source),
-            description: argument.description.as_ref().map(source),
-            choices: argument.choices.iter().map(source).collect(),
-        };
+    fn declare(&mut self, file: &Path, argument: &action::Argument) {
+        let declared = &argument.declared;
         // A default that has no value yet is no error here: it may never be needed.
-        if let Ok((name, value)) = argument_value(argument, view) {
+        if let Ok((name, value)) = argument_value(argument, self.scope.at(file)) {
             self.scope.variables.insert(name, value);
         }
         // An argument that an include gives has its value already: a value from outside would be ignored, so the argument
         // is not offered.
         let known =
             self.fixed.contains(&declared.name) || self.found.iter().any(|other| other.name == declared.name);
-        self.found.extend((!known).then_some(declared));
-        Ok(())
+        self.found.extend((!known).then(|| declared.clone()));
     }
 
     fn include(

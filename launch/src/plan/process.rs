@@ -3,8 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use modulo_runtime::NodeName;
+
 use super::scope::{Scope, View, parameter_value};
-use super::{ExecutablePlan, NodeParameter, NodePlan, OnExit, Output, ProcessPlan, Respawn};
+use super::{ExecutablePlan, NodeParameter, NodePlan, ProcessPlan, Respawn};
 use crate::LaunchError;
 use crate::action::{ExecutableAction, NodeAction, Parameter, ProcessAction};
 use crate::attributes::Text;
@@ -53,7 +55,9 @@ pub(super) fn node(action: &NodeAction, site: &DeclarationSite<'_>) -> Result<No
     let mut remaps = site.scope.remaps.clone();
     remaps.extend(view.pairs(&action.remaps)?);
     let namespace = site.scope.joined(&view.optional(&action.namespace)?.unwrap_or_default());
-    check_names(name.as_deref(), &namespace, &remaps, site)?;
+    // The own name of another program is unknown here. Any valid name lets the others be checked.
+    NodeName::new(name.as_deref().unwrap_or("unnamed"), &namespace, &remaps)
+        .map_err(|e| LaunchError::at(site.file, site.line, format!("node: {e}")))?;
     Ok(NodePlan {
         package,
         executable,
@@ -67,18 +71,6 @@ pub(super) fn node(action: &NodeAction, site: &DeclarationSite<'_>) -> Result<No
         process: process(&action.process, label, site)?,
         declared_at: (site.file.to_owned(), site.line),
     })
-}
-
-fn check_names(
-    name: Option<&str>,
-    namespace: &str,
-    remaps: &[(String, String)],
-    site: &DeclarationSite<'_>,
-) -> Result<(), LaunchError> {
-    // The own name of another program is unknown here. Any valid name lets the others be checked.
-    modulo_runtime::NodeName::new(name.unwrap_or("unnamed"), namespace, remaps)
-        .map(|_| ())
-        .map_err(|e| LaunchError::at(site.file, site.line, format!("node: {e}")))
 }
 
 fn own_parameters(own: &[Parameter], site: &DeclarationSite<'_>) -> Result<Vec<NodeParameter>, LaunchError> {
@@ -125,32 +117,24 @@ fn process(
         label,
         env,
         cwd: view.optional(&action.cwd)?.map(PathBuf::from),
-        output: output(action.output.as_ref(), view)?,
+        errors_only: errors_only(action.output.as_ref(), view)?,
         respawn: respawn(action, view)?,
-        on_exit: on_exit(action.on_exit.as_ref(), view)?,
+        ends_all: action.ends_all,
         sigterm_timeout: seconds("sigterm_timeout", &action.sigterm_timeout, PATIENCE)?,
         sigkill_timeout: seconds("sigkill_timeout", &action.sigkill_timeout, PATIENCE)?,
     })
 }
 
-fn output(text: Option<&Text>, view: View<'_>) -> Result<Output, LaunchError> {
-    let Some(text) = text else { return Ok(Output::default()) };
+fn errors_only(output: Option<&Text>, view: View<'_>) -> Result<bool, LaunchError> {
+    let Some(text) = output else { return Ok(false) };
     match view.string(text)?.as_str() {
-        "screen" | "both" => Ok(Output::Screen),
-        "log" => Ok(Output::Log),
+        "screen" | "both" => Ok(false),
+        "log" => Ok(true),
         other => Err(view.refuse(text, format!("output = '{other}' must be screen, both or log"))),
     }
 }
 
-fn on_exit(text: Option<&Text>, view: View<'_>) -> Result<OnExit, LaunchError> {
-    let Some(text) = text else { return Ok(OnExit::Continue) };
-    match view.string(text)?.as_str() {
-        "shutdown" => Ok(OnExit::Shutdown),
-        other => Err(view.refuse(text, format!("on_exit = '{other}' must be shutdown"))),
-    }
-}
-
-fn respawn(action: &ProcessAction, view: View<'_>) -> Result<Respawn, LaunchError> {
+fn respawn(action: &ProcessAction, view: View<'_>) -> Result<Option<Respawn>, LaunchError> {
     let wanted = action.respawn.as_ref().map(|text| view.bool("respawn", text)).transpose()?;
     let delay = action.respawn_delay.as_ref().map(|text| view.number("respawn_delay", text)).transpose()?;
     let max_retries = match &action.respawn_max_retries {
@@ -166,10 +150,8 @@ fn respawn(action: &ProcessAction, view: View<'_>) -> Result<Respawn, LaunchErro
             u32::try_from(number).ok()
         }
     };
-    Ok(match wanted {
-        Some(true) => Respawn::After { delay: Duration::from_secs_f64(delay.unwrap_or(0.0)), max_retries },
-        _ => Respawn::Never,
-    })
+    let delay = Duration::from_secs_f64(delay.unwrap_or(0.0));
+    Ok((wanted == Some(true)).then_some(Respawn { delay, max_retries }))
 }
 
 /// Splits a command line into words as a shell would, without running one: quotes group, a backslash makes the next

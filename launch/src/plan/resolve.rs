@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::arguments::{self, absolute, identity};
 use super::scope::{Scope, View, argument_value, included, shared_value};
-use super::{NodePlan, OnExit, Plan, process};
+use super::{NodePlan, Plan, process};
 use crate::action::{self, Action, ActionKind, Include};
 use crate::attributes::Text;
 use crate::package::SUITE;
@@ -64,7 +64,7 @@ fn with_ends(mut plan: Plan) -> Plan {
     let cameras = plan.nodes.iter_mut().filter(|node| node.package == SUITE && node.executable == CAMERA);
     cameras
         .filter(|camera| ends.contains(&camera.namespace))
-        .for_each(|camera| camera.process.on_exit = OnExit::Shutdown);
+        .for_each(|camera| camera.process.ends_all = true);
     plan
 }
 
@@ -87,12 +87,12 @@ impl Resolver {
             Err(mistake) => Err(mistake.into()),
         };
         // A use of this variable would be reported as undefined, which only follows from this mistake.
-        if done.is_err()
-            && let ActionKind::Argument(action::Argument { name, .. }) | ActionKind::Let(name, _) =
-                &action.kind
-        {
-            self.scope.broken.extend(name.template.as_plain().map(str::to_owned));
-        }
+        let name = match &action.kind {
+            ActionKind::Argument(argument) => Some(argument.declared.name.as_str()),
+            ActionKind::Let(name, _) => name.template.as_plain(),
+            _ => None,
+        };
+        self.scope.broken.extend(name.filter(|_| done.is_err()).map(str::to_owned));
         done.or_else(|mistakes| mistakes.without(&LaunchError::Consequence))
     }
 

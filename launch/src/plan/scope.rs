@@ -7,9 +7,8 @@ use std::path::{Path, PathBuf};
 
 use modulo_runtime::parameter::yaml_text::of_string;
 use modulo_runtime::yaml::{self, Content, ScalarType};
-use serde::Serialize;
 
-use crate::action::{self, Argument, Include, LaunchFile, ParameterValue};
+use crate::action::{self, Argument, DeclaredArgument, Include, LaunchFile, ParameterValue};
 use crate::attributes::Text;
 use crate::substitution::{SubstitutionError, Surroundings};
 use crate::{LaunchError, Mistakes, listed};
@@ -125,23 +124,21 @@ impl View<'_> {
 
 /// Name and value of an argument: as given, else its default.
 pub(super) fn argument_value(argument: &Argument, view: View<'_>) -> Result<(String, String), LaunchError> {
-    let name = view.string(&argument.name)?;
-    let value = match (view.surroundings().variables.get(&name), &argument.default) {
+    let DeclaredArgument { name, choices, .. } = &argument.declared;
+    let value = match (view.surroundings().variables.get(name), &argument.default) {
         // A value that was given from outside, or by an earlier action, wins over the default.
         (Some(value), _) => value.clone(),
         (None, Some(default)) => view.string(default)?,
         (None, None) => {
             let why = format!("argument '{name}' has no value and no default, give {name}:=VALUE");
-            return Err(view.refuse(&argument.name, why));
+            return Err(LaunchError::at(view.file, argument.line, why));
         }
     };
-    let choices: Result<Vec<String>, _> = argument.choices.iter().map(|choice| view.string(choice)).collect();
-    let choices = choices?;
     if !choices.is_empty() && !choices.contains(&value) {
         let why = format!("argument '{name}' = '{value}' must be one of {}", listed(choices, ""));
-        return Err(view.refuse(&argument.name, why));
+        return Err(LaunchError::at(view.file, argument.line, why));
     }
-    Ok((name, value))
+    Ok((name.clone(), value))
 }
 
 /// The value of the parameter `name`.
@@ -199,12 +196,11 @@ pub(super) fn shared_value(name: &Text, value: &Text, view: View<'_>) -> Result<
 }
 
 /// The value of a parameter.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ParameterText {
     /// The value as text, a list as `[a, b]`.
     pub text: String,
     /// The type that the launch file asks for, such as `str` or `list_of_int`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub kind: Option<&'static str>,
 }
 

@@ -179,7 +179,7 @@ fn node_job(
     let mut process = node.process.clone();
     // These come after the variables of the plan: no launch file can lead the reports of a node elsewhere.
     process.env.extend(variables.iter().map(|(name, value)| ((*name).to_owned(), value.clone())));
-    let watched = origin == Origin::Suite && matches!(process.respawn, Respawn::After { .. });
+    let watched = origin == Origin::Suite && process.respawn.is_some();
     let life_signs = how.hang_timeout.filter(|_| watched).and_then(|limit| {
         let name = node.name.as_ref().map(|name| format!("{}/{name}", node.namespace));
         Some(LifeSigns { folder: reports.to_owned(), node: name?, limit })
@@ -305,7 +305,7 @@ impl Job {
             ProcessEnd::WithLoss(_) => return Err(ProcessEnd::WithLoss(last_line.to_owned())),
             end => return Err(end.clone()),
         };
-        let Respawn::After { delay, max_retries } = self.process.respawn else {
+        let Some(Respawn { delay, max_retries }) = self.process.respawn else {
             self.say(print, &format!("ended with {status}"));
             return Err(end.clone());
         };

@@ -19,7 +19,7 @@ use tokio::time::timeout;
 use super::activity::{Activity, LONG_STEP};
 use super::{Channel, Print, start_error};
 use crate::LaunchError;
-use crate::plan::{Output, ProcessPlan};
+use crate::plan::ProcessPlan;
 
 /// Program and arguments.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -165,10 +165,7 @@ fn prepared(command: &CommandLine, process: &ProcessPlan) -> Command {
     // A process in the background that reads from the terminal would be stopped by SIGTTIN, so the input is
     // empty.
     prepared.args(&command.arguments).envs(&process.env).stdin(Stdio::null()).stderr(Stdio::piped());
-    prepared.stdout(match process.output {
-        Output::Screen => Stdio::piped(),
-        Output::Log => Stdio::null(),
-    });
+    prepared.stdout(if process.errors_only { Stdio::null() } else { Stdio::piped() });
     if let Some(cwd) = &process.cwd {
         prepared.current_dir(cwd);
     }
@@ -202,7 +199,6 @@ mod tests {
     use std::sync::mpsc::channel;
 
     use super::*;
-    use crate::plan::{OnExit, Respawn};
 
     /// A process that is gone is not signalled: its number may be that of another one.
     #[tokio::test]
@@ -211,9 +207,9 @@ mod tests {
             label: "parent".into(),
             env: [].into(),
             cwd: None,
-            output: Output::Screen,
-            respawn: Respawn::Never,
-            on_exit: OnExit::Continue,
+            errors_only: false,
+            respawn: None,
+            ends_all: false,
             sigterm_timeout: Duration::ZERO,
             sigkill_timeout: Duration::ZERO,
         };

@@ -36,15 +36,8 @@ pub enum RunError {
     #[error("{0}: {1}")]
     Fatal(String, String),
     /// A node that this one waits for did not come.
-    #[error("{node}: waited {seconds} s for {missing}, which is not there; start it, or change wait_for")]
-    Waited {
-        /// The node that waited.
-        node: String,
-        /// Time of the wait in seconds.
-        seconds: u64,
-        /// Names of the nodes that are missing.
-        missing: String,
-    },
+    #[error("{0}: waited {1} s for {2}, which is not there; start it, or change wait_for")]
+    Waited(String, u64, String),
 }
 
 /// The variant of image topics that a node reads.

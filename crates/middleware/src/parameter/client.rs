@@ -34,26 +34,12 @@ pub enum ClientError {
     /// The answer is not readable.
     #[error("node {0}: {1}")]
     Cdr(String, CdrError),
-    /// The answer has no names: with another length, values would belong to wrong names.
-    #[error("{node} gave {given} values for {asked} parameters")]
-    Count {
-        /// Name of the node.
-        node: String,
-        /// Number of values in the answer.
-        given: usize,
-        /// Number of names in the request.
-        asked: usize,
-    },
-    /// The text is no value of the type of the parameter.
-    #[error("parameter '{name}' = {text}: is not of type {type_name}")]
-    Type {
-        /// Name of the parameter.
-        name: String,
-        /// The text that was given.
-        text: String,
-        /// The type of the present value.
-        type_name: &'static str,
-    },
+    /// The node gave so many values for so many names. An answer has no names, so that values would belong to wrong ones.
+    #[error("{0} gave {1} values for {2} parameters")]
+    Count(String, usize, usize),
+    /// The parameter of this name has another type than this text; its type comes last.
+    #[error("parameter '{0}' = {1}: is not of type {2}")]
+    Type(String, String, &'static str),
     /// The node refuses the value.
     #[error("Setting parameter failed: {0}")]
     Refused(String),
@@ -89,11 +75,7 @@ impl<'a> ParameterClient<'a> {
         let GetParametersResponse { values } =
             self.call(Service::GetParameters, &GetParametersRequest { names: names.to_vec() })?;
         let (given, asked) = (values.len(), names.len());
-        if given == asked {
-            Ok(values)
-        } else {
-            Err(ClientError::Count { node: self.node.clone(), given, asked })
-        }
+        if given == asked { Ok(values) } else { Err(ClientError::Count(self.node.clone(), given, asked)) }
     }
 
     /// Returns the descriptors of `names`; the type of an unknown parameter is `NOT_SET`.
@@ -116,11 +98,9 @@ impl<'a> ParameterClient<'a> {
         // A node refuses a value of another type: `2` has to be sent as 2.0 to a parameter of type double.
         let value = match present {
             None => Value::guess(text),
-            Some(like) => like.parse_like(text).ok_or_else(|| ClientError::Type {
-                name: name.to_owned(),
-                text: text.to_owned(),
-                type_name: like.type_name(),
-            })?,
+            Some(like) => like
+                .parse_like(text)
+                .ok_or_else(|| ClientError::Type(name.to_owned(), text.to_owned(), like.type_name()))?,
         };
         let parameters = vec![Parameter { name: name.to_owned(), value: to_ros(Some(&value)) }];
         let SetParametersResponse { mut results } =
@@ -128,7 +108,7 @@ impl<'a> ParameterClient<'a> {
         match results.pop() {
             Some(result) if result.successful => Ok(()),
             Some(result) => Err(ClientError::Refused(result.reason)),
-            None => Err(ClientError::Count { node: self.node.clone(), given: 0, asked: 1 }),
+            None => Err(ClientError::Count(self.node.clone(), 0, 1)),
         }
     }
 

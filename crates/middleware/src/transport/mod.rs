@@ -72,13 +72,6 @@ pub enum Incoming {
 }
 
 impl Queued for Incoming {
-    fn bytes(&self) -> usize {
-        match self {
-            Self::Message(_) => 0,
-            Self::Sample(sample) => sample.bytes(),
-        }
-    }
-
     fn attachment(&self) -> Option<&Attachment> {
         match self {
             Self::Message(_) => None,
@@ -175,18 +168,12 @@ pub struct NodeId {
 /// Something that must stay alive for a declaration to hold.
 pub type Guard = Box<dyn Send + Sync>;
 
-/// A carrier of messages.
+/// A carrier of messages. An operation that it cannot do is a [`TransportError`].
 pub trait Transport: Send + Sync {
     /// Declares a publisher of `node`.
-    ///
-    /// # Errors
-    /// [`TransportError`] when the transport fails.
     fn advertise(&self, node: &NodeName, address: &Address) -> Result<Box<dyn Publisher>, TransportError>;
 
     /// Declares a subscription of `node`, which lasts until the guard is dropped.
-    ///
-    /// # Errors
-    /// [`TransportError`] when the transport fails.
     fn subscribe(
         &self,
         node: &NodeName,
@@ -195,22 +182,13 @@ pub trait Transport: Send + Sync {
     ) -> Result<Guard, TransportError>;
 
     /// Shows `node` in the graph: from now on it counts as ready.
-    ///
-    /// # Errors
-    /// [`TransportError`] when the transport fails.
     fn announce(&self, node: &NodeName) -> Result<Guard, TransportError>;
 
     /// Makes the node's parameters reachable from outside.
-    ///
-    /// # Errors
-    /// [`TransportError`] when the transport fails.
     fn serve_parameters(&self, node: &NodeName, port: ParameterPort) -> Result<Guard, TransportError>;
 
     /// Offers the service `~/enable` of `node`; `enable` pauses the node or lets it go on, and returns when that is done. A
     /// transport within one process offers it to no caller.
-    ///
-    /// # Errors
-    /// [`TransportError`] when the transport fails.
     fn serve_enable(&self, node: &NodeName, enable: Enable) -> Result<Guard, TransportError> {
         let _ = (node, enable);
         Ok(Box::new(()))

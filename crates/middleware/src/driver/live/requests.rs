@@ -192,7 +192,7 @@ impl Live<'_> {
         match thread {
             Ok(thread) => {
                 self.loading = Some(Loading { prepared, next, lane, thread });
-                self.publish_state(self.telemetry.next_stamp(&self.time));
+                self.publish_state(self.telemetry.diagnostics.next_stamp(&self.time));
                 Ok(())
             }
             Err(why) => {
@@ -229,7 +229,7 @@ impl Live<'_> {
             tracing::warn!(node = %self.telemetry.node(), "{why}");
         }
         if promised {
-            self.publish_state(self.telemetry.next_stamp(&self.time));
+            self.publish_state(self.telemetry.diagnostics.next_stamp(&self.time));
         }
         // Fails only when the caller has gone.
         let _ = request.answer.send(ParameterAnswer::Done(answers));

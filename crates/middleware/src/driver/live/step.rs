@@ -104,7 +104,7 @@ impl Live<'_> {
 
     /// Brings the accounts on the disk up to date, and then sends `messages`.
     pub(super) fn send_all(&mut self, messages: &[(usize, Message)]) {
-        self.write_report(if self.node.period().is_some() { WriteReason::Source } else { WriteReason::Step });
+        self.write_report(if self.node.period().is_some() { WriteReason::Always } else { WriteReason::Step });
         // Before the frame leaves: a crash in between loses it, but never sends it twice.
         self.settings.keep_position(&*self.node);
         let begin = self.time.ticks_ns();

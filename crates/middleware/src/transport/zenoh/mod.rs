@@ -290,5 +290,5 @@ fn appear(graph: &Mutex<Graph>, key: &str, own: &str) -> Vec<String> {
     let Some(token) = Token::parse(key) else { return Vec::new() };
     let conflicts = graph.conflicts_with(&token);
     let ours = conflicts.filter(|(other, _)| token.session == own || other.session == own);
-    ours.map(|(_, conflict)| conflict.to_string()).collect()
+    ours.map(|(_, conflict)| conflict).collect()
 }
