@@ -1,5 +1,4 @@
-//! The attributes of an action: known keys, required keys and YAML types are
-//! checked here, each with the line of the mistake. Nothing is evaluated.
+//! The attributes of an action: known keys, required keys and YAML types, with the lines of mistakes.
 
 use std::path::Path;
 
@@ -33,9 +32,6 @@ pub(crate) struct Attributes<'a> {
 
 impl<'a> Attributes<'a> {
     /// The attributes in `item`, which must be a mapping with `known` keys only.
-    ///
-    /// # Errors
-    /// [`LaunchError::At`] with the known keys.
     pub fn read(file: &'a Path, of: &'a str, item: &'a Item, known: &[&str]) -> Result<Self, LaunchError> {
         let Content::Map(pairs) = &item.content else {
             let message = format!("{of}: expected a mapping of attributes, found {}", item.described());

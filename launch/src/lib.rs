@@ -49,8 +49,7 @@ pub enum LaunchError {
         /// The system's reason.
         why: String,
     },
-    /// An argument that no launch file declares, a process that cannot be started, or one that cannot run inside
-    /// another process; in words.
+    /// An undeclared argument, a process that cannot be started or cannot run inside another one; in words.
     #[error("{0}")]
     Other(String),
     /// Something that is wrong only because of an earlier mistake; never shown.

@@ -24,9 +24,6 @@ pub(crate) fn prefixes(environment: &BTreeMap<String, String>) -> Vec<PathBuf> {
 }
 
 /// `share/<package>` of a package; for the suite the folder that holds `launch/`.
-///
-/// # Errors
-/// A text with the places that were looked at.
 pub(crate) fn share(
     package: &str,
     file: &Path,
@@ -42,9 +39,6 @@ pub(crate) fn share(
 }
 
 /// The prefix under which a package is installed; for the suite in a checkout the checkout.
-///
-/// # Errors
-/// A text with the places that were looked at.
 pub(crate) fn prefix(
     package: &str,
     file: &Path,
@@ -108,8 +102,7 @@ pub fn launch_files() -> Vec<FoundFile> {
     folders.iter().flat_map(|folder| files_in(folder)).collect()
 }
 
-/// Returns the launch file that `file` means: `file` itself where it exists or names a folder, else the first of [`launch_files`] with
-/// this name. A name that none has stays as it is.
+/// Returns the launch file that `file` means: `file` itself where it exists or none has this name, else the first of [`launch_files`].
 pub fn launch_file(file: &Path) -> PathBuf {
     let is_name = file.components().count() == 1 && !file.exists();
     let found = launch_files().into_iter().find(|found| is_name && found.path.ends_with(file));

@@ -47,8 +47,7 @@ pub struct NodePlan {
     pub name: Option<String>,
     /// Its namespace, absolute, `/` for none.
     pub namespace: String,
-    /// (name, value) from `set_parameter`, for all nodes that follow it; a
-    /// later one of the same name wins, and all that follows here wins over them.
+    /// (name, value) from `set_parameter`; the last of a name wins, and all that follows here over it.
     pub shared_parameters: Vec<(String, ParameterText)>,
     /// Its own parameters and parameter files, in order; a later one wins.
     pub parameters: Vec<NodeParameter>,

@@ -1,5 +1,4 @@
-//! The parts of launch files that ROS 2 allows and this launcher refuses, each with the reason and the remedy. Names that are not listed
-//! are taken for mistakes.
+//! The parts of launch files that ROS 2 allows and this launcher refuses, each with the reason and the remedy.
 
 use std::path::Path;
 

@@ -38,8 +38,7 @@ pub struct Supervision {
     /// A node of the suite with `respawn` that shows no sign of life for so long is killed and started again; `None`
     /// lets it hang. A longer step is no hang while it computes, up to 20 times this time.
     pub hang_timeout: Option<Duration>,
-    /// A process that crashes more often than this within a minute is not started again, and the run ends; `None` sets no
-    /// limit.
+    /// A process that crashes more often than this within a minute ends the run; `None` sets no limit.
     pub max_restarts: Option<u32>,
     /// File for a trace of the run: the spans of all nodes of the suite as trace events of Chrome and Perfetto.
     pub trace: Option<PathBuf>,
@@ -68,8 +67,7 @@ pub enum Channel {
 }
 
 impl Supervision {
-    /// Creates the surroundings with the running program as the suite. Nodes that hang are left alone, and
-    /// [`MAX_RESTARTS`] holds.
+    /// Creates the surroundings with the running program as the suite and [`MAX_RESTARTS`]. Nodes may hang.
     ///
     /// # Errors
     /// [`LaunchError::Other`] when the running program's path is unknown.
@@ -119,8 +117,7 @@ pub struct ProcessOutcome {
 pub enum ProcessEnd {
     /// By itself, with exit status 0.
     Exited,
-    /// By itself, a command of this suite with exit status 3: it has done its work, but something was lost. With the last line of
-    /// its standard error.
+    /// By itself, a command of this suite that has lost something (exit status 3). With the last line of its standard error.
     WithLoss(String),
     /// Because it was told to.
     ShutDown,
@@ -133,8 +130,7 @@ pub enum ProcessEnd {
         /// The status of the last one in words, with the last line of its standard error.
         status: String,
     },
-    /// A node of this suite that refused its command line at its first start (exit status 2): starting it again would
-    /// change nothing.
+    /// A node of this suite that refused its command line at its first start (exit status 2), as it always would.
     Refused,
     /// It could not be started.
     NotStarted(String),
@@ -195,8 +191,7 @@ pub(crate) fn start_error(process: &str, why: impl ToString) -> LaunchError {
 /// # Errors
 /// [`LaunchError::Other`] when an executable is not found; nothing has been started then.
 pub async fn run(plan: Plan, how: &Supervision) -> Result<Outcome, LaunchError> {
-    // The handlers are there before the first process: a signal would else end the launcher and leave its
-    // processes running.
+    // The handlers come first: a signal would else end the launcher and leave processes running.
     let open = |kind| signal(kind).map_err(|e| start_error("launcher", e));
     let (mut interrupt, mut terminate) = (open(SignalKind::interrupt())?, open(SignalKind::terminate())?);
     // Under nohup, a closed terminal does not end the run.
@@ -248,8 +243,7 @@ async fn supervise(
     how: &Supervision,
     stop: impl Future<Output = ()>,
 ) -> (Ending, Vec<ProcessOutcome>) {
-    // The order to end is a state and not an event: a process that is between two starts finds it when it
-    // looks.
+    // The order to end is a state and not an event: a process between two starts finds it later.
     let (shut_down, end_signal) = watch::channel(None);
     let mut running = JoinSet::new();
     for job in jobs {

@@ -271,9 +271,7 @@ fn run_processes(mut plan: Plan, args: &Launch) -> Result<LaunchResult, Failure>
             node.ros_args.splice(0..0, ["--log-level", "debug"].map(str::to_owned));
         }
     }
-    let executables = plan.executables.iter().map(|executable| &executable.process);
-    let processes = plan.nodes.iter().map(|node| &node.process).chain(executables);
-    let names: Vec<&str> = processes.map(|process| process.label.as_str()).collect();
+    let names: Vec<&str> = plan.processes().map(|process| process.label.as_str()).collect();
     eprintln!("[launch] starting {}; Ctrl-C ends the run", names.join(", "));
     let line = Arc::new(ProgressLine::start());
     let shown = line.is_shown().then(|| line.clone());

@@ -23,8 +23,7 @@ const NODE: &str = "rosbag2_recorder";
 const GLANCE_NS: u64 = 50_000_000;
 /// Samples that wait for the disk. As rosbag2's cache of 100 MiB, and bounded in number for topics of tiny messages.
 const WAITING: Limit = Limit { messages: 1 << 20, bytes: 100 << 20 };
-/// Bytes of the samples that wait for the definitions of their topics at most. A topic whose sample finds no room is recorded
-/// without a definition.
+/// Most bytes of samples that wait for the definitions of their topics. Without room, a topic is recorded without definition.
 const HELD: usize = 64 << 20;
 /// After a stop, samples that wait are written for this long; the rest is lost and counted.
 const LAST_WRITES_NS: u64 = 250_000_000;
@@ -34,8 +33,7 @@ const LAST_WRITES_NS: u64 = 250_000_000;
 pub struct Captured {
     /// Topics with their counts.
     pub topics: Vec<TopicCount>,
-    /// Messages that were sent but are not in the bag, by topic: lost on the way here, or dropped because the disk was
-    /// too slow.
+    /// Messages that were sent but are not in the bag, by topic: lost on the way here, or because of a slow disk.
     pub lost: BTreeMap<String, u64>,
 }
 

@@ -124,8 +124,7 @@ impl Player {
         }
     }
 
-    /// Goes on at `log_time`, ns since the epoch; the position of that moment, or `None` when it is not within the
-    /// round.
+    /// Goes on at `log_time`, ns since the epoch. Returns its position, or `None` for a time outside of the round.
     pub fn seek(&mut self, log_time: u64) -> Option<u64> {
         let (start, end) = self.window;
         if !(start..=end).contains(&log_time) {
@@ -188,9 +187,8 @@ pub enum PlaybackState {
     Paused,
 }
 
-/// The position of a replay, `anchor.1 + (ticks - anchor.0) * rate` while it runs. Ticks and positions are nanoseconds
-/// from an origin of their own. At rate 0 no time passes by itself: each message is due at once, and takes the position
-/// along.
+/// The position of a replay, `anchor.1 + (ticks - anchor.0) * rate` while it runs, in ns; ticks have an origin of their
+/// own. At rate 0 no time passes by itself: each message is due at once, and moves the position.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlaybackClock {
     rate: f64,

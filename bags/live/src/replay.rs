@@ -1,5 +1,4 @@
-//! Replaying a bag into a running graph: each payload is sent as it was recorded, on its topic, when it is due.
-//! Services of the node `/rosbag2_player` drive it.
+//! Replaying a bag into a running graph: each payload is sent as it was recorded when it is due.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -64,8 +63,7 @@ pub struct Replayed {
     pub unheard: Vec<String>,
 }
 
-/// Sends every message of `player` when it is due by `pace`, which starts here. At rate 0 an image waits until the readers
-/// have taken the last one.
+/// Sends every message of `player` when it is due by `pace`. At rate 0 each image waits for the readers of the last one.
 ///
 /// # Errors
 /// [`LiveError`] when the bag cannot be read on or the wire does not take it.
@@ -165,14 +163,13 @@ fn serve_parameters(
         // Fails only when the caller has gone.
         let answers = request.changes.iter().map(|values| parameters.with(values, true).map(drop));
         let _ = request.answer.send(ParameterAnswer::Done(answers.collect()));
-        None
+        true
     };
     let port = ParameterPort { read: Box::new(move || read.clone()), request: Box::new(request) };
     Ok((transport.serve_parameters(node_name, port)?, events))
 }
 
-/// Returns the account of a replay that has sent so many messages by topic, for the summary of a launch: its frames are the
-/// images on the topic with the most of them.
+/// Returns the account of a replay for the summary of a launch; its frames are the images on the topic with the most.
 pub fn report(sent: &BTreeMap<String, u64>, player: &Player, options: &ReplayOptions) -> NodeReport {
     let mut report = NodeReport::new(format!("/{NODE}"));
     let mut frames = 0;
@@ -190,8 +187,7 @@ pub fn report(sent: &BTreeMap<String, u64>, player: &Player, options: &ReplayOpt
     report
 }
 
-/// Waits until a topic has a reader, or for half a second: discovery takes a moment, and the first message should reach
-/// the readers that are there already.
+/// Waits until a topic has a reader, at most for half a second: readers that are there already get the first message.
 fn wait_until_heard(publishers: &Publishers, clock: &dyn Clock, stop: &Stop) {
     let start = clock.ticks_ns();
     while !publishers.wanted() && clock.ticks_ns() - start < 500_000_000 && stop.urgency() == Urgency::None {
@@ -362,8 +358,7 @@ struct TopicPublisher {
 }
 
 impl Publishers {
-    /// Declares all topics of `player` except that of `time`, of which there must be only one source. Those that no reader
-    /// gets are added to `unheard`.
+    /// Declares all topics of `player` except that of `time`. Those that no reader gets are added to `unheard`.
     fn declare(
         transport: &ZenohTransport,
         node_name: &NodeName,
@@ -395,8 +390,7 @@ impl Publishers {
         self.0.iter().any(|topic| topic.publisher.wanted())
     }
 
-    /// Returns the publisher of the topic and type of `message`; `None` where --clock publishes the time instead, and for a
-    /// topic that is left out.
+    /// Returns the publisher of the topic and type of `message`; `None` for a topic that is left out, as /clock by --clock.
     fn of(&mut self, message: &RawMessage) -> Option<&mut TopicPublisher> {
         let BagTopic { name, type_name, .. } = &*message.topic;
         self.0.iter_mut().find(|to| to.topic.name == *name && to.topic.type_name == *type_name)

@@ -1,7 +1,6 @@
 //! [`NodeReport`]: the counts and durations of a node. The launcher adds the reports of all nodes up.
 //!
-//! Durations are kept as mergeable histograms, so that percentiles over several processes are computed from counts and
-//! never from averages of percentiles.
+//! Durations are kept as mergeable histograms: percentiles over several processes are computed from counts.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -122,8 +121,7 @@ pub fn bucket_of(us: u64) -> u64 {
     (((us >> shift) + 1) << shift) - 1
 }
 
-/// Returns the smallest bucket bound, in microseconds, below or at which at least the fraction `q` of all counts lies;
-/// `None` when nothing was counted.
+/// Returns the smallest bucket bound, in µs, at or below which the fraction `q` of all counts lies; `None` without any.
 pub fn quantile(histogram: &Histogram, q: f64) -> Option<u64> {
     let total: u64 = histogram.values().sum();
     // Rank 0, which q = 0 gives, means the smallest value as well.

@@ -1,5 +1,4 @@
-//! Reading `node` and `executable`, with the parameters of a node: `{name, value[, type]}`, `{name, param: [...]}` and
-//! `{from: file}`.
+//! Reading `node` and `executable`, with their parameters: name and value or nested ones, or a file.
 
 use modulo_runtime::yaml::{Content, Item, ScalarType};
 

@@ -1,5 +1,4 @@
-//! The arguments that can be given to a launch file: its own and those of the
-//! files it includes, also in branches that would not be taken.
+//! The arguments of a launch file and of the files that it includes, also in branches not taken.
 
 use std::path::{Path, PathBuf};
 
@@ -93,8 +92,7 @@ impl Collector {
         if let Ok((name, value)) = argument_value(argument, self.scope.at(file)) {
             self.scope.variables.insert(name, value);
         }
-        // An argument that an include gives has its value already: a value from outside would be ignored, so the argument
-        // is not offered.
+        // A value from outside for an argument that an include gives would be ignored, so that it is not offered.
         let known =
             self.fixed.contains(&declared.name) || self.found.iter().any(|other| other.name == declared.name);
         self.found.extend((!known).then(|| declared.clone()));

@@ -46,8 +46,7 @@ pub(super) fn node(action: &NodeAction, site: &DeclarationSite<'_>) -> Result<No
     let package = view.string(&action.package)?;
     let executable = view.string(&action.executable)?;
     let given = view.optional(&action.process.name)?;
-    // A program of another package may choose its own name. A node of this suite is named after its
-    // executable.
+    // A program of another package may choose its own name; a node of this suite has that of its executable.
     let name = given.or_else(|| (package == SUITE).then(|| executable.clone()));
     let label = view.optional(&action.label)?.or_else(|| name.clone()).unwrap_or_else(|| executable.clone());
     let parameters = own_parameters(&action.parameters, site)?;

@@ -169,8 +169,7 @@ impl Resolver {
             }
         }
         self.scope.variables.extend(arguments);
-        // The file counts as open only while it is read: to include it twice, one after the other, is no
-        // loop.
+        // The file counts as open only while it is read: to include it twice is no loop.
         self.open.push(identity);
         let done = self.all(&launch_file.path, &launch_file.actions);
         self.open.pop();

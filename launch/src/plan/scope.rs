@@ -163,8 +163,7 @@ pub(super) fn parameter_value(
     checked.map_err(|why| view.refuse(name, format!("parameter '{}' {why}", name.source)))
 }
 
-/// Reads the included file. A relative path is refused: ROS 2 would look for it in the folder in which the launch is
-/// started, and not beside the including file.
+/// Reads the included file. A relative path is refused, which ROS 2 would look for in the folder of the start.
 pub(super) fn included(include: &Include, view: View<'_>) -> Result<LaunchFile, Mistakes> {
     let path = PathBuf::from(view.string(&include.file)?);
     if path.is_relative() {
@@ -206,9 +205,6 @@ pub struct ParameterText {
 
 impl ParameterText {
     /// A scalar; a `kind` is checked, and a `float` gets its decimal point.
-    ///
-    /// # Errors
-    /// A text that names the type that `text` does not have.
     pub(super) fn scalar(text: String, kind: Option<&'static str>) -> Result<Self, String> {
         let text = match kind {
             Some(of) if !of.starts_with("list_of_") => typed(text, of)?,
@@ -224,9 +220,6 @@ impl ParameterText {
     }
 
     /// A list of (text, type as it is written).
-    ///
-    /// # Errors
-    /// A text that names the item that does not have the requested type.
     pub(super) fn list(
         items: Vec<(String, Option<ScalarType>)>,
         kind: Option<&'static str>,

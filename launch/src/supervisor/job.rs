@@ -120,9 +120,6 @@ const OWNER: &str = "owner.lock";
 impl Folders {
     /// Makes the folders. A node writes its report before it sends a result, so that the reports lie in memory where that is
     /// possible: a file on a disk costs half a millisecond of each result.
-    ///
-    /// # Errors
-    /// The error of the system.
     pub fn new() -> io::Result<Self> {
         let on_disk = || RunFolder::new_in(&std::env::temp_dir());
         let in_memory = || RunFolder::new_in(Path::new(MEMORY)).or_else(|_| on_disk());
@@ -154,21 +151,11 @@ pub(super) fn all(plan: &Plan, how: &Supervision, folders: &Folders) -> Result<V
     ];
     let variables: Vec<_> = variables.into_iter().chain(traced).collect();
     let nodes = plan.nodes.iter().map(|node| node_job(node, how, reports, &variables));
-    let executables = plan.executables.iter().map(|executable| {
-        let command = executable_command(executable, &how.suite);
-        let mut process = executable.process.clone();
-        let mut origin = Origin::Foreign;
-        if executable.command.first().is_some_and(|word| word == SUITE) {
-            origin = Origin::Command;
-            // A player of the suite reports what it has sent.
-            process.env.insert(launcher::REPORT_DIR.to_owned(), reports.display().to_string());
-        }
-        Ok(Job { origin, command, process, life_signs: None, max_restarts: how.max_restarts })
-    });
+    let executables = plan.executables.iter().map(|executable| Ok(executable_job(executable, how, reports)));
     nodes.chain(executables).collect()
 }
 
-/// Returns the job of a node that gets the variables `told`.
+/// Returns the job of a node that gets `variables`. A node of the suite is run by it, another one from its package.
 fn node_job(
     node: &NodePlan,
     how: &Supervision,
@@ -181,31 +168,30 @@ fn node_job(
     process.env.extend(variables.iter().map(|(name, value)| ((*name).to_owned(), value.clone())));
     let watched = origin == Origin::Suite && process.respawn.is_some();
     let life_signs = how.hang_timeout.filter(|_| watched).and_then(|limit| {
-        let name = node.name.as_ref().map(|name| format!("{}/{name}", node.namespace));
-        Some(LifeSigns { folder: reports.to_owned(), node: name?, limit })
+        Some(LifeSigns { folder: reports.to_owned(), node: node.fully_qualified()?, limit })
     });
-    let command = node_command(node, &how.suite)?;
+    let (mut program, mut arguments) = (how.suite.clone(), ros_arguments(node));
+    if origin == Origin::Suite {
+        arguments.splice(0..0, ["run".to_owned(), node.executable.clone()]);
+    } else {
+        program = installed(node)?;
+    }
+    let command = CommandLine { program, arguments };
     Ok(Job { origin, command, process, life_signs, max_restarts: how.max_restarts })
 }
 
-/// A node of the suite is run by `suite`, another one from its package.
-fn node_command(node: &NodePlan, suite: &Path) -> Result<CommandLine, LaunchError> {
-    let mut arguments = ros_arguments(node);
-    if node.package == SUITE {
-        arguments.splice(0..0, ["run".to_owned(), node.executable.clone()]);
-        return Ok(CommandLine { program: suite.to_owned(), arguments });
+/// Returns the job of an `executable` action. The suite's own command is run by it, whether or not it is on the PATH.
+fn executable_job(executable: &ExecutablePlan, how: &Supervision, reports: &Path) -> Job {
+    let (mut process, command) = (executable.process.clone(), executable.command.split_first());
+    let (word, arguments) = command.expect("the plan of an executable has a command that is not empty");
+    let (mut origin, mut program) = (Origin::Foreign, PathBuf::from(word));
+    if word == SUITE {
+        (origin, program) = (Origin::Command, how.suite.clone());
+        // A player of the suite reports what it has sent.
+        process.env.insert(launcher::REPORT_DIR.to_owned(), reports.display().to_string());
     }
-    Ok(CommandLine { program: installed(node)?, arguments })
-}
-
-/// The command of an `executable` action. The suite's own command is `suite`, whether or not it is on the PATH.
-fn executable_command(executable: &ExecutablePlan, suite: &Path) -> CommandLine {
-    let mut words = executable.command.iter().cloned();
-    let program = match words.next() {
-        Some(word) if word == SUITE => suite.to_owned(),
-        word => word.expect("the plan of an executable has a command that is not empty").into(),
-    };
-    CommandLine { program, arguments: words.collect() }
+    let command = CommandLine { program, arguments: arguments.to_vec() };
+    Job { origin, command, process, life_signs: None, max_restarts: how.max_restarts }
 }
 
 fn installed(node: &NodePlan) -> Result<PathBuf, LaunchError> {
@@ -259,8 +245,7 @@ impl Job {
         }
     }
 
-    /// Returns how a life ended, after the last line of standard error was shown, and that line. `Err` has the exit status of a
-    /// process that was told to end.
+    /// Returns how a life ended, and the last line of standard error. `Err` has the status of a process that was told to end.
     async fn live(
         &self,
         mut running: Running,
@@ -269,8 +254,7 @@ impl Job {
         print: &Print,
     ) -> (Result<ProcessEnd, io::Result<ExitStatus>>, String) {
         let id = running.id();
-        // A process that has ended by itself is not called shut down, even if the order to end comes at
-        // the same moment: the first branch is looked at first.
+        // A process that ends at the same moment is not called shut down: this branch comes first.
         let end = tokio::select! {
             biased;
             status = running.wait() => Ok(self.ended(status, restarts)),
@@ -290,8 +274,7 @@ impl Job {
         (end, running.finish().await)
     }
 
-    /// Returns the pause before the next start after a life of `lived` that ended with `end`; or how the process ended
-    /// for good.
+    /// Returns the pause before the next start after a life of `lived`; or how the process ended for good.
     fn after_end(
         &self,
         end: &ProcessEnd,

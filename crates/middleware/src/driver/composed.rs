@@ -1,5 +1,4 @@
-//! The composed driver: several live nodes in one process, a thread each, on the local transport. Frames are shared,
-//! never serialised.
+//! The composed driver: several live nodes in one process, a thread each, on the local transport.
 
 use std::sync::Arc;
 use std::thread;

@@ -117,8 +117,7 @@ impl Graph {
     }
 }
 
-/// Returns whether the messages of two publishers on this topic would mix: those of images and boxes. Any number of nodes
-/// publishes statuses and lines of the log on one topic.
+/// Returns whether the messages of two publishers on this topic would mix: those of images and boxes, not of statuses.
 fn is_stream(endpoint: &Endpoint) -> bool {
     let kinds =
         [MessageKind::Image, MessageKind::CompressedImage, MessageKind::CameraInfo, MessageKind::Detections];

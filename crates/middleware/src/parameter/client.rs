@@ -20,8 +20,7 @@ use crate::transport::{Transport as _, TransportError};
 
 /// Time limit for a node to appear, and for it to answer.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Time limit for an answer to a request to set a parameter. A node answers it within 20 s: it may be busy, and may have to
-/// load a model.
+/// Time limit for the answer to a change of a parameter, which a node gives within 20 s: it may have to load a model.
 const SET_PATIENCE: Duration = Duration::from_secs(25);
 const GLANCE: Duration = Duration::from_millis(20);
 
@@ -58,9 +57,6 @@ impl<'a> ParameterClient<'a> {
     }
 
     /// Returns the names of all parameters.
-    ///
-    /// # Errors
-    /// [`ClientError`] when the node does not answer.
     pub fn names(&self) -> Result<Vec<String>, ClientError> {
         let ListParametersResponse { result } =
             self.call(Service::ListParameters, &ListParametersRequest::default())?;
@@ -79,17 +75,13 @@ impl<'a> ParameterClient<'a> {
     }
 
     /// Returns the descriptors of `names`; the type of an unknown parameter is `NOT_SET`.
-    ///
-    /// # Errors
-    /// [`ClientError`] when the node does not answer.
     pub fn descriptors(&self, names: &[String]) -> Result<Vec<ParameterDescriptor>, ClientError> {
         let DescribeParametersResponse { descriptors } =
             self.call(Service::DescribeParameters, &DescribeParametersRequest { names: names.to_vec() })?;
         Ok(descriptors)
     }
 
-    /// Sets one parameter to the value that `text` has in YAML. The type of its present value is the type that the text is
-    /// read as; without a value, the type is that of the notation.
+    /// Sets one parameter to the value that `text` has in YAML, read as the type of its present value if it has one.
     ///
     /// # Errors
     /// [`ClientError`] when the text has another type, the node refuses the value, or it does not answer.

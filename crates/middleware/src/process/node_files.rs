@@ -34,8 +34,7 @@ pub enum WriteReason {
 }
 
 impl ReportFile {
-    /// Returns the file for this life of the node with this fully qualified name: the first number that no earlier life
-    /// has.
+    /// Returns the file for this life of the node with this fully qualified name: the first number that is free.
     ///
     /// # Errors
     /// The error of the system when no file can be made in `folder`.
@@ -82,8 +81,7 @@ fn text(report: &NodeReport) -> io::Result<Vec<u8>> {
     Ok(serde_json::to_vec(report)?)
 }
 
-/// The state that outlasts a crash of a node: the parameters that it has accepted since its launch, and the position of
-/// a source.
+/// The state that outlasts a crash of a node: the parameters that it has accepted, and the position of a source.
 ///
 /// The folder exists only during one launch: a file in it at the start of a node was written by the same node before a
 /// crash. Parameters of an earlier launch are never restored.

@@ -1,5 +1,4 @@
-//! The transport of messages from node to node. Two transports implement one trait: `local` within a process (shared,
-//! never serialised) and `zenoh` between processes.
+//! The transport of messages from node to node: `local` within a process (shared, never serialised), or `zenoh`.
 
 pub mod local;
 pub mod queue;
@@ -102,9 +101,6 @@ pub trait Publisher: Send {
     fn wanted(&self) -> bool;
 
     /// Sends one message to all readers.
-    ///
-    /// # Errors
-    /// [`TransportError`] when it could not be handed over.
     fn put(&self, message: &Message) -> Result<(), TransportError>;
 }
 
@@ -122,8 +118,7 @@ pub struct ParameterRequest {
 /// The answer of a node to a [`ParameterRequest`].
 #[derive(Debug, PartialEq, Eq)]
 pub enum ParameterAnswer {
-    /// The node has begun to load what the changes need, such as a model. They take effect when that is done, also when the
-    /// caller waits no longer. `Done` follows.
+    /// The node has begun to load what the changes need, such as a model. They take effect after that; `Done` follows.
     Loading,
     /// One result for each change.
     Done(Vec<Result<(), ParameterError>>),
@@ -149,8 +144,8 @@ impl Claim {
 pub struct ParameterPort {
     /// Reads the current set.
     pub read: Box<dyn Fn() -> Parameters + Send + Sync>,
-    /// Hands a request to the node's loop; returns it when the node has too many or is ending.
-    pub request: Box<dyn Fn(ParameterRequest) -> Option<ParameterRequest> + Send + Sync>,
+    /// Hands a request to the node's loop; returns whether the node takes it, and has not too many and is not ending.
+    pub request: Box<dyn Fn(ParameterRequest) -> bool + Send + Sync>,
 }
 
 /// Pauses a node (`false`) or lets it go on; the error is the reason why it has not done so.
@@ -167,6 +162,15 @@ pub struct NodeId {
 
 /// Something that must stay alive for a declaration to hold.
 pub type Guard = Box<dyn Send + Sync>;
+
+/// Runs its closure when it is dropped, such as to end a declaration.
+pub(crate) struct OnDrop<F: FnMut()>(pub F);
+
+impl<F: FnMut()> Drop for OnDrop<F> {
+    fn drop(&mut self) {
+        (self.0)();
+    }
+}
 
 /// A carrier of messages. An operation that it cannot do is a [`TransportError`].
 pub trait Transport: Send + Sync {

@@ -25,7 +25,7 @@ use modulo_runtime::{
     Stop, Topic, Urgency,
 };
 
-use super::{CommonParameters, GRAPH_GLANCE, ImageTransport, RunError, wait_for, wait_until_ready};
+use super::{CommonParameters, GRAPH_GLANCE, ImageTransport, RunError, wait_until_ready};
 use crate::driver::pacing::{Pacing, ack_topic};
 use crate::graph::diagnostics::NodeCondition;
 use crate::graph::node_time::NodeTime;
@@ -203,7 +203,9 @@ impl Live<'_> {
     }
 
     fn wait_for_others(&self) -> Result<(), RunError> {
-        let (nodes, patience) = wait_for(&self.node_name, &self.settings.read())?;
+        let CommonParameters { wait_for, wait_timeout, .. } = (&self.settings.read()).into();
+        let nodes = wait_for.iter().map(|name| self.node_name.resolve(name)).collect::<Result<_, _>>()?;
+        let patience = Duration::from_secs_f64(wait_timeout);
         wait_until_ready(self.transport, &self.time, nodes, patience, &self.stop).map_err(|missing| {
             RunError::Waited(self.telemetry.node().to_owned(), patience.as_secs(), missing)
         })
@@ -291,8 +293,7 @@ impl Live<'_> {
         self.telemetry.write_report(reason, &self.inputs, &*self.node, &self.time);
     }
 
-    /// Does what is due beside the frames: discards a deferred frame, brings the account on the disk and `/diagnostics` up to date,
-    /// and warns of streams that do not come.
+    /// Does what is due beside the frames: discards a deferred frame, updates the report and `/diagnostics`, and warns.
     fn report_when_due(&mut self) {
         self.discard_deferred();
         self.write_report(WriteReason::Idle);

@@ -69,8 +69,7 @@ struct PendingStream {
     warn_at: u64,
 }
 
-/// The frame with which the stream after a left one began: its stamp, and the ticks at which it came. The left stream is
-/// read until it has reached this frame.
+/// The stamp of the first frame of the stream after a left one, which is read up to it, and the ticks at its arrival.
 struct Successor {
     first: u64,
     since: u64,
@@ -171,8 +170,7 @@ impl Slot {
         (true, None)
     }
 
-    /// Looks at the time that the swap takes, at the ticks `now`. Returns a warning if one is due, and a subscription
-    /// that is no longer needed.
+    /// Returns a warning if one is due at the ticks `now`, and a subscription that is no longer needed.
     pub fn look(&mut self, now: u64) -> (Option<String>, Option<SlotInput>) {
         let late = |(_, left): &(_, Successor)| now.saturating_sub(left.since) > nanos(PATIENCE);
         let closed = self.leaving.iter().position(late).map(|index| self.leaving.remove(index).0);

@@ -1,5 +1,4 @@
-//! What a live node looks for beside its work, and warns of in its log: messages that cannot be read ([`SkipWarnings`]), and images
-//! that do not come ([`Silence`]).
+//! What a live node warns of beside its work: messages that cannot be read, and images that do not come.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -12,8 +11,7 @@ use crate::transport::Transport;
 /// A node that waits for an image for so long warns.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// The waits of a node for the next image of each of its image topics. Only the time counts in which the node could have
-/// taken one.
+/// The waits for the next image of each image topic. Only the time counts in which the node could have taken one.
 #[derive(Default)]
 pub(super) struct Silence {
     waits: BTreeMap<String, Wait>,
@@ -33,8 +31,7 @@ impl Silence {
         self.waits.values().find_map(|wait| wait.warning.as_deref())
     }
 
-    /// Notes that an image of `topic` was answered from the ticks `begin` to `now`. Returns a text when a warning was given
-    /// before.
+    /// Notes that an image of `topic` was answered from the ticks `begin` to `now`. Returns a text after a warning.
     pub fn end(&mut self, topic: &str, begin: u64, now: u64) -> Option<String> {
         let before = self.waits.get(topic)?.since;
         // Images of other topics could not be taken meanwhile.
