@@ -27,49 +27,49 @@ pub(crate) struct LaunchFile {
 pub(crate) struct Action {
     /// Line in the file, from 1.
     pub line: usize,
-    /// The condition under which it is done.
-    pub condition: Condition,
+    /// A condition, and the value of it with which the action is done; `None` for an action that is always done.
+    pub condition: Option<(Text, bool)>,
     /// What is done.
     pub kind: ActionKind,
-}
-
-/// The condition under which an action is done.
-#[derive(Clone, Debug)]
-pub(crate) enum Condition {
-    Always,
-    If(Text),
-    Unless(Text),
 }
 
 /// What an action does.
 #[derive(Clone, Debug)]
 pub(crate) enum ActionKind {
     Argument(Argument),
-    Let { name: Text, value: Text },
-    SetEnvironment { name: Text, value: Text },
-    UnsetEnvironment { name: Text },
+    Let(Text, Text),
+    SetEnvironment(Text, Text),
     Group { scoped: Option<Text>, children: Vec<Action> },
     PushNamespace(Text),
     Include(Include),
-    Timer { period: Text, children: Vec<Action> },
     Log(Text),
-    SetParameter { name: Text, value: Text },
-    SetRemap { from: Text, to: Text },
+    SetParameter(Text, Text),
+    SetRemap(Text, Text),
     Node(Box<NodeAction>),
     Executable(Box<ExecutableAction>),
 }
 
-/// A declared launch argument.
+/// An argument of a launch file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DeclaredArgument {
+    /// Its name.
+    pub name: String,
+    /// Its value when none is given, as written; `None` when one must be given.
+    pub default: Option<String>,
+    /// Its purpose, for `--show-args`.
+    pub description: Option<String>,
+    /// The possible values; any when empty.
+    pub choices: Vec<String>,
+}
+
+/// The action that declares an argument.
 #[derive(Clone, Debug)]
 pub(crate) struct Argument {
-    /// Its name.
-    pub name: Text,
+    /// Line of its name, from 1.
+    pub line: usize,
+    pub declared: DeclaredArgument,
     /// Its value when none is given.
     pub default: Option<Text>,
-    /// Its purpose, for `--show-args`.
-    pub description: Option<Text>,
-    /// The possible values; any when empty.
-    pub choices: Vec<Text>,
 }
 
 /// Another launch file, with values for its arguments.
@@ -88,19 +88,28 @@ struct ActionReader {
     read: fn(&Attributes<'_>) -> Result<ActionKind, Mistakes>,
 }
 
-const READERS: [ActionReader; 14] = [
+const NAME_VALUE: [&str; 2] = ["name", "value"];
+const FROM_TO: [&str; 2] = ["from", "to"];
+
+const READERS: [ActionReader; 12] = [
     ActionReader { name: "arg", keys: &[&["name", "default", "description", "choice"]], read: argument },
-    ActionReader { name: "let", keys: &[&["name", "value"]], read: variable },
-    ActionReader { name: "set_env", keys: &[&["name", "value"]], read: set_environment },
-    ActionReader { name: "unset_env", keys: &[&["name"]], read: unset_environment },
+    ActionReader { name: "let", keys: &[&NAME_VALUE], read: |a| pair(a, NAME_VALUE, ActionKind::Let) },
+    ActionReader {
+        name: "set_env",
+        keys: &[&NAME_VALUE],
+        read: |a| pair(a, NAME_VALUE, ActionKind::SetEnvironment),
+    },
     ActionReader { name: "group", keys: &[&["scoped", "children"]], read: group },
     ActionReader { name: "push_ros_namespace", keys: &[&["namespace"]], read: push_namespace },
     ActionReader { name: "push-ros-namespace", keys: &[&["namespace"]], read: push_namespace },
     ActionReader { name: "include", keys: &[&["file", "arg"]], read: include },
-    ActionReader { name: "timer", keys: &[&["period", "children"]], read: timer },
     ActionReader { name: "log", keys: &[&["message"]], read: log },
-    ActionReader { name: "set_parameter", keys: &[&["name", "value"]], read: set_parameter },
-    ActionReader { name: "set_remap", keys: &[&["from", "to"]], read: set_remap },
+    ActionReader {
+        name: "set_parameter",
+        keys: &[&NAME_VALUE],
+        read: |a| pair(a, NAME_VALUE, ActionKind::SetParameter),
+    },
+    ActionReader { name: "set_remap", keys: &[&FROM_TO], read: |a| pair(a, FROM_TO, ActionKind::SetRemap) },
     ActionReader { name: "node", keys: &[process::NODE_KEYS, process::PROCESS_KEYS], read: process::node },
     ActionReader { name: "executable", keys: &[&["cmd"], process::PROCESS_KEYS], read: process::executable },
 ];
@@ -148,7 +157,7 @@ fn read(file: &Path, item: &Item) -> Result<Action, Mistakes> {
     // ROS 2 takes a list right below `group` for its children.
     if let ("group", Content::List(children)) = (reader.name, &body.content) {
         let kind = ActionKind::Group { scoped: None, children: read_all(file, children)? };
-        return Ok(Action { line: key.line, condition: Condition::Always, kind });
+        return Ok(Action { line: key.line, condition: None, kind });
     }
     let known: Vec<&str> = reader.keys.iter().copied().flatten().chain(&["if", "unless"]).copied().collect();
     let mut attributes = Attributes::read(file, reader.name, body, &known)?;
@@ -158,44 +167,39 @@ fn read(file: &Path, item: &Item) -> Result<Action, Mistakes> {
     Ok(Action { line: key.line, condition, kind: (reader.read)(&attributes)? })
 }
 
-fn condition(attributes: &Attributes<'_>) -> Result<Condition, LaunchError> {
+fn condition(attributes: &Attributes<'_>) -> Result<Option<(Text, bool)>, LaunchError> {
     match (attributes.text("if")?, attributes.text("unless")?) {
-        (None, None) => Ok(Condition::Always),
-        (Some(condition), None) => Ok(Condition::If(condition)),
-        (None, Some(condition)) => Ok(Condition::Unless(condition)),
         (Some(_), Some(unless)) => {
             Err(attributes.refuse(unless.line, "'if' and 'unless' exclude each other"))
         }
+        (wanted, unwanted) => Ok(wanted.map(|text| (text, true)).or(unwanted.map(|text| (text, false)))),
     }
 }
 
 fn argument(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
     let choices = attributes.entries("choice", &["value"])?;
-    Ok(ActionKind::Argument(Argument {
-        name: attributes.plain("name")?.ok_or_else(|| attributes.missing("name"))?,
-        default: attributes.text("default")?,
-        description: attributes.plain("description")?,
-        choices: choices.iter().map(choice).collect::<Result<_, _>>()?,
-    }))
+    let (name, default) = (required_plain(attributes, "name")?, attributes.text("default")?);
+    let choices = choices.iter().map(|choice| Ok(required_plain(choice, "value")?.1));
+    let declared = DeclaredArgument {
+        name: name.1,
+        default: default.as_ref().map(|text| text.source.clone()),
+        description: attributes.plain("description")?.map(|(_, text)| text),
+        choices: choices.collect::<Result<_, LaunchError>>()?,
+    };
+    Ok(ActionKind::Argument(Argument { line: name.0, declared, default }))
 }
 
-fn choice(choice: &Attributes<'_>) -> Result<Text, LaunchError> {
-    choice.plain("value")?.ok_or_else(|| choice.missing("value"))
+fn required_plain(attributes: &Attributes<'_>, key: &str) -> Result<(usize, String), LaunchError> {
+    attributes.plain(key)?.ok_or_else(|| attributes.missing(key))
 }
 
-fn variable(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
-    Ok(ActionKind::Let { name: attributes.required("name")?, value: attributes.required("value")? })
-}
-
-fn set_environment(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
-    Ok(ActionKind::SetEnvironment {
-        name: attributes.required("name")?,
-        value: attributes.required("value")?,
-    })
-}
-
-fn unset_environment(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
-    Ok(ActionKind::UnsetEnvironment { name: attributes.required("name")? })
+/// Reads an action with two texts.
+fn pair(
+    attributes: &Attributes<'_>,
+    keys: [&str; 2],
+    kind: fn(Text, Text) -> ActionKind,
+) -> Result<ActionKind, Mistakes> {
+    Ok(kind(attributes.required(keys[0])?, attributes.required(keys[1])?))
 }
 
 fn group(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
@@ -212,19 +216,6 @@ fn include(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
     Ok(ActionKind::Include(Include { file, arguments: attributes.pairs("arg", ["name", "value"])? }))
 }
 
-fn timer(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
-    let period = attributes.number("period")?.ok_or_else(|| attributes.missing("period"))?;
-    Ok(ActionKind::Timer { period, children: read_all(attributes.file, attributes.list("children")?)? })
-}
-
 fn log(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
     Ok(ActionKind::Log(attributes.required("message")?))
-}
-
-fn set_parameter(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
-    Ok(ActionKind::SetParameter { name: attributes.required("name")?, value: attributes.required("value")? })
-}
-
-fn set_remap(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
-    Ok(ActionKind::SetRemap { from: attributes.required("from")?, to: attributes.required("to")? })
 }

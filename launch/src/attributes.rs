@@ -1,5 +1,4 @@
-//! The attributes of an action: known keys, required keys and YAML types are
-//! checked here, each with the line of the mistake. Nothing is evaluated.
+//! The attributes of an action: known keys, required keys and YAML types, with the lines of mistakes.
 
 use std::path::Path;
 
@@ -33,9 +32,6 @@ pub(crate) struct Attributes<'a> {
 
 impl<'a> Attributes<'a> {
     /// The attributes in `item`, which must be a mapping with `known` keys only.
-    ///
-    /// # Errors
-    /// [`LaunchError::At`] with the known keys.
     pub fn read(file: &'a Path, of: &'a str, item: &'a Item, known: &[&str]) -> Result<Self, LaunchError> {
         let Content::Map(pairs) = &item.content else {
             let message = format!("{of}: expected a mapping of attributes, found {}", item.described());
@@ -65,15 +61,11 @@ impl<'a> Attributes<'a> {
         self.item(key).map(|item| self.scalar(key, item, &[ScalarType::String])).transpose()
     }
 
-    /// The string `key` as it is: ROS 2 evaluates no substitution in it.
-    pub fn plain(&self, key: &str) -> Result<Option<Text>, LaunchError> {
-        let text = self.text(key)?;
-        match text {
-            Some(text) if text.template.as_plain().is_none() => {
-                Err(self.refuse(text.line, format!("{key}: ROS 2 evaluates no substitution here")))
-            }
-            text => Ok(text),
-        }
+    /// The line and the string of `key`, in which ROS 2 evaluates no substitution.
+    pub fn plain(&self, key: &str) -> Result<Option<(usize, String)>, LaunchError> {
+        let Some(Text { line, template, .. }) = self.text(key)? else { return Ok(None) };
+        let plain = template.as_plain().map(|plain| Some((line, plain.to_owned())));
+        plain.ok_or_else(|| self.refuse(line, format!("{key}: ROS 2 evaluates no substitution here")))
     }
 
     /// The value of `key`, which must be of type `kind` as it is written. ROS 2 does not convert a string here:
@@ -85,13 +77,6 @@ impl<'a> Attributes<'a> {
             }
             item => item.map(|item| self.scalar(key, item, &[kind])).transpose(),
         }
-    }
-
-    /// The number `key`, or a string that will be one. ROS 2 asks for a decimal point.
-    pub fn number(&self, key: &str) -> Result<Option<Text>, LaunchError> {
-        self.item(key)
-            .map(|item| self.scalar(key, item, &[ScalarType::Float, ScalarType::String]))
-            .transpose()
     }
 
     /// The string `key`, which must be there.

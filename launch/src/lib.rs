@@ -49,33 +49,12 @@ pub enum LaunchError {
         /// The system's reason.
         why: String,
     },
-    /// A `name:=value` that no launch file declares.
-    #[error("unknown launch argument '{name}', {known}")]
-    UnknownArgument {
-        /// The name on the command line.
-        name: String,
-        /// The declared ones, as text.
-        known: String,
-    },
-    /// A process that cannot be started.
-    #[error("{process}: {why}")]
-    Start {
-        /// Its label.
-        process: String,
-        /// The command that was tried, and why it failed.
-        why: String,
-    },
+    /// An undeclared argument, a process that cannot be started or cannot run inside another one; in words.
+    #[error("{0}")]
+    Other(String),
     /// Something that is wrong only because of an earlier mistake; never shown.
     #[error("follows from an earlier mistake")]
     Consequence,
-    /// A plan that cannot run inside one process.
-    #[error("{process} cannot run in one process: {why}")]
-    NotComposable {
-        /// Its label.
-        process: String,
-        /// Which property of it stands in the way.
-        why: String,
-    },
 }
 
 /// Everything that is wrong with a launch file; never empty.

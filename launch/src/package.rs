@@ -12,15 +12,18 @@ pub const SUITE: &str = "modulo";
 /// A file by which the share folder of the suite is recognised.
 const MARKER: &str = "launch/suite.launch.yaml";
 
-/// The launcher's environment; variables that are not text are left out.
-pub(crate) fn environment() -> BTreeMap<String, String> {
-    std::env::vars_os().filter_map(|(k, v)| Some((k.into_string().ok()?, v.into_string().ok()?))).collect()
+/// The variable `name` of a process whose `environment` is added to that of the launcher; `None` when it is not text.
+pub(crate) fn variable(environment: &BTreeMap<String, String>, name: &str) -> Option<String> {
+    environment.get(name).cloned().or_else(|| std::env::var(name).ok())
+}
+
+/// The prefixes under which ROS 2 has installed packages.
+pub(crate) fn prefixes(environment: &BTreeMap<String, String>) -> Vec<PathBuf> {
+    let path = variable(environment, "AMENT_PREFIX_PATH").unwrap_or_default();
+    path.split(':').filter(|prefix| !prefix.is_empty()).map(PathBuf::from).collect()
 }
 
 /// `share/<package>` of a package; for the suite the folder that holds `launch/`.
-///
-/// # Errors
-/// A text with the places that were looked at.
 pub(crate) fn share(
     package: &str,
     file: &Path,
@@ -36,9 +39,6 @@ pub(crate) fn share(
 }
 
 /// The prefix under which a package is installed; for the suite in a checkout the checkout.
-///
-/// # Errors
-/// A text with the places that were looked at.
 pub(crate) fn prefix(
     package: &str,
     file: &Path,
@@ -64,18 +64,18 @@ fn suite_roots(file: &Path) -> Vec<PathBuf> {
 }
 
 fn installed(package: &str, environment: &BTreeMap<String, String>) -> Result<PathBuf, String> {
-    let path = environment.get("AMENT_PREFIX_PATH").map_or("", String::as_str);
-    let prefixes: Vec<&str> = path.split(':').filter(|prefix| !prefix.is_empty()).collect();
-    let found = prefixes.iter().map(Path::new).find(|prefix| prefix.join("share").join(package).is_dir());
+    let prefixes = prefixes(environment);
+    let found = prefixes.iter().find(|prefix| prefix.join("share").join(package).is_dir());
     // An empty name would be the folder of all packages, and a name with a slash could lead out of it.
     if let (Some(prefix), false) = (found, package.is_empty() || package.contains('/')) {
-        return Ok(prefix.to_owned());
+        return Ok(prefix.clone());
     }
     let places = match (prefixes.is_empty(), package == SUITE) {
         (true, true) => "looked beside the launch file, above the binary and in AMENT_PREFIX_PATH".to_owned(),
         (true, false) => "looked in AMENT_PREFIX_PATH, which is empty".to_owned(),
         (false, _) => {
-            let places: Vec<String> = prefixes.iter().map(|p| format!("{p}/share/{package}")).collect();
+            let place = |prefix: &PathBuf| format!("{}/share/{package}", prefix.display());
+            let places: Vec<String> = prefixes.iter().map(place).collect();
             format!("looked at {}", places.join(", "))
         }
     };
@@ -95,15 +95,14 @@ pub struct FoundFile {
 /// `$(find-pkg-share modulo)/launch`, each in the order of their names.
 pub fn launch_files() -> Vec<FoundFile> {
     let here = PathBuf::from("launch");
-    let suite = share(SUITE, &here.join("any.launch.yaml"), &environment());
+    let suite = share(SUITE, &here.join("any.launch.yaml"), &BTreeMap::new());
     // Within a checkout both folders are the same, and its files are listed once.
     let mut folders = vec![here.clone()];
     folders.extend(suite.ok().map(|share| share.join("launch")).filter(|folder| *folder != here));
     folders.iter().flat_map(|folder| files_in(folder)).collect()
 }
 
-/// Returns the launch file that `file` means: `file` itself where it exists or names a folder, else the first of [`launch_files`] with
-/// this name. A name that none has stays as it is.
+/// Returns the launch file that `file` means: `file` itself where it exists or none has this name, else the first of [`launch_files`].
 pub fn launch_file(file: &Path) -> PathBuf {
     let is_name = file.components().count() == 1 && !file.exists();
     let found = launch_files().into_iter().find(|found| is_name && found.path.ends_with(file));

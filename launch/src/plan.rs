@@ -14,17 +14,17 @@ use std::time::Duration;
 use modulo_runtime::NodeName;
 use modulo_runtime::parameter::file as parameter_file;
 use modulo_runtime::secret::without_secrets;
-use serde::Serialize;
 
 use crate::LaunchError;
 use crate::package::SUITE;
 
-pub use arguments::{DeclaredArgument, declared_arguments};
+pub use crate::action::DeclaredArgument;
+pub use arguments::declared_arguments;
 pub use resolve::{check, resolve};
 pub use scope::ParameterText;
 
 /// Everything that a launch file starts.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plan {
     /// The values of all declared arguments.
     pub arguments: BTreeMap<String, String>,
@@ -37,7 +37,7 @@ pub struct Plan {
 }
 
 /// A ROS 2 node to start.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct NodePlan {
     /// Its package; `modulo` is this suite.
     pub package: String,
@@ -47,8 +47,7 @@ pub struct NodePlan {
     pub name: Option<String>,
     /// Its namespace, absolute, `/` for none.
     pub namespace: String,
-    /// (name, value) from `set_parameter`, for all nodes that follow it; a
-    /// later one of the same name wins, and all that follows here wins over them.
+    /// (name, value) from `set_parameter`; the last of a name wins, and all that follows here over it.
     pub shared_parameters: Vec<(String, ParameterText)>,
     /// Its own parameters and parameter files, in order; a later one wins.
     pub parameters: Vec<NodeParameter>,
@@ -61,13 +60,11 @@ pub struct NodePlan {
     /// How it is run.
     pub process: ProcessPlan,
     /// Launch file and line that declare it.
-    #[serde(skip)]
     pub declared_at: (PathBuf, usize),
 }
 
 /// An entry of `param` in a launch file: the values that it sets.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NodeParameter {
     /// The values of a parameter file.
     File(PathBuf),
@@ -76,7 +73,7 @@ pub enum NodeParameter {
 }
 
 /// A program that is no node.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ExecutablePlan {
     /// Program and arguments; never empty.
     pub command: Vec<String>,
@@ -85,64 +82,33 @@ pub struct ExecutablePlan {
 }
 
 /// How a process is run.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ProcessPlan {
     /// The mark in front of each line of its output.
     pub label: String,
-    /// Variables to set, and those to remove (`None`), in the launcher's environment.
-    pub env: BTreeMap<String, Option<String>>,
+    /// Variables to set in the launcher's environment.
+    pub env: BTreeMap<String, String>,
     /// Its working folder; the launcher's when `None`.
     pub cwd: Option<PathBuf>,
-    /// Which of its output is shown.
-    pub output: Output,
-    /// Whether it is started again after a crash.
-    pub respawn: Respawn,
-    /// The effect of its end on the other processes.
-    pub on_exit: OnExit,
+    /// Whether its standard error alone is shown, and not its standard output: ROS 2's `log`.
+    pub errors_only: bool,
+    /// How it is started again after a crash; `None` for one that stays down.
+    pub respawn: Option<Respawn>,
+    /// Whether the other processes are shut down when it has ended.
+    pub ends_all: bool,
     /// From SIGINT to SIGTERM at a shutdown.
     pub sigterm_timeout: Duration,
     /// From SIGTERM to SIGKILL at a shutdown.
     pub sigkill_timeout: Duration,
-    /// Started this long after the launch.
-    pub start_after: Duration,
 }
 
-/// Which output of a process is shown.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Output {
-    /// Both streams.
-    #[default]
-    Screen,
-    /// Standard error only: ROS 2's `log`.
-    Log,
-}
-
-/// Whether a process that crashed is started again.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Respawn {
-    /// It stays down.
-    #[default]
-    Never,
-    /// It is started again.
-    After {
-        /// Pause before each start.
-        delay: Duration,
-        /// Starts after the first one; `None` for any number.
-        max_retries: Option<u32>,
-    },
-}
-
-/// The effect of the end of a process on the others.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum OnExit {
-    /// The other processes go on.
-    #[default]
-    Continue,
-    /// The other processes are shut down.
-    Shutdown,
+/// How a process that crashed is started again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Respawn {
+    /// Pause before each start.
+    pub delay: Duration,
+    /// Starts after the first one; `None` for any number.
+    pub max_retries: Option<u32>,
 }
 
 /// A node of this suite to run beside others in one process.
@@ -202,8 +168,7 @@ pub fn ros_arguments(node: &NodePlan) -> Vec<String> {
 /// Translates `plan` into nodes that run in one process. A setting that is not possible there is refused.
 ///
 /// # Errors
-/// [`LaunchError::NotComposable`] for executables, nodes of other packages, and
-/// settings that only a process of its own can have.
+/// [`LaunchError::Other`] for executables, nodes of other packages, and settings that only a process of its own can have.
 pub fn compose(plan: &Plan) -> Result<Vec<ComposedNode>, LaunchError> {
     if let Some(executable) = plan.executables.first() {
         return Err(refuse(&executable.process.label, "it is an executable, not a node of this suite"));
@@ -223,7 +188,6 @@ fn composed(node: &NodePlan) -> Result<ComposedNode, LaunchError> {
         (!node.ros_args.is_empty(), "ros_args"),
         (!node.process.env.is_empty(), "env"),
         (node.process.cwd.is_some(), "cwd"),
-        (!node.process.start_after.is_zero(), "a timer"),
     ];
     if let Some((_, setting)) = own.iter().find(|(used, _)| *used) {
         return Err(refuse(label, &format!("it has {setting}, which needs a process of its own")));
@@ -246,7 +210,7 @@ fn composed(node: &NodePlan) -> Result<ComposedNode, LaunchError> {
 }
 
 fn refuse(process: &str, why: &str) -> LaunchError {
-    LaunchError::NotComposable { process: process.to_owned(), why: why.to_owned() }
+    LaunchError::Other(format!("{process} cannot run in one process: {why}"))
 }
 
 impl fmt::Display for Plan {
@@ -289,27 +253,19 @@ impl fmt::Display for ExecutablePlan {
 /// Shows the settings that differ from the defaults.
 impl fmt::Display for ProcessPlan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (name, value) in &self.env {
-            match value {
-                Some(value) => writeln!(f, "  env {name}={value}")?,
-                None => writeln!(f, "  env {name} is removed")?,
-            }
-        }
+        self.env.iter().try_for_each(|(name, value)| writeln!(f, "  env {name}={value}"))?;
         if let Some(cwd) = &self.cwd {
             writeln!(f, "  in {}", cwd.display())?;
         }
-        if self.output == Output::Log {
+        if self.errors_only {
             writeln!(f, "  shows its errors only")?;
         }
-        if let Respawn::After { delay, max_retries } = self.respawn {
+        if let Some(Respawn { delay, max_retries }) = self.respawn {
             let times = max_retries.map_or("any number of".to_owned(), |n| format!("{n}"));
             writeln!(f, "  started again after a crash, {times} times, {} s later", delay.as_secs_f64())?;
         }
-        if self.on_exit == OnExit::Shutdown {
+        if self.ends_all {
             writeln!(f, "  its end is the end of all")?;
-        }
-        if !self.start_after.is_zero() {
-            writeln!(f, "  started after {} s", self.start_after.as_secs_f64())?;
         }
         Ok(())
     }

@@ -1,5 +1,4 @@
-//! The parts of launch files that ROS 2 allows and this launcher refuses, each with the reason and the remedy. Names that are not listed
-//! are taken for mistakes.
+//! The parts of launch files that ROS 2 allows and this launcher refuses, each with the reason and the remedy.
 
 use std::path::Path;
 
@@ -9,13 +8,15 @@ const LIFECYCLE: &str = "the suite has no managed nodes; write 'node', and pause
 const PYTHON: &str =
     "ROS 2 has it in launch files of Python only; on_exit and respawn say what follows the end of a process";
 const EACH: &str = "nothing is repeated; write each action, or include a file once for each";
-const ENVIRONMENT: &str = "write set_env with the whole value, such as \"$(env PATH):/more\", or unset_env";
+const ENVIRONMENT: &str = "write set_env with the whole value, such as \"$(env PATH):/more\"";
+const ROS2_LAUNCH: &str =
+    "start the file with ros2 launch, which also starts the nodes of an installed suite";
 const VARIABLES: &str = "a group with its scope ends the changes of 'let' and 'arg'";
 const LOGS: &str = "write log: { message: TEXT }";
 const TERMINAL: &str = "output is shown on the terminal and no log folder is kept";
 
 /// The actions of ROS 2 Jazzy and of later releases that are not supported.
-const ACTIONS: [(&str, &str); 28] = [
+const ACTIONS: [(&str, &str); 30] = [
     ("node_container", CONTAINER),
     ("composable_node", CONTAINER),
     ("load_composable_node", CONTAINER),
@@ -38,7 +39,9 @@ const ACTIONS: [(&str, &str); 28] = [
     ("log_info", LOGS),
     ("log_warning", LOGS),
     ("log_error", LOGS),
-    ("ros_timer", "it waits on the time of /clock; write timer, which waits on the time of the machine"),
+    ("timer", ROS2_LAUNCH),
+    ("ros_timer", ROS2_LAUNCH),
+    ("unset_env", ROS2_LAUNCH),
     ("set_parameters_from_file", "write param: [{ from: FILE }] at each node"),
     ("set_ros_log_dir", TERMINAL),
     ("set_log_dir", TERMINAL),
@@ -51,7 +54,7 @@ const ACTIONS: [(&str, &str); 28] = [
 ];
 
 /// The attributes of ROS 2 that are not supported, of whatever action.
-const ATTRIBUTES: [(&str, &str); 14] = [
+const ATTRIBUTES: [(&str, &str); 13] = [
     (
         "launch-prefix",
         "the program that it names would be the process; write executable: { cmd: ... } with the whole command, such as \
@@ -69,7 +72,6 @@ const ATTRIBUTES: [(&str, &str); 14] = [
     ("let", "write arg for the arguments of the included file"),
     ("allow_substs", "a parameter file is read as it is; write the parameter as name and value"),
     ("level", "messages are shown whatever their level is; leave it out"),
-    ("cancel_on_shutdown", "a timer ends with the run; leave it out"),
 ];
 
 /// Returns why the action or attribute `name` of ROS 2 is refused; `None` for a name that ROS 2 does not know either.

@@ -2,8 +2,7 @@
 //! can be such a text. Nothing is executed here, and no Python or shell is ever evaluated.
 //!
 //! A backslash makes the next character plain; a dollar that opens no substitution needs one. Within `$(...)` arguments are
-//! separated by one space each, may be quoted with `'` or `"`, and nest. A text that ROS 2 refuses, or reads in another way
-//! than it looks, is refused.
+//! separated by one space each, may be quoted with `'` or `"`, and nest. A text that ROS 2 reads otherwise is refused.
 
 mod function;
 
@@ -26,7 +25,7 @@ pub enum Part {
     /// Plain text.
     Text(String),
     /// `$(function arguments)`.
-    Call(Function, Vec<Template>),
+    Call(&'static Function, Vec<Template>),
 }
 
 /// Why a text is not a valid template, or has no value.
@@ -49,8 +48,7 @@ impl Template {
     /// Parses `text`.
     ///
     /// # Errors
-    /// [`SubstitutionError`] for a substitution that does not end, is unknown,
-    /// or has another number of arguments than it takes.
+    /// [`SubstitutionError`] for a substitution without an end, an unknown one, or a wrong count.
     pub fn parse(text: &str) -> Result<Self, SubstitutionError> {
         let mut parser = TemplateParser { text, rest: text };
         parser.template(TemplatePosition::Text, 0)
@@ -124,8 +122,7 @@ impl TemplateParser<'_> {
     fn template(&mut self, position: TemplatePosition, depth: usize) -> Result<Template, SubstitutionError> {
         let mut template = Template::default();
         loop {
-            // A substitution is looked for first, since it can stand in a text, in quotes and within a bare
-            // argument.
+            // A substitution is looked for first: it can stand in a text, in quotes and in a bare argument.
             if self.rest.starts_with("$(") {
                 template.parts.push(self.call(position.arguments(), depth + 1)?);
                 continue;
@@ -187,16 +184,14 @@ impl TemplateParser<'_> {
         loop {
             match self.take() {
                 Some(')') => return Ok(arguments),
-                // ROS 2 separates arguments by exactly one space; with more of them the text is not what it
-                // seems.
+                // ROS 2 separates arguments by one space; with more of them the text is not what it seems.
                 Some(' ') => {}
                 None => return self.refuse("a substitution does not end, ')' is missing"),
                 Some(_) => return self.refuse("a space is missing before an argument"),
             }
             match (self.rest.chars().next(), position) {
                 (Some(' ' | ')'), _) => return self.refuse("one space, no more, goes before an argument"),
-                // Below a quoted argument a quote would end the outer one, so only a bare argument may be
-                // quoted.
+                // Below a quoted argument a quote would end the outer one: only a bare argument may have one.
                 (Some(quote @ ('\'' | '"')), TemplatePosition::Bare) => {
                     self.take();
                     arguments.push(self.template(TemplatePosition::Quoted(quote), depth)?);
@@ -212,8 +207,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn call(function: Function, arguments: Vec<Template>) -> Part {
-        Part::Call(function, arguments)
+    fn call(function: &str, arguments: Vec<Template>) -> Part {
+        Part::Call(Function::named(function).expect("known"), arguments)
     }
 
     /// The number of substitutions in a template.
@@ -234,9 +229,9 @@ mod tests {
     #[test]
     fn nests_and_joins() {
         let template = Template::parse("a/$(var x$(var 'y z'))b").expect("valid");
-        let inner = call(Function::Var, vec![Template::plain("y z")]);
+        let inner = call("var", vec![Template::plain("y z")]);
         let name = Template { parts: vec![Part::Text("x".into()), inner] };
-        let outer = call(Function::Var, vec![name]);
+        let outer = call("var", vec![name]);
         assert_eq!(template.parts, [Part::Text("a/".into()), outer, Part::Text("b".into())]);
     }
 
@@ -256,13 +251,13 @@ mod tests {
 
     #[test]
     fn arguments_may_be_quoted_and_escaped() {
-        let expected = [call(Function::Env, vec![Template::plain("X"), Template::plain("a b')")])];
+        let expected = [call("env", vec![Template::plain("X"), Template::plain("a b')")])];
         for text in [r#"$(env X "a b')")"#, r"$(env X 'a b\')')", r#"$(env X "a b\')")"#] {
             assert_eq!(Template::parse(text).expect(text).parts, expected, "{text}");
         }
         assert_eq!(
             Template::parse("$(env X '')").expect("valid").parts,
-            [call(Function::Env, vec![Template::plain("X"), Template::default()])]
+            [call("env", vec![Template::plain("X"), Template::default()])]
         );
     }
 
@@ -313,7 +308,7 @@ mod tests {
             let escaped: String =
                 text.chars().filter(|c| *c != '\\').flat_map(|c| ['\\', c]).collect();
             let parsed = Template::parse(&format!("$(var '{escaped}')")).expect("valid");
-            let Part::Call(Function::Var, arguments) = &parsed.parts[0] else { panic!("a call") };
+            let Part::Call(_, arguments) = &parsed.parts[0] else { panic!("a call") };
             prop_assert_eq!(arguments[0].as_plain().map(str::to_owned), Some(text.replace('\\', "")));
         }
     }

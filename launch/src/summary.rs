@@ -1,5 +1,4 @@
-//! [`Summary`]: the reports of all nodes and of all their lives added up. Percentiles come from merged
-//! counts, never from averages of percentiles.
+//! [`Summary`]: the reports of all nodes and their lives added up; percentiles come from merged counts.
 
 mod crash;
 mod foreign;
@@ -243,22 +242,14 @@ impl fmt::Display for Summary {
             let counts: Vec<String> = counts.iter().map(|(class, n)| format!("{n} {class}")).collect();
             write_list(f, &format!("detected on {stream}:"), &counts)?;
         }
-        for (node, live) in &self.live {
-            writeln!(f, "{}", fitted(&format!("{node} live: {live}"), WIDTH))?;
-        }
-        for (node, methods) in &self.unwrapped {
-            writeln!(f, "{}", fitted(&format!("{node} used {methods}"), WIDTH))?;
-        }
-        for foreign in &self.foreign {
-            writeln!(f, "{}", fitted(&foreign.to_string(), WIDTH))?;
-        }
-        for lost in &self.lost_in_crashes {
-            writeln!(f, "{}", fitted(&lost.to_string(), WIDTH))?;
-        }
-        for (process, count) in &self.restarts {
-            writeln!(f, "{}", fitted(&format!("{process} crashed and was restarted {count} times"), WIDTH))?;
-        }
-        Ok(())
+        let live = self.live.iter().map(|(node, live)| format!("{node} live: {live}"));
+        let used = self.unwrapped.iter().map(|(node, methods)| format!("{node} used {methods}"));
+        let foreign = self.foreign.iter().map(ToString::to_string);
+        let lost = self.lost_in_crashes.iter().map(ToString::to_string);
+        let restarted = |(process, count)| format!("{process} crashed and was restarted {count} times");
+        let mut lines =
+            live.chain(used).chain(foreign).chain(lost).chain(self.restarts.iter().map(restarted));
+        lines.try_for_each(|line| writeln!(f, "{}", fitted(&line, WIDTH)))
     }
 }
 
@@ -296,7 +287,7 @@ mod tests {
     /// 1..=100 ms, odd ones in one node, even ones in the other.
     fn halves() -> [NodeReport; 2] {
         [1, 2].map(|first| {
-            let buckets: Vec<(u64, u64)> = (0..50).map(|i| ((first + 2 * i) * 1000, 1)).collect();
+            let buckets: Histogram = (0..50).map(|i| ((first + 2 * i) * 1000, 1)).collect();
             report(
                 &serde_json::json!({
                     "node": format!("/detector_{first}"), "received": {"/recovered": 50}, "published": {},

@@ -20,7 +20,7 @@ use tokio::sync::watch;
 use tokio::task::JoinSet;
 
 use crate::LaunchError;
-use crate::plan::{OnExit, Plan};
+use crate::plan::Plan;
 use crate::summary::{NodeReport, Summary, read_reports, reports_so_far};
 use crate::trace::{self, TraceCounts};
 
@@ -38,8 +38,7 @@ pub struct Supervision {
     /// A node of the suite with `respawn` that shows no sign of life for so long is killed and started again; `None`
     /// lets it hang. A longer step is no hang while it computes, up to 20 times this time.
     pub hang_timeout: Option<Duration>,
-    /// A process that crashes more often than this within a minute is not started again, and the run ends; `None` sets no
-    /// limit.
+    /// A process that crashes more often than this within a minute ends the run; `None` sets no limit.
     pub max_restarts: Option<u32>,
     /// File for a trace of the run: the spans of all nodes of the suite as trace events of Chrome and Perfetto.
     pub trace: Option<PathBuf>,
@@ -68,11 +67,10 @@ pub enum Channel {
 }
 
 impl Supervision {
-    /// Creates the surroundings with the running program as the suite. Nodes that hang are left alone, and
-    /// [`MAX_RESTARTS`] holds.
+    /// Creates the surroundings with the running program as the suite and [`MAX_RESTARTS`]. Nodes may hang.
     ///
     /// # Errors
-    /// [`LaunchError::Start`] when the running program's path is unknown.
+    /// [`LaunchError::Other`] when the running program's path is unknown.
     pub fn new(print: Print, watch: Option<Watch>) -> Result<Self, LaunchError> {
         let suite = std::env::current_exe().map_err(|e| start_error("launcher", e))?;
         Ok(Self { suite, print, watch, hang_timeout: None, max_restarts: Some(MAX_RESTARTS), trace: None })
@@ -119,8 +117,7 @@ pub struct ProcessOutcome {
 pub enum ProcessEnd {
     /// By itself, with exit status 0.
     Exited,
-    /// By itself, a command of this suite with exit status 3: it has done its work, but something was lost. With the last line of
-    /// its standard error.
+    /// By itself, a command of this suite that has lost something (exit status 3). With the last line of its standard error.
     WithLoss(String),
     /// Because it was told to.
     ShutDown,
@@ -133,8 +130,7 @@ pub enum ProcessEnd {
         /// The status of the last one in words, with the last line of its standard error.
         status: String,
     },
-    /// A node of this suite that refused its command line at its first start (exit status 2): starting it again would
-    /// change nothing.
+    /// A node of this suite that refused its command line at its first start (exit status 2), as it always would.
     Refused,
     /// It could not be started.
     NotStarted(String),
@@ -187,16 +183,15 @@ impl Outcome {
 }
 
 pub(crate) fn start_error(process: &str, why: impl ToString) -> LaunchError {
-    LaunchError::Start { process: process.to_owned(), why: why.to_string() }
+    LaunchError::Other(format!("{process}: {}", why.to_string()))
 }
 
 /// Runs `plan` until all its processes have ended, one of them ends all, or the launcher gets SIGINT, SIGTERM or SIGHUP.
 ///
 /// # Errors
-/// [`LaunchError::Start`] when an executable is not found; nothing has been started then.
+/// [`LaunchError::Other`] when an executable is not found; nothing has been started then.
 pub async fn run(plan: Plan, how: &Supervision) -> Result<Outcome, LaunchError> {
-    // The handlers are there before the first process: a signal would else end the launcher and leave its
-    // processes running.
+    // The handlers come first: a signal would else end the launcher and leave processes running.
     let open = |kind| signal(kind).map_err(|e| start_error("launcher", e));
     let (mut interrupt, mut terminate) = (open(SignalKind::interrupt())?, open(SignalKind::terminate())?);
     // Under nohup, a closed terminal does not end the run.
@@ -248,13 +243,12 @@ async fn supervise(
     how: &Supervision,
     stop: impl Future<Output = ()>,
 ) -> (Ending, Vec<ProcessOutcome>) {
-    // The order to end is a state and not an event: a process that is between two starts finds it when it
-    // looks.
+    // The order to end is a state and not an event: a process between two starts finds it later.
     let (shut_down, end_signal) = watch::channel(None);
     let mut running = JoinSet::new();
     for job in jobs {
         let (print, end_signal) = (how.print.clone(), end_signal.clone());
-        running.spawn(async move { (job.process.on_exit, job.keep(end_signal, print).await) });
+        running.spawn(async move { (job.process.ends_all, job.keep(end_signal, print).await) });
     }
     let (mut ending, mut ended) = (Ending::Completed, Vec::new());
     tokio::pin!(stop);
@@ -267,10 +261,10 @@ async fn supervise(
             }
             end = running.join_next() => match end {
                 None => return (ending, ended),
-                Some(Ok((on_exit, outcome))) => {
+                Some(Ok((ends_all, outcome))) => {
                     let last = outcome.end.is_final();
                     ended.push(outcome);
-                    if last || on_exit == OnExit::Shutdown {
+                    if last || ends_all {
                         shut_down.send_replace(Some(ending));
                     }
                 }

@@ -28,8 +28,7 @@ impl fmt::Display for TraceCounts {
     }
 }
 
-/// Writes the traces in `folder` into `out`, line by line: a node is a process of the trace, and each of its lives is a
-/// thread.
+/// Writes the traces in `folder` into `out`: a node is a process of the trace, each of its lives a thread.
 ///
 /// # Errors
 /// [`LaunchError::File`] when a file cannot be read or written.

@@ -11,10 +11,11 @@ use modulo_bags::bag::{
 };
 use modulo_bags::import::{ImportError, ImportReport, import_kitti, import_video};
 use modulo_bags::source::SourceError;
+use modulo_bags_live::LiveError;
 use modulo_bags_live::capture::capture;
-use modulo_bags_live::play::{PlayOptions, PlaybackClock, PlaybackState, Player, Repeat};
+use modulo_bags_live::play::{PlayOptions, PlaybackClock, PlaybackState, Player};
 use modulo_bags_live::remap::TopicRemaps;
-use modulo_bags_live::replay::{self, ReplayError, ReplayOptions, Replayed, replay};
+use modulo_bags_live::replay::{self, ReplayOptions, Replayed, replay};
 use modulo_eval::grid::words;
 use modulo_middleware::driver::wait_until_ready;
 use modulo_middleware::process::node_files::ReportFile;
@@ -241,7 +242,7 @@ fn play(args: &BagPlay) -> Result<Ended, Failure> {
     let options = PlayOptions {
         start_offset: seconds("--start-offset", args.start_offset)?,
         duration,
-        repeat: if args.r#loop { Repeat::Forever } else { Repeat::Once },
+        repeats: args.r#loop,
         topics: args.topics.clone(),
     };
     // All options are checked before the session is open, so that a wrong command line never shows in the
@@ -256,7 +257,7 @@ fn play(args: &BagPlay) -> Result<Ended, Failure> {
     let options = ReplayOptions { remaps, clock_hz: args.clock };
     let (clock, transport) = open_session()?;
     wait_until_ready(&transport, &*clock, args.wait_for.clone(), PATIENCE, &stop)
-        .map_err(|missing| ReplayError::Waited(PATIENCE.as_secs(), missing))?;
+        .map_err(|missing| LiveError::Waited(PATIENCE.as_secs(), missing))?;
     let Replayed { sent, unheard } = replay(&transport, &clock, &mut player, pace, &options, &stop)?;
     drop(transport);
     if let Some(folder) = launcher::folder(launcher::REPORT_DIR) {

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use clap::Args;
-use modulo_launch::plan::{NodeParameter, OnExit};
+use modulo_launch::plan::NodeParameter;
 use modulo_launch::supervisor::{MAX_RESTARTS, ProcessEnd, Watch};
 use modulo_launch::{
     ComposedNode, Ending, NodePlan, Outcome, Plan, Summary, Supervision, launch_file, launch_files,
@@ -265,15 +265,13 @@ fn run_processes(mut plan: Plan, args: &Launch) -> Result<LaunchResult, Failure>
     let word = chosen_hashes()?.word();
     for node in &mut plan.nodes {
         // An `env` of the launch file wins over the option.
-        node.process.env.entry(HASHES_VARIABLE.to_owned()).or_insert(Some(word.to_owned()));
+        node.process.env.entry(HASHES_VARIABLE.to_owned()).or_insert_with(|| word.to_owned());
         if args.verbose && node.package == modulo_launch::SUITE {
             // In front: a level of the launch file comes later and wins.
             node.ros_args.splice(0..0, ["--log-level", "debug"].map(str::to_owned));
         }
     }
-    let executables = plan.executables.iter().map(|executable| &executable.process);
-    let processes = plan.nodes.iter().map(|node| &node.process).chain(executables);
-    let names: Vec<&str> = processes.map(|process| process.label.as_str()).collect();
+    let names: Vec<&str> = plan.processes().map(|process| process.label.as_str()).collect();
     eprintln!("[launch] starting {}; Ctrl-C ends the run", names.join(", "));
     let line = Arc::new(ProgressLine::start());
     let shown = line.is_shown().then(|| line.clone());
@@ -355,18 +353,14 @@ fn run_members(mut members: Vec<Member>, stop: &Stop) -> Result<Vec<NodeReport>,
 /// Makes the nodes of the plan in this process.
 fn members(plan: &Plan) -> Result<Vec<Member>, Failure> {
     let nodes = modulo_launch::compose(plan).map_err(usage)?;
-    let member = |(node, on_exit): (&ComposedNode, OnExit)| {
+    let member = |(node, ends_all): (&ComposedNode, bool)| {
         let (kind, node_name, parameters) = prepare(node)?;
         let step = kind.make(&parameters).with_context(|| node_name.fully_qualified())?;
-        let on_exit = match on_exit {
-            OnExit::Shutdown => composed::MemberExit::Shutdown,
-            OnExit::Continue => composed::MemberExit::Continue,
-        };
         let setup = NodeSetup { node: step, parameters, node_name, saved: None, report_file: None };
-        Ok(Member { setup, on_exit })
+        Ok(Member { setup, ends_all })
     };
-    let on_exits = plan.nodes.iter().map(|node| node.process.on_exit);
-    nodes.iter().zip(on_exits).map(member).collect::<anyhow::Result<_>>().map_err(usage)
+    let ends_all = plan.nodes.iter().map(|node| node.process.ends_all);
+    nodes.iter().zip(ends_all).map(member).collect::<anyhow::Result<_>>().map_err(usage)
 }
 
 /// Returns the kind, the name and the parameters of one node of a plan.

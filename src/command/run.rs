@@ -19,7 +19,7 @@ use modulo_middleware::process::signals::end_with_launcher;
 use modulo_middleware::transport::zenoh::{RawService, ZenohTransport};
 use modulo_middleware::transport::{Guard, TransportError};
 use modulo_runtime::name::NameError;
-use modulo_runtime::ros_args::{Logs, RosArgs};
+use modulo_runtime::ros_args::RosArgs;
 use modulo_runtime::wire::keys::SERVICE_QOS;
 use modulo_runtime::{
     Descriptor, Node, NodeName, ParameterSet as _, Parameters, SystemClock, Topic, launcher,
@@ -174,18 +174,16 @@ fn serve(logger: Logger, node_name: &NodeName, transport: &ZenohTransport) -> Re
 
 /// Starts the log; lines for `/rosout` wait in the queue.
 fn start_log(ros: &RosArgs, node_name: &NodeName) -> (Option<LogQueue>, Logger) {
-    let (layer, queue) = match ros.rosout_logs {
-        Logs::Enabled => Some(rosout::layer(Arc::new(SystemClock::default()))).unzip(),
-        Logs::Disabled => (None, None),
-    };
+    let rosout = || rosout::layer(Arc::new(SystemClock::default()));
+    let (layer, queue) = (!ros.no_rosout_logs).then(rosout).unzip();
     let level = ros.log_level_of(&node_name.name);
     let chosen =
         level.is_some() || std::env::var("RUST_LOG").is_ok_and(|directives| directives.contains("modulo"));
-    let screen = match ros.stdout_logs {
-        Logs::Disabled => LevelFilter::OFF,
+    let screen = match ros.no_stdout_logs {
+        true => LevelFilter::OFF,
         // The launcher shows the progress of all nodes in place of these lines; `/rosout` has them.
-        Logs::Enabled if !chosen && launcher::folder(launcher::REPORT_DIR).is_some() => LevelFilter::WARN,
-        Logs::Enabled => LevelFilter::TRACE,
+        false if !chosen && launcher::folder(launcher::REPORT_DIR).is_some() => LevelFilter::WARN,
+        false => LevelFilter::TRACE,
     };
     let level = level.unwrap_or("info");
     (queue, Logger::new(node_name, level, start_log_with(level, screen, layer)))

@@ -58,7 +58,7 @@ def files():
         for attribute in ["name", "default", "description", "choice"]:
             yield f"arg.{attribute} = {label}", action("arg", {"name": '"x"', "default": '"1"', attribute: value})
         for name, fixed, attribute in [
-            ("let", {"name": '"x"'}, "value"), ("let", {"value": '"x"'}, "name"), ("unset_env", {}, "name"),
+            ("let", {"name": '"x"'}, "value"), ("let", {"value": '"x"'}, "name"),
             ("set_env", {"name": '"SPY_X"'}, "value"), ("log", {}, "message"), ("log", {"level": "INFO"}, "message"),
             ("log", {"message": "hello"}, "level"), ("set_parameter", {"name": '"x"'}, "value"),
             ("set_parameter", {"value": '"x"'}, "name"), ("set_use_sim_time", {}, "value"),
@@ -72,7 +72,6 @@ def files():
         for kind in TYPES:
             yield f"param.value = {label} as {kind}", f"{node}      param: [{{ name: p, value: {value}, type: {kind} }}]\n"
         log = "        - log: { message: a, level: INFO }\n"
-        yield f"timer.period = {label}", f"launch:\n  - timer:\n      period: {value}\n      children:\n{log}"
         yield f"group.scoped = {label}", f"launch:\n  - group:\n      scoped: {value}\n      children:\n{log}"
     yield "root is a list", "- node: {pkg: spy, exec: spy}\n"
     for label, body in {

@@ -319,15 +319,14 @@ fn check_says_ok_or_every_mistake_with_its_line() {
         assert!(text(&output).starts_with(&format!("{file}: ok, ")), "{}", text(&output));
     }
     let file = bench.path("bad.launch.yaml");
-    let bad =
-        "launch:\n  - log: { message: \"$(var nope)\" }\n  - timer: { period: \"soon\", children: [] }\n";
+    let bad = "launch:\n  - log: { message: \"$(var nope)\" }\n  - log: { message: a, if: \"soon\" }\n";
     std::fs::write(&file, bad).expect("writable");
     let output = bench.run(&["launch", "--check", file.to_str().expect("UTF-8")]);
     let complaint = text(&output);
     assert_eq!(output.status.code(), Some(1), "{complaint}");
     assert!(complaint.contains("bad.launch.yaml:2: undefined variable 'nope'"), "{complaint}");
     assert!(
-        complaint.contains("bad.launch.yaml:3: period = 'soon'") && complaint.contains("2 errors"),
+        complaint.contains("bad.launch.yaml:3: if: 'soon'") && complaint.contains("2 errors"),
         "{complaint}"
     );
 }

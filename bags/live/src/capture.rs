@@ -15,36 +15,25 @@ use modulo_runtime::stop::Wake as _;
 use modulo_runtime::wire::keys::{self, Endpoint, EntityKind};
 use modulo_runtime::{Clock, NodeName, Stop, Urgency};
 
+use crate::LiveError;
+
 /// The name of the node in ROS 2, too.
 const NODE: &str = "rosbag2_recorder";
 /// Interval at which the graph is searched for new topics.
 const GLANCE_NS: u64 = 50_000_000;
 /// Samples that wait for the disk. As rosbag2's cache of 100 MiB, and bounded in number for topics of tiny messages.
 const WAITING: Limit = Limit { messages: 1 << 20, bytes: 100 << 20 };
-/// Bytes of the samples that wait for the definitions of their topics at most. A topic whose sample finds no room is recorded
-/// without a definition.
+/// Most bytes of samples that wait for the definitions of their topics. Without room, a topic is recorded without definition.
 const HELD: usize = 64 << 20;
 /// After a stop, samples that wait are written for this long; the rest is lost and counted.
 const LAST_WRITES_NS: u64 = 250_000_000;
-
-/// Error: a recording failed.
-#[derive(Debug, thiserror::Error)]
-pub enum CaptureError {
-    /// The bag cannot be written.
-    #[error(transparent)]
-    Bag(#[from] BagError),
-    /// The transport failed.
-    #[error(transparent)]
-    Transport(#[from] TransportError),
-}
 
 /// The content of a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Captured {
     /// Topics with their counts.
     pub topics: Vec<TopicCount>,
-    /// Messages that were sent but are not in the bag, by topic: lost on the way here, or dropped because the disk was
-    /// too slow.
+    /// Messages that were sent but are not in the bag, by topic: lost on the way here, or because of a slow disk.
     pub lost: BTreeMap<String, u64>,
 }
 
@@ -52,14 +41,14 @@ pub struct Captured {
 /// memory; those for which there is no room are dropped and counted.
 ///
 /// # Errors
-/// [`CaptureError`] when a topic cannot be subscribed or the disk is full.
+/// [`LiveError`] when a topic cannot be subscribed or the disk is full.
 pub fn capture(
     transport: &Arc<ZenohTransport>,
     clock: &Arc<dyn Clock>,
     recorder: BagWriter,
     topics: Option<&[String]>,
     stop: &Stop,
-) -> Result<Captured, CaptureError> {
+) -> Result<Captured, LiveError> {
     let queue = Arc::new(Queue::new(clock.clone(), WAITING));
     // The recorder sleeps in the queue, and a stop must not wait for the end of that sleep.
     stop.wakes(&queue);
@@ -116,7 +105,7 @@ struct AskedTopic {
 }
 
 impl CaptureLoop<'_> {
-    fn subscribe_new(&mut self, topics: Option<&[String]>) -> Result<(), CaptureError> {
+    fn subscribe_new(&mut self, topics: Option<&[String]>) -> Result<(), LiveError> {
         let graph = self.transport.graph();
         let publishers = graph.tokens().filter(|t| t.kind == EntityKind::Publisher);
         for endpoint in publishers.filter_map(|t| t.endpoint.as_ref()) {
@@ -231,7 +220,7 @@ impl CaptureLoop<'_> {
     }
 
     /// Ends the subscriptions, writes waiting samples within a time limit, and completes the bag.
-    fn finish(mut self, clock: &dyn Clock) -> Result<Captured, CaptureError> {
+    fn finish(mut self, clock: &dyn Clock) -> Result<Captured, LiveError> {
         // New samples end first, or the loop below could go on until its limit.
         self.guards.clear();
         let end = clock.ticks_ns() + LAST_WRITES_NS;

@@ -3,6 +3,7 @@
 //!
 //! The replay itself carries an action out, between two messages.
 
+use std::error::Error;
 use std::sync::mpsc::{Sender, channel};
 
 use modulo_msgs::cdr::{self, CdrError};
@@ -13,6 +14,9 @@ use modulo_msgs::rosbag2_interfaces::{
 };
 
 use crate::play::PlaybackState;
+
+/// The bytes of a response, or why there is none.
+pub type ServiceResult = Result<Vec<u8>, Box<dyn Error>>;
 
 modulo_middleware::services! {
     /// The services of a player.
@@ -70,30 +74,17 @@ pub struct PlayerCommand {
     pub answer: Sender<PlayerReply>,
 }
 
-/// Error: a call gets no response.
-#[derive(Debug, thiserror::Error)]
-pub enum ServiceError {
-    /// A request that cannot be read.
-    #[error(transparent)]
-    Cdr(#[from] CdrError),
-    /// The replay has ended.
-    #[error("the replay has ended")]
-    Ended,
-}
-
 impl Service {
     /// Hands `request` to the replay with `give`, which returns whether the replay took it, and waits for the answer.
     ///
     /// # Errors
-    /// [`ServiceError`] when the request cannot be read, or the replay has ended.
-    pub fn call(self, request: &[u8], give: &dyn Fn(PlayerCommand) -> bool) -> Result<Vec<u8>, ServiceError> {
+    /// The reason when the request cannot be read, or the replay has ended.
+    pub fn call(self, request: &[u8], give: &dyn Fn(PlayerCommand) -> bool) -> ServiceResult {
         let (answer, answered) = channel();
         // Read before it is handed over, so that the replay never sees a broken request.
         let action = self.action(request)?;
-        if !give(PlayerCommand { action, answer }) {
-            return Err(ServiceError::Ended);
-        }
-        Ok(self.response(answered.recv().map_err(|_| ServiceError::Ended)?)?)
+        let reply = give(PlayerCommand { action, answer }).then(|| answered.recv().ok()).flatten();
+        Ok(self.response(reply.ok_or("the replay has ended")?)?)
     }
 
     /// Returns the action that `request` asks for.

@@ -11,16 +11,6 @@ use modulo_runtime::clock::nanos;
 /// A shorter part of a bag is not repeated.
 const SHORTEST_ROUND: Duration = Duration::from_millis(1);
 
-/// The behaviour at the end of the bag.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Repeat {
-    /// The replay ends.
-    #[default]
-    Once,
-    /// The bag starts again from its first message.
-    Forever,
-}
-
 /// The part of a bag that is replayed.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PlayOptions {
@@ -28,8 +18,8 @@ pub struct PlayOptions {
     pub start_offset: Duration,
     /// Bag time that is played; `None` is all of it.
     pub duration: Option<Duration>,
-    /// Behaviour at the end of the bag.
-    pub repeat: Repeat,
+    /// Whether the bag starts again from its first message when it is over.
+    pub repeats: bool,
     /// Names of topics; `None` is all of them.
     pub topics: Option<Vec<String>>,
 }
@@ -45,22 +35,12 @@ pub enum PlayError {
         "loop = true: the part of the bag that is played lasts {0:?}, and at least 1 ms is needed; play more of it, or only once"
     )]
     Round(Duration),
-    /// None of the chosen topics is in the bag.
-    #[error("the bag has none of the topics {wanted}; it has {topics}")]
-    Topics {
-        /// The chosen topics.
-        wanted: String,
-        /// The topics of the bag.
-        topics: String,
-    },
-    /// A start behind the end of the bag.
-    #[error("start offset = {offset:?}: the bag lasts {duration:?}")]
-    StartOffset {
-        /// The value that was offered.
-        offset: Duration,
-        /// First to last message.
-        duration: Duration,
-    },
+    /// None of the chosen topics is among those of the bag.
+    #[error("the bag has none of the topics {0}; it has {1}")]
+    Topics(String, String),
+    /// The offset of the start is greater than the time from the first to the last message.
+    #[error("start offset = {0:?}: the bag lasts {1:?}")]
+    StartOffset(Duration, Duration),
 }
 
 /// A message and when to send it.
@@ -77,7 +57,7 @@ pub struct Player {
     bag: BagReader,
     selection: Selection,
     messages: Messages,
-    repeat: Repeat,
+    repeats: bool,
     /// First and last log time of a round.
     window: (u64, u64),
     /// Position at which this round began, ns.
@@ -100,18 +80,17 @@ impl Player {
         // An offset to the very end still plays the last message.
         let start = first.checked_add(nanos(options.start_offset)).filter(|&start| start <= last);
         let Some(start) = start else {
-            let duration = Duration::from_nanos(last - first);
-            return Err(PlayError::StartOffset { offset: options.start_offset, duration });
+            return Err(PlayError::StartOffset(options.start_offset, Duration::from_nanos(last - first)));
         };
         let end = options.duration.map_or(last, |duration| last.min(start.saturating_add(nanos(duration))));
         let selection = Selection { topics: options.topics.clone(), start_ns: Some(start) };
         let round = Duration::from_nanos(end - start);
-        if options.repeat == Repeat::Forever && round < SHORTEST_ROUND && bag.span().is_some() {
+        if options.repeats && round < SHORTEST_ROUND && bag.span().is_some() {
             return Err(PlayError::Round(round));
         }
         let messages = bag.messages(&selection);
-        let (repeat, window) = (options.repeat, (start, end));
-        Ok(Self { bag, selection, messages, repeat, window, began: 0, heard: false, left_out: 0 })
+        let (repeats, window) = (options.repeats, (start, end));
+        Ok(Self { bag, selection, messages, repeats, window, began: 0, heard: false, left_out: 0 })
     }
 
     /// Returns the next message that can be read; `None` at the end, and after an error.
@@ -131,11 +110,11 @@ impl Player {
                 }
                 Some(Err(error)) => {
                     // The position in the bag is unknown after an error, so it is not repeated.
-                    self.repeat = Repeat::Once;
+                    self.repeats = false;
                     return Some(Err(error));
                 }
                 // A round without any message would repeat for ever without a pause.
-                _ if self.repeat == Repeat::Once || !self.heard => return None,
+                _ if !self.repeats || !self.heard => return None,
                 _ => {
                     self.heard = false;
                     self.began = self.began.saturating_add(end - start);
@@ -145,8 +124,7 @@ impl Player {
         }
     }
 
-    /// Goes on at `log_time`, ns since the epoch; the position of that moment, or `None` when it is not within the
-    /// round.
+    /// Goes on at `log_time`, ns since the epoch. Returns its position, or `None` for a time outside of the round.
     pub fn seek(&mut self, log_time: u64) -> Option<u64> {
         let (start, end) = self.window;
         if !(start..=end).contains(&log_time) {
@@ -164,11 +142,7 @@ impl Player {
     pub fn log_time(&self, position: u64) -> u64 {
         let (start, end) = self.window;
         let round = end - start;
-        start
-            + match self.repeat {
-                Repeat::Forever if round > 0 => position % round,
-                _ => position.min(round),
-            }
+        start + if self.repeats && round > 0 { position % round } else { position.min(round) }
     }
 
     /// Returns how many single messages could not be read so far.
@@ -197,7 +171,7 @@ fn check_topics(bag: &BagReader, wanted: &[String]) -> Result<(), PlayError> {
     if !missing.is_empty() && missing.len() == wanted.len() {
         let topics: Vec<_> = topics.iter().map(|counted| counted.topic.name.as_str()).collect();
         let topics = if topics.is_empty() { "none".to_owned() } else { topics.join(", ") };
-        return Err(PlayError::Topics { wanted: wanted.join(", "), topics });
+        return Err(PlayError::Topics(wanted.join(", "), topics));
     }
     missing.iter().for_each(|name| tracing::warn!("the bag has no topic '{name}'"));
     Ok(())
@@ -213,9 +187,8 @@ pub enum PlaybackState {
     Paused,
 }
 
-/// The position of a replay, `anchor.1 + (ticks - anchor.0) * rate` while it runs. Ticks and positions are nanoseconds
-/// from an origin of their own. At rate 0 no time passes by itself: each message is due at once, and takes the position
-/// along.
+/// The position of a replay, `anchor.1 + (ticks - anchor.0) * rate` while it runs, in ns; ticks have an origin of their
+/// own. At rate 0 no time passes by itself: each message is due at once, and moves the position.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlaybackClock {
     rate: f64,

@@ -1,5 +1,4 @@
-//! Replaying a bag into a running graph: each payload is sent as it was recorded, on its topic, when it is due.
-//! Services of the node `/rosbag2_player` drive it.
+//! Replaying a bag into a running graph: each payload is sent as it was recorded when it is due.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -17,13 +16,13 @@ use modulo_middleware::transport::{
 use modulo_msgs::builtin::Time;
 use modulo_msgs::{Interface, cdr, rosgraph_msgs, sensor_msgs};
 use modulo_runtime::clock::nanos;
-use modulo_runtime::wire::attachment::Attachment;
 use modulo_runtime::wire::keys::{self, Endpoint, Hashes};
 use modulo_runtime::{
     Address, Allowed, Clock, Descriptor, Message, MessageKind, NodeName, NodeReport, Parameters, Qos, Stop,
     Topic, Urgency, Value, sensor_info,
 };
 
+use crate::LiveError;
 use crate::control::{PlayerAction, PlayerCommand, PlayerReply, Service};
 use crate::play::{NextMessage, PlaybackClock, PlaybackState, Player};
 use crate::remap::TopicRemaps;
@@ -44,28 +43,7 @@ enum PlayerEvent {
     Ack(Incoming),
 }
 
-impl Queued for PlayerEvent {
-    fn attachment(&self) -> Option<&Attachment> {
-        match self {
-            Self::Command(_) => None,
-            Self::Ack(incoming) => incoming.attachment(),
-        }
-    }
-}
-
-/// Error: a replay failed.
-#[derive(Debug, thiserror::Error)]
-pub enum ReplayError {
-    /// The bag cannot be read.
-    #[error(transparent)]
-    Bag(#[from] BagError),
-    /// The transport failed.
-    #[error(transparent)]
-    Transport(#[from] TransportError),
-    /// Nodes that should listen are not ready.
-    #[error("waited {0} s for {1}, which is not there; start it, or leave --wait-for out")]
-    Waited(u64, String),
-}
+impl Queued for PlayerEvent {}
 
 /// Options of a replay.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -85,11 +63,10 @@ pub struct Replayed {
     pub unheard: Vec<String>,
 }
 
-/// Sends every message of `player` when it is due by `pace`, which starts here. At rate 0 an image waits until the readers
-/// have taken the last one.
+/// Sends every message of `player` when it is due by `pace`. At rate 0 each image waits for the readers of the last one.
 ///
 /// # Errors
-/// [`ReplayError`] when the bag cannot be read on or the wire does not take it.
+/// [`LiveError`] when the bag cannot be read on or the wire does not take it.
 pub fn replay(
     transport: &ZenohTransport,
     clock: &Arc<dyn Clock>,
@@ -97,7 +74,7 @@ pub fn replay(
     pace: PlaybackClock,
     options: &ReplayOptions,
     stop: &Stop,
-) -> Result<Replayed, ReplayError> {
+) -> Result<Replayed, LiveError> {
     let node_name = NodeName { name: NODE.into(), namespace: "/".into(), remaps: Vec::new() };
     let ReplayOptions { remaps, clock_hz } = options;
     let time = clock_hz.map(|hz| ClockPublisher::declare(transport, &node_name, remaps, hz)).transpose()?;
@@ -138,7 +115,7 @@ fn serve(
         let (name, ros_type) = service.name_and_type();
         let events = events.clone();
         let give = move |command| events.push(lane, PlayerEvent::Command(command)).is_none();
-        let answer = Box::new(move |request: &[u8]| Ok(service.call(request, &give)?));
+        let answer = Box::new(move |request: &[u8]| service.call(request, &give));
         RawService { name, ros_type, qos: keys::SERVICE_QOS, answer }
     });
     transport.serve_raw(node_name, services.collect())
@@ -186,14 +163,13 @@ fn serve_parameters(
         // Fails only when the caller has gone.
         let answers = request.changes.iter().map(|values| parameters.with(values, true).map(drop));
         let _ = request.answer.send(ParameterAnswer::Done(answers.collect()));
-        None
+        true
     };
     let port = ParameterPort { read: Box::new(move || read.clone()), request: Box::new(request) };
     Ok((transport.serve_parameters(node_name, port)?, events))
 }
 
-/// Returns the account of a replay that has sent so many messages by topic, for the summary of a launch: its frames are the
-/// images on the topic with the most of them.
+/// Returns the account of a replay for the summary of a launch; its frames are the images on the topic with the most.
 pub fn report(sent: &BTreeMap<String, u64>, player: &Player, options: &ReplayOptions) -> NodeReport {
     let mut report = NodeReport::new(format!("/{NODE}"));
     let mut frames = 0;
@@ -211,8 +187,7 @@ pub fn report(sent: &BTreeMap<String, u64>, player: &Player, options: &ReplayOpt
     report
 }
 
-/// Waits until a topic has a reader, or for half a second: discovery takes a moment, and the first message should reach
-/// the readers that are there already.
+/// Waits until a topic has a reader, at most for half a second: readers that are there already get the first message.
 fn wait_until_heard(publishers: &Publishers, clock: &dyn Clock, stop: &Stop) {
     let start = clock.ticks_ns();
     while !publishers.wanted() && clock.ticks_ns() - start < 500_000_000 && stop.urgency() == Urgency::None {
@@ -238,7 +213,7 @@ struct Replay<'a> {
 }
 
 impl Replay<'_> {
-    fn run(&mut self, stop: &Stop) -> Result<(), ReplayError> {
+    fn run(&mut self, stop: &Stop) -> Result<(), LiveError> {
         while !self.stopped && stop.urgency() == Urgency::None && self.look_ahead()? {
             let now = self.clock.ticks_ns();
             if let Some(time) = &mut self.time {
@@ -318,7 +293,7 @@ impl Replay<'_> {
         Ok(())
     }
 
-    fn carry_out(&mut self, action: PlayerAction, stop: &Stop) -> Result<PlayerReply, ReplayError> {
+    fn carry_out(&mut self, action: PlayerAction, stop: &Stop) -> Result<PlayerReply, LiveError> {
         let now = self.clock.ticks_ns();
         let (mut done, mut played) = (true, 0);
         match action {
@@ -350,7 +325,7 @@ impl Replay<'_> {
     }
 
     /// Plays up to `number` messages at once, if the replay is paused and until it is stopped; how many.
-    fn step(&mut self, now: u64, number: u64, stop: &Stop) -> Result<u64, ReplayError> {
+    fn step(&mut self, now: u64, number: u64, stop: &Stop) -> Result<u64, LiveError> {
         if self.pace.state() != PlaybackState::Paused {
             return Ok(0);
         }
@@ -383,8 +358,7 @@ struct TopicPublisher {
 }
 
 impl Publishers {
-    /// Declares all topics of `player` except that of `time`, of which there must be only one source. Those that no reader
-    /// gets are added to `unheard`.
+    /// Declares all topics of `player` except that of `time`. Those that no reader gets are added to `unheard`.
     fn declare(
         transport: &ZenohTransport,
         node_name: &NodeName,
@@ -416,8 +390,7 @@ impl Publishers {
         self.0.iter().any(|topic| topic.publisher.wanted())
     }
 
-    /// Returns the publisher of the topic and type of `message`; `None` where --clock publishes the time instead, and for a
-    /// topic that is left out.
+    /// Returns the publisher of the topic and type of `message`; `None` for a topic that is left out, as /clock by --clock.
     fn of(&mut self, message: &RawMessage) -> Option<&mut TopicPublisher> {
         let BagTopic { name, type_name, .. } = &*message.topic;
         self.0.iter_mut().find(|to| to.topic.name == *name && to.topic.type_name == *type_name)

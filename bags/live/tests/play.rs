@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use modulo_bags::bag::{BagReader, BagWriter, Compression};
 use modulo_bags_live::control::{PlayerAction, PlayerCommand, PlayerReply, Service};
-use modulo_bags_live::play::{PlayError, PlayOptions, PlaybackState, Player, Repeat};
+use modulo_bags_live::play::{PlayError, PlayOptions, PlaybackState, Player};
 use modulo_msgs::builtin::Time;
 use modulo_msgs::cdr;
 use modulo_msgs::rosbag2_interfaces::{
@@ -79,7 +79,7 @@ fn messages_are_due_at_their_time() {
 fn a_loop_goes_on_where_the_round_ended() {
     let (_folder, path) = recorded();
     let start_offset = Duration::from_millis(800);
-    let options = PlayOptions { repeat: Repeat::Forever, start_offset, ..PlayOptions::default() };
+    let options = PlayOptions { repeats: true, start_offset, ..PlayOptions::default() };
     assert_eq!(played(&path, &options, 5), [(0, 8), (100, 9), (100, 8), (200, 9), (200, 8)]);
     let silent = PlayOptions { topics: Some(vec!["/topic_2".into()]), ..options };
     assert_eq!(played(&path, &silent, 5), []);
@@ -89,7 +89,7 @@ fn a_loop_goes_on_where_the_round_ended() {
 fn a_round_may_be_short() {
     let (_folder, path) = recorded();
     let duration = Some(Duration::from_millis(150));
-    let options = PlayOptions { repeat: Repeat::Forever, duration, ..PlayOptions::default() };
+    let options = PlayOptions { repeats: true, duration, ..PlayOptions::default() };
     assert_eq!(played(&path, &options, 5), [(0, 0), (100, 1), (150, 0), (250, 1), (300, 0)]);
 }
 
@@ -119,7 +119,7 @@ fn a_part_without_a_duration_is_played_only_once() {
     let end = PlayOptions { start_offset: Duration::from_millis(900), ..PlayOptions::default() };
     for (path, options) in [(&path, none), (&path, end), (&one, PlayOptions::default())] {
         assert_eq!(played(path, &options, 9).len(), 1, "{options:?}");
-        let forever = PlayOptions { repeat: Repeat::Forever, ..options };
+        let forever = PlayOptions { repeats: true, ..options };
         let refused = Player::new(BagReader::open(path).expect("a bag"), &forever).err();
         assert_eq!(refused, Some(PlayError::Round(Duration::ZERO)), "{forever:?}");
     }
@@ -140,7 +140,7 @@ fn a_seek_goes_on_from_there() {
     }
     assert_eq!(next(&mut once, 1), [(100, 1)]);
 
-    let mut forever = player(&path, &PlayOptions { repeat: Repeat::Forever, ..PlayOptions::default() });
+    let mut forever = player(&path, &PlayOptions { repeats: true, ..PlayOptions::default() });
     forever.seek(start + 850_000_000).expect("within");
     assert_eq!(next(&mut forever, 3), [(900, 9), (900, 0), (1000, 1)]);
 }
@@ -148,12 +148,12 @@ fn a_seek_goes_on_from_there() {
 #[test]
 fn the_time_of_the_bag_is_that_of_the_position() {
     let (_folder, path) = recorded();
-    let times = |repeat| {
-        let player = player(&path, &PlayOptions { repeat, ..PlayOptions::default() });
+    let times = |repeats| {
+        let player = player(&path, &PlayOptions { repeats, ..PlayOptions::default() });
         [0, 1, 899_999_999, 900_000_000, 1_000_000_000].map(|position| player.log_time(position) - 5_000)
     };
-    assert_eq!(times(Repeat::Once), [0, 1, 899_999_999, 900_000_000, 900_000_000]);
-    assert_eq!(times(Repeat::Forever), [0, 1, 899_999_999, 0, 100_000_000]);
+    assert_eq!(times(false), [0, 1, 899_999_999, 900_000_000, 900_000_000]);
+    assert_eq!(times(true), [0, 1, 899_999_999, 0, 100_000_000]);
 }
 
 #[test]

@@ -1,5 +1,4 @@
-//! [`Clock`]: the source of stamps and durations. This is the only file that reads the clock of the machine; all other
-//! code is given a clock.
+//! [`Clock`]: the source of stamps and durations. This is the only file that reads the clock of the machine.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};

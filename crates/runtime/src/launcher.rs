@@ -17,8 +17,7 @@ pub fn folder(variable: &str) -> Option<PathBuf> {
     std::env::var_os(variable).map(PathBuf::from)
 }
 
-/// Returns the file of the node with this fully qualified name in such a folder: `car.unwrap.json` for `/car/unwrap`
-/// and the ending `json`.
+/// Returns the file of the node with this fully qualified name: `car.unwrap.json` for `/car/unwrap` and `json`.
 pub fn file_of(folder: &Path, node: &str, ending: &str) -> PathBuf {
     folder.join(format!("{}.{ending}", node.trim_matches('/').replace('/', ".")))
 }

@@ -1,5 +1,4 @@
-//! The lockstep driver: every message once, in order, nothing dropped, one thread, no transport. The same messages in
-//! give the same messages out.
+//! The lockstep driver: every message once, in order, nothing dropped, one thread: the same in, the same out.
 
 use std::collections::VecDeque;
 
@@ -82,8 +81,7 @@ impl<'a> Lockstep<'a> {
         Ok(())
     }
 
-    /// Lets source `member` make its next frame at time `now_ns` and carries it through the chain. `None` when the
-    /// source is over.
+    /// Lets source `member` make its next frame at `now_ns` and carries it through the chain; `None` at its end.
     ///
     /// # Errors
     /// [`LockstepError::Fatal`] when a step cannot go on.
@@ -101,8 +99,7 @@ impl<'a> Lockstep<'a> {
         self.members[member].node.position()
     }
 
-    /// Carries one message from outside through the chain; returns everything that came out on recorded topics, in
-    /// order.
+    /// Carries one message from outside through the chain; returns what came out on recorded topics, in order.
     ///
     /// # Errors
     /// [`LockstepError::Fatal`] when a step cannot go on.

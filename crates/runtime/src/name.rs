@@ -75,8 +75,7 @@ pub fn is_hidden(name: &str) -> bool {
     name.split('/').any(|part| part.starts_with('_'))
 }
 
-/// Returns whether ROS 2 hides the node with this fully qualified name from lists: its name begins with an underscore,
-/// whatever its namespace is.
+/// Returns whether ROS 2 hides the node with this fully qualified name: its last part begins with an underscore.
 pub fn is_hidden_node(name: &str) -> bool {
     name.rsplit('/').next().is_some_and(|name| name.starts_with('_'))
 }

@@ -1,5 +1,4 @@
-//! [`Node`]: a pure step. No thread, no clock and no transport in it; drivers bring those, so that live, composed and
-//! lockstep runs execute the same code.
+//! [`Node`]: a pure step, without thread, clock and transport; drivers bring those, and all execute the same code.
 
 use std::any::Any;
 use std::cell::RefCell;
@@ -91,12 +90,10 @@ pub trait Node: Send {
         Ok(PlannedInputs { first: self.inputs(), later: Vec::new() })
     }
 
-    /// Returns the topics written, fixed for the node's life. [`Context::emit`] and [`Context::wanted`] take an index
-    /// into this list.
+    /// Returns the topics written, fixed for the life of the node; [`Context::emit`] takes an index into this list.
     fn outputs(&self) -> Vec<Topic>;
 
-    /// Returns the period of a source: [`Trigger::Tick`] comes this often (zero: as fast as the frames can be made).
-    /// `None` for a node that only answers messages.
+    /// Returns the period of a source, at which [`Trigger::Tick`] comes (zero: without a pause); `None` for others.
     fn period(&self) -> Option<Duration> {
         None
     }
@@ -107,22 +104,18 @@ pub trait Node: Send {
         None
     }
 
-    /// Goes on behind the first `position` frames, which an earlier life of this node has taken. Called at most once,
-    /// before the first step.
+    /// Goes on behind the first `position` frames, which an earlier life has taken; called before the first step.
     fn resume(&mut self, position: u64) {
         let _ = position;
     }
 
-    /// Takes a whole validated set of parameters, between two steps. It reads no file and loads no model: that is the work
-    /// of the job of [`Node::prepare`].
+    /// Takes a whole validated set of parameters, between two steps. Files are read in the job of [`Node::prepare`].
     ///
     /// # Errors
-    /// [`ParameterError`] with the parameter, its value and the possible values; the node then continues exactly as
-    /// before.
+    /// [`ParameterError`] with the parameter, its value and the possible values; the node then continues as before.
     fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError>;
 
-    /// Returns the job that makes the part which the change from `now` to `next` needs; `None` when it needs no part that
-    /// takes long to make.
+    /// Returns the job that makes the part which the change from `now` to `next` needs; `None` when it needs none.
     fn prepare(&self, now: &Parameters, next: &Parameters) -> Option<Job> {
         let _ = (now, next);
         None
@@ -162,8 +155,7 @@ pub trait Node: Send {
     }
 }
 
-/// Returns the name of the stream that the message of `trigger` came on, as the node declares it; a source reads no
-/// stream.
+/// Returns the declared name of the stream that the message of `trigger` came on; a source reads no stream.
 pub fn stream_of(node: &dyn Node, trigger: &Trigger) -> Option<String> {
     match trigger {
         Trigger::Message { input, .. } => node.inputs().get(*input).map(|topic| topic.name.clone()),
@@ -213,8 +205,7 @@ impl<'a> Context<'a> {
         Self { node, stream: None, clock, wanted, unwanted: RefCell::default(), emitted, stages, begins }
     }
 
-    /// Names the stream of the message that the step is about, as the node declares it ([`stream_of`]). While an input changes from one
-    /// stream to another, messages of the old one still come.
+    /// Names the declared stream of the message that the step is about ([`stream_of`]), which may be one that the node is leaving.
     pub fn of_stream(self, stream: Option<&'a str>) -> Self {
         Self { stream, ..self }
     }

@@ -1,7 +1,6 @@
 //! [`NodeReport`]: the counts and durations of a node. The launcher adds the reports of all nodes up.
 //!
-//! Durations are kept as mergeable histograms, so that percentiles over several processes are computed from counts and
-//! never from averages of percentiles.
+//! Durations are kept as mergeable histograms: percentiles over several processes are computed from counts.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -66,7 +65,6 @@ pub struct NodeReport {
     /// Status of the node, such as `engine` = `rten`.
     pub status: BTreeMap<String, String>,
     /// Durations by stage; buckets are (upper bound in microseconds, count).
-    #[serde(with = "pairs")]
     pub stages: BTreeMap<String, Histogram>,
 }
 
@@ -123,8 +121,7 @@ pub fn bucket_of(us: u64) -> u64 {
     (((us >> shift) + 1) << shift) - 1
 }
 
-/// Returns the smallest bucket bound, in microseconds, below or at which at least the fraction `q` of all counts lies;
-/// `None` when nothing was counted.
+/// Returns the smallest bucket bound, in µs, at or below which the fraction `q` of all counts lies; `None` without any.
 pub fn quantile(histogram: &Histogram, q: f64) -> Option<u64> {
     let total: u64 = histogram.values().sum();
     // Rank 0, which q = 0 gives, means the smallest value as well.
@@ -134,26 +131,6 @@ pub fn quantile(histogram: &Histogram, q: f64) -> Option<u64> {
         seen += count;
         (seen >= rank).then_some(bound)
     })
-}
-
-/// JSON objects have string keys, so histograms travel as lists of pairs.
-mod pairs {
-    use std::collections::BTreeMap;
-
-    use serde::{Deserialize, Deserializer, Serialize, Serializer};
-
-    use super::Histogram;
-
-    pub fn serialize<S: Serializer>(stages: &BTreeMap<String, Histogram>, s: S) -> Result<S::Ok, S::Error> {
-        let lists: BTreeMap<&String, Vec<(u64, u64)>> =
-            stages.iter().map(|(name, h)| (name, h.iter().map(|(&b, &n)| (b, n)).collect())).collect();
-        lists.serialize(s)
-    }
-
-    pub fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<BTreeMap<String, Histogram>, D::Error> {
-        let lists = BTreeMap::<String, Vec<(u64, u64)>>::deserialize(d)?;
-        Ok(lists.into_iter().map(|(name, list)| (name, list.into_iter().collect())).collect())
-    }
 }
 
 #[cfg(test)]

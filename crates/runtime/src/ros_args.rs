@@ -8,36 +8,26 @@ use crate::name::{NameError, NodeName};
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RosArgs {
     /// `-r from:=to` in order; the first that fits is used.
-    pub remaps: Vec<Remap>,
+    pub remaps: Vec<Rule>,
     /// `-p name:=value` and parameter files, in order; later ones win.
     pub parameters: Vec<Setting>,
     /// `--log-level level` and `--log-level logger:=level` in order; later ones win.
     pub log_levels: Vec<LogLevel>,
-    /// Result of `--disable-rosout-logs` and `--enable-rosout-logs`.
-    pub rosout_logs: Logs,
-    /// Result of `--disable-stdout-logs` and `--enable-stdout-logs`.
-    pub stdout_logs: Logs,
+    /// Whether `--disable-rosout-logs` was given, and no `--enable-rosout-logs` after it.
+    pub no_rosout_logs: bool,
+    /// Whether `--disable-stdout-logs` was given, and no `--enable-stdout-logs` after it.
+    pub no_stdout_logs: bool,
 }
 
-/// Whether logs go somewhere.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Logs {
-    /// Logs are written there.
-    #[default]
-    Enabled,
-    /// No logs are written there.
-    Disabled,
-}
-
-/// A remapping rule.
+/// A rule `[node:]name:=value`.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Remap {
+pub struct Rule {
     /// Name of the node it is for, if the rule names one.
     pub node: Option<String>,
-    /// `__node`, `__ns`, or the name of a topic or service.
-    pub from: String,
-    /// The new name.
-    pub to: String,
+    /// `__node`, `__ns`, or the name of a topic, a service or a parameter.
+    pub name: String,
+    /// The new name, or the value of the parameter as text.
+    pub value: String,
 }
 
 /// A level of the log, as ROS 2 names them.
@@ -52,15 +42,8 @@ pub struct LogLevel {
 /// Parameters as the command line gives them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Setting {
-    /// One parameter, for the node of this name or for any node.
-    Value {
-        /// Name of the node, if the rule names one.
-        node: Option<String>,
-        /// Name of the parameter.
-        name: String,
-        /// Its value as text.
-        value: String,
-    },
+    /// One parameter.
+    Value(Rule),
     /// The path of a parameter file.
     File(PathBuf),
 }
@@ -116,10 +99,10 @@ impl RosArgs {
 
     fn flag<'a>(&mut self, flag: &str, rest: &mut impl Iterator<Item = &'a String>) -> Result<(), ArgsError> {
         match flag {
-            "--enable-rosout-logs" => self.rosout_logs = Logs::Enabled,
-            "--disable-rosout-logs" => self.rosout_logs = Logs::Disabled,
-            "--enable-stdout-logs" => self.stdout_logs = Logs::Enabled,
-            "--disable-stdout-logs" => self.stdout_logs = Logs::Disabled,
+            "--enable-rosout-logs" => self.no_rosout_logs = false,
+            "--disable-rosout-logs" => self.no_rosout_logs = true,
+            "--enable-stdout-logs" => self.no_stdout_logs = false,
+            "--disable-stdout-logs" => self.no_stdout_logs = true,
             // There is no such library here, and no log file.
             "--enable-external-lib-logs" | "--disable-external-lib-logs" => {}
             _ => return self.option(flag, rest.next()),
@@ -131,30 +114,22 @@ impl RosArgs {
         let wrong = |why| ArgsError::Argument(flag.to_owned(), why);
         let value = || value.ok_or(wrong("needs a value"));
         match flag {
-            "-r" | "--remap" => self.remap(value()?),
-            "-p" | "--param" => self.parameter(value()?),
-            "--params-file" => {
-                self.parameters.push(Setting::File(value()?.into()));
-                Ok(())
-            }
-            "--log-level" => self.log_level(value()?),
-            "-e" | "--enclave" => Err(ArgsError::Enclave(value()?.clone())),
-            "--log-config-file" | "--log-file-name" => value().map(|_| ()),
-            _ => Err(wrong(UNKNOWN)),
+            "-r" | "--remap" => self.remap(value()?)?,
+            "-p" | "--param" => self.parameters.push(Setting::Value(Rule::parse(value()?)?)),
+            "--params-file" => self.parameters.push(Setting::File(value()?.into())),
+            "--log-level" => self.log_level(value()?)?,
+            "-e" | "--enclave" => return Err(ArgsError::Enclave(value()?.clone())),
+            "--log-config-file" | "--log-file-name" => drop(value()?),
+            _ => return Err(wrong(UNKNOWN)),
         }
+        Ok(())
     }
 
     fn remap(&mut self, rule: &str) -> Result<(), ArgsError> {
-        let (from, to) = split_rule(rule)?;
-        // The part before a colon is the node that the rule is for.
-        let (node, from) = split_node(from);
+        let Rule { node, name, value } = Rule::parse(rule)?;
         // `rcl` reads both spellings.
-        let from = if from == "__name" { "__node" } else { strip_scheme(from) };
-        self.remaps.push(Remap {
-            node: node.map(str::to_owned),
-            from: from.to_owned(),
-            to: strip_scheme(to).to_owned(),
-        });
+        let name = if name == "__name" { "__node" } else { strip_scheme(&name) }.to_owned();
+        self.remaps.push(Rule { node, name, value: strip_scheme(&value).to_owned() });
         Ok(())
     }
 
@@ -175,17 +150,6 @@ impl RosArgs {
         Ok(())
     }
 
-    fn parameter(&mut self, rule: &str) -> Result<(), ArgsError> {
-        let (name, value) = split_rule(rule)?;
-        let (node, name) = split_node(name);
-        self.parameters.push(Setting::Value {
-            node: node.map(str::to_owned),
-            name: name.to_owned(),
-            value: value.to_owned(),
-        });
-        Ok(())
-    }
-
     /// Returns the name of the node, `default_name` unless a rule changes it. As in `rcl`, a rule for a node means its
     /// new name, except for the rule that gives the name.
     ///
@@ -196,8 +160,8 @@ impl RosArgs {
         let remaps: Vec<_> = self
             .remaps
             .iter()
-            .filter(|rule| rule.is_for(name) && !rule.from.starts_with("__"))
-            .map(|rule| (rule.from.clone(), rule.to.clone()))
+            .filter(|rule| rule.is_for(name) && !rule.name.starts_with("__"))
+            .map(|rule| (rule.name.clone(), rule.value.clone()))
             .collect();
         NodeName::new(name, self.first("__ns", name).unwrap_or("/"), &remaps)
     }
@@ -209,8 +173,8 @@ impl RosArgs {
         self.log_levels.iter().rfind(meant).map(|rule| rule.level)
     }
 
-    fn first(&self, from: &str, node: &str) -> Option<&str> {
-        self.remaps.iter().find(|rule| rule.from == from && rule.is_for(node)).map(|rule| rule.to.as_str())
+    fn first(&self, name: &str, node: &str) -> Option<&str> {
+        self.remaps.iter().find(|rule| rule.name == name && rule.is_for(node)).map(|rule| rule.value.as_str())
     }
 }
 
@@ -232,21 +196,21 @@ pub fn check_security(
     }
 }
 
-impl Remap {
-    fn is_for(&self, name: &str) -> bool {
-        self.node.as_ref().is_none_or(|node| node == name)
+impl Rule {
+    fn parse(rule: &str) -> Result<Self, ArgsError> {
+        let wrong = || ArgsError::Argument(rule.to_owned(), RULE);
+        let (name, value) = rule.split_once(":=").ok_or_else(wrong)?;
+        let (node, name) = match name.split_once(':') {
+            // `rostopic://name` names no node.
+            Some((node, rest)) if !rest.starts_with("//") => (Some(node.to_owned()), rest),
+            _ => (None, name),
+        };
+        Ok(Self { node, name: name.to_owned(), value: value.to_owned() })
     }
-}
 
-fn split_rule(rule: &str) -> Result<(&str, &str), ArgsError> {
-    rule.split_once(":=").ok_or_else(|| ArgsError::Argument(rule.to_owned(), RULE))
-}
-
-/// Splits `node:name`; `rostopic://name` names no node.
-fn split_node(name: &str) -> (Option<&str>, &str) {
-    match name.split_once(':') {
-        Some((node, rest)) if !rest.starts_with("//") => (Some(node), rest),
-        _ => (None, name),
+    /// Returns whether the rule is for the node of this name.
+    pub fn is_for(&self, name: &str) -> bool {
+        self.node.as_ref().is_none_or(|node| node.trim_start_matches('/') == name)
     }
 }
 
@@ -294,7 +258,7 @@ mod tests {
                     --enable-rosout-logs --log-config-file f --disable-external-lib-logs";
         let (args, _) = parse(line).expect("a valid line");
         assert_eq!((args.log_level_of("eye"), args.log_level_of("rcl")), (Some("debug"), Some("error")));
-        assert_eq!((args.rosout_logs, args.stdout_logs), (Logs::Enabled, Logs::Disabled));
+        assert_eq!((args.no_rosout_logs, args.no_stdout_logs), (false, true));
     }
 
     #[test]

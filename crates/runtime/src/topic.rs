@@ -60,8 +60,7 @@ pub enum Durability {
     Volatile,
 }
 
-/// The quality of service of an endpoint, read from its token: the policies that decide how an endpoint is carried, and
-/// whether two endpoints fit together.
+/// The quality of service of an endpoint: the policies that decide how it is carried, and whether two fit together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Profile {
     /// Code 1 or, as here, 2; reliable when not given.
@@ -90,8 +89,7 @@ impl fmt::Display for Profile {
 }
 
 impl Profile {
-    /// Reads `<reliability>:<durability>:<history>,<depth>:...`. Missing or unknown fields get the defaults of
-    /// rmw_zenoh.
+    /// Reads `<reliability>:<durability>:<history>,<depth>:...`. Missing fields get the defaults of rmw_zenoh.
     pub fn parse(text: &str) -> Self {
         let mut fields = text.split(':');
         let mut field = || fields.next().unwrap_or_default();
@@ -124,8 +122,7 @@ pub const RECOVERY_TOPIC: &str = "recovery";
 /// A topic that a node reads or writes.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Topic {
-    /// ROS name: relative (`modulo`), private (`~/detections`) or absolute (`/camera/image_raw`). Resolved and remapped
-    /// by the driver.
+    /// ROS name, relative (`modulo`), private (`~/detections`) or absolute (`/camera/image_raw`), not resolved yet.
     pub name: String,
     /// Kind of the messages.
     pub kind: MessageKind,
@@ -149,8 +146,7 @@ pub fn diagnostics() -> Topic {
     Topic::new("/diagnostics", MessageKind::Diagnostics)
 }
 
-/// Returns the topic with the camera info of the images on `topic`, which is `camera_info` in the same namespace, as
-/// `image_transport` of ROS 2 has it.
+/// Returns the topic with the camera info of the images on `topic`: `camera_info` in its namespace, as in ROS 2.
 pub fn camera_info_topic(topic: &str) -> String {
     let namespace = topic.rsplit_once('/').map(|(namespace, _)| format!("{namespace}/"));
     format!("{}camera_info", namespace.unwrap_or_default())

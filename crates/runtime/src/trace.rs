@@ -1,7 +1,6 @@
 //! [`TraceFile`]: the spans of a node while it runs, as trace events of Chrome and Perfetto, one JSON object a line.
 //!
-//! The launcher joins the files of all nodes. Times are those of the monotonic clock of the machine, so that the nodes of
-//! one machine have one time axis.
+//! The launcher joins the files of all nodes. Times are those of the monotonic clock, one axis for a machine.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -26,8 +25,7 @@ pub const ENDING: &str = "trace";
 
 /// Spans that wait for the disk at most; further ones are lost, and counted.
 const WAITING: usize = 4096;
-/// The written spans are flushed to the file when no span has come for this time. A node that is killed loses at most the spans
-/// since then.
+/// The spans are flushed when none has come for this time; a killed node loses at most the later ones.
 const PAUSE: Duration = Duration::from_millis(20);
 
 /// The place of a node on the way of a frame.
@@ -90,8 +88,7 @@ impl TraceFile {
         Ok(Self { spans: Some(spans), lost, writer: Some(writer) })
     }
 
-    /// Adds the spans of a step from `begin` to `end` (ticks, ns) on `frame`: one for all of it, and one for each stage. A step
-    /// without a frame has no span.
+    /// Adds the spans of a step from `begin` to `end` (ticks, ns) on `frame`, if it has one: for all of it, and for each stage.
     pub fn add_step(
         &self,
         (begin, end): (u64, u64),

@@ -1,5 +1,4 @@
-//! Reading `node` and `executable`, with the parameters of a node: `{name, value[, type]}`, `{name, param: [...]}` and
-//! `{from: file}`.
+//! Reading `node` and `executable`, with their parameters: name and value or nested ones, or a file.
 
 use modulo_runtime::yaml::{Content, Item, ScalarType};
 
@@ -45,7 +44,8 @@ pub(crate) struct ProcessAction {
     pub respawn_delay: Option<Text>,
     pub respawn_max_retries: Option<Text>,
     pub cwd: Option<Text>,
-    pub on_exit: Option<Text>,
+    /// Whether the end of the process is the end of all.
+    pub ends_all: bool,
     pub sigterm_timeout: Option<Text>,
     pub sigkill_timeout: Option<Text>,
 }
@@ -131,10 +131,19 @@ fn process(attributes: &Attributes<'_>) -> Result<ProcessAction, LaunchError> {
         respawn_delay: attributes.literal("respawn_delay", ScalarType::Float)?,
         respawn_max_retries: attributes.literal("respawn_max_retries", ScalarType::Integer)?,
         cwd: attributes.text("cwd")?,
-        on_exit: attributes.plain("on_exit")?,
+        ends_all: ends_all(attributes)?,
         sigterm_timeout: attributes.literal("sigterm_timeout", ScalarType::Float)?,
         sigkill_timeout: attributes.literal("sigkill_timeout", ScalarType::Float)?,
     })
+}
+
+fn ends_all(attributes: &Attributes<'_>) -> Result<bool, LaunchError> {
+    match attributes.plain("on_exit")? {
+        Some((line, text)) if text != "shutdown" => {
+            Err(LaunchError::at(attributes.file, line, format!("on_exit = '{text}' must be shutdown")))
+        }
+        on_exit => Ok(on_exit.is_some()),
+    }
 }
 
 /// The parameters in the list `param`.

@@ -1,27 +1,10 @@
-//! The arguments that can be given to a launch file: its own and those of the
-//! files it includes, also in branches that would not be taken.
+//! The arguments of a launch file and of the files that it includes, also in branches not taken.
 
 use std::path::{Path, PathBuf};
 
-use serde::Serialize;
-
 use super::scope::{Scope, argument_value, included};
-use crate::action::{self, Action, ActionKind, LaunchFile};
-use crate::attributes::Text;
+use crate::action::{self, Action, ActionKind, DeclaredArgument, LaunchFile};
 use crate::{LaunchError, Mistakes, listed};
-
-/// An argument of a launch file.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct DeclaredArgument {
-    /// Its name.
-    pub name: String,
-    /// Its value when none is given, as written; `None` when one must be given.
-    pub default: Option<String>,
-    /// Its purpose, for `--show-args`.
-    pub description: Option<String>,
-    /// The possible values; any when empty.
-    pub choices: Vec<String>,
-}
 
 /// The arguments of the launch file `file`, in order, each once.
 ///
@@ -80,17 +63,18 @@ impl Collector {
 
     fn one(&mut self, file: &Path, action: &Action) -> Result<(), LaunchError> {
         match &action.kind {
-            ActionKind::Argument(argument) => self.declare(file, argument),
-            ActionKind::Let { name, value } => {
+            ActionKind::Argument(argument) => {
+                self.declare(file, argument);
+                Ok(())
+            }
+            ActionKind::Let(name, value) => {
                 let view = self.scope.at(file);
                 if let (Ok(name), Ok(value)) = (view.string(name), view.string(value)) {
                     self.scope.variables.insert(name, value);
                 }
                 Ok(())
             }
-            ActionKind::Group { children, .. } | ActionKind::Timer { children, .. } => {
-                self.all(file, children)
-            }
+            ActionKind::Group { children, .. } => self.all(file, children),
             ActionKind::Include(include) => {
                 // A file that is not there counts only if it is really included.
                 match included(include, self.scope.at(file)) {
@@ -102,25 +86,16 @@ impl Collector {
         }
     }
 
-    fn declare(&mut self, file: &Path, argument: &action::Argument) -> Result<(), LaunchError> {
-        let view = self.scope.at(file);
-        let source = |text: &Text| text.source.clone();
-        let declared = DeclaredArgument {
-            name: view.string(&argument.name)?,
-            default: argument.default.as_ref().map(source),
-            description: argument.description.as_ref().map(source),
-            choices: argument.choices.iter().map(source).collect(),
-        };
+    fn declare(&mut self, file: &Path, argument: &action::Argument) {
+        let declared = &argument.declared;
         // A default that has no value yet is no error here: it may never be needed.
-        if let Ok((name, value)) = argument_value(argument, view) {
+        if let Ok((name, value)) = argument_value(argument, self.scope.at(file)) {
             self.scope.variables.insert(name, value);
         }
-        // An argument that an include gives has its value already: a value from outside would be ignored, so the argument
-        // is not offered.
+        // A value from outside for an argument that an include gives would be ignored, so that it is not offered.
         let known =
             self.fixed.contains(&declared.name) || self.found.iter().any(|other| other.name == declared.name);
-        self.found.extend((!known).then_some(declared));
-        Ok(())
+        self.found.extend((!known).then(|| declared.clone()));
     }
 
     fn include(

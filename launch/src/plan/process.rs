@@ -1,11 +1,12 @@
 //! Turns a `node` or `executable` action into the plan of a process. Nothing is started here.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use modulo_runtime::NodeName;
+
 use super::scope::{Scope, View, parameter_value};
-use super::{ExecutablePlan, NodeParameter, NodePlan, OnExit, Output, ProcessPlan, Respawn};
+use super::{ExecutablePlan, NodeParameter, NodePlan, ProcessPlan, Respawn};
 use crate::LaunchError;
 use crate::action::{ExecutableAction, NodeAction, Parameter, ProcessAction};
 use crate::attributes::Text;
@@ -21,9 +22,6 @@ pub(super) struct DeclarationSite<'a> {
     pub line: usize,
     pub view: View<'a>,
     pub scope: &'a Scope,
-    /// The launcher's own environment.
-    pub outside: &'a BTreeMap<String, String>,
-    pub start_after: Duration,
 }
 
 /// The plan of an `executable` action.
@@ -48,8 +46,7 @@ pub(super) fn node(action: &NodeAction, site: &DeclarationSite<'_>) -> Result<No
     let package = view.string(&action.package)?;
     let executable = view.string(&action.executable)?;
     let given = view.optional(&action.process.name)?;
-    // A program of another package may choose its own name. A node of this suite is named after its
-    // executable.
+    // A program of another package may choose its own name; a node of this suite has that of its executable.
     let name = given.or_else(|| (package == SUITE).then(|| executable.clone()));
     let label = view.optional(&action.label)?.or_else(|| name.clone()).unwrap_or_else(|| executable.clone());
     let parameters = own_parameters(&action.parameters, site)?;
@@ -57,7 +54,9 @@ pub(super) fn node(action: &NodeAction, site: &DeclarationSite<'_>) -> Result<No
     let mut remaps = site.scope.remaps.clone();
     remaps.extend(view.pairs(&action.remaps)?);
     let namespace = site.scope.joined(&view.optional(&action.namespace)?.unwrap_or_default());
-    check_names(name.as_deref(), &namespace, &remaps, site)?;
+    // The own name of another program is unknown here. Any valid name lets the others be checked.
+    NodeName::new(name.as_deref().unwrap_or("unnamed"), &namespace, &remaps)
+        .map_err(|e| LaunchError::at(site.file, site.line, format!("node: {e}")))?;
     Ok(NodePlan {
         package,
         executable,
@@ -71,18 +70,6 @@ pub(super) fn node(action: &NodeAction, site: &DeclarationSite<'_>) -> Result<No
         process: process(&action.process, label, site)?,
         declared_at: (site.file.to_owned(), site.line),
     })
-}
-
-fn check_names(
-    name: Option<&str>,
-    namespace: &str,
-    remaps: &[(String, String)],
-    site: &DeclarationSite<'_>,
-) -> Result<(), LaunchError> {
-    // The own name of another program is unknown here. Any valid name lets the others be checked.
-    modulo_runtime::NodeName::new(name.unwrap_or("unnamed"), namespace, remaps)
-        .map(|_| ())
-        .map_err(|e| LaunchError::at(site.file, site.line, format!("node: {e}")))
 }
 
 fn own_parameters(own: &[Parameter], site: &DeclarationSite<'_>) -> Result<Vec<NodeParameter>, LaunchError> {
@@ -123,49 +110,30 @@ fn process(
         Some(text) => view.number(key, text).map(Duration::from_secs_f64),
         None => Ok(default),
     };
+    let mut env = site.scope.environment.clone();
+    env.extend(view.pairs(&action.env)?);
     Ok(ProcessPlan {
         label,
-        env: environment(&view.pairs(&action.env)?, site),
+        env,
         cwd: view.optional(&action.cwd)?.map(PathBuf::from),
-        output: output(action.output.as_ref(), view)?,
+        errors_only: errors_only(action.output.as_ref(), view)?,
         respawn: respawn(action, view)?,
-        on_exit: on_exit(action.on_exit.as_ref(), view)?,
+        ends_all: action.ends_all,
         sigterm_timeout: seconds("sigterm_timeout", &action.sigterm_timeout, PATIENCE)?,
         sigkill_timeout: seconds("sigkill_timeout", &action.sigkill_timeout, PATIENCE)?,
-        start_after: site.start_after,
     })
 }
 
-/// Returns the difference between the environment of the process, with its `own` variables, and that of the launcher.
-fn environment(own: &[(String, String)], site: &DeclarationSite<'_>) -> BTreeMap<String, Option<String>> {
-    let (outside, inside) = (site.outside, &site.scope.environment);
-    // Only the differences are kept: the plan stays short, and a variable that is not text reaches the
-    // process as it is.
-    let removed = outside.keys().filter(|key| !inside.contains_key(*key)).map(|key| (key.clone(), None));
-    let set = inside.iter().filter(|(key, value)| outside.get(*key) != Some(value));
-    let set = set.map(|(key, value)| (key.clone(), Some(value.clone())));
-    let own = own.iter().map(|(key, value)| (key.clone(), Some(value.clone())));
-    removed.chain(set).chain(own).collect()
-}
-
-fn output(text: Option<&Text>, view: View<'_>) -> Result<Output, LaunchError> {
-    let Some(text) = text else { return Ok(Output::default()) };
+fn errors_only(output: Option<&Text>, view: View<'_>) -> Result<bool, LaunchError> {
+    let Some(text) = output else { return Ok(false) };
     match view.string(text)?.as_str() {
-        "screen" | "both" => Ok(Output::Screen),
-        "log" => Ok(Output::Log),
+        "screen" | "both" => Ok(false),
+        "log" => Ok(true),
         other => Err(view.refuse(text, format!("output = '{other}' must be screen, both or log"))),
     }
 }
 
-fn on_exit(text: Option<&Text>, view: View<'_>) -> Result<OnExit, LaunchError> {
-    let Some(text) = text else { return Ok(OnExit::Continue) };
-    match view.string(text)?.as_str() {
-        "shutdown" => Ok(OnExit::Shutdown),
-        other => Err(view.refuse(text, format!("on_exit = '{other}' must be shutdown"))),
-    }
-}
-
-fn respawn(action: &ProcessAction, view: View<'_>) -> Result<Respawn, LaunchError> {
+fn respawn(action: &ProcessAction, view: View<'_>) -> Result<Option<Respawn>, LaunchError> {
     let wanted = action.respawn.as_ref().map(|text| view.bool("respawn", text)).transpose()?;
     let delay = action.respawn_delay.as_ref().map(|text| view.number("respawn_delay", text)).transpose()?;
     let max_retries = match &action.respawn_max_retries {
@@ -181,10 +149,8 @@ fn respawn(action: &ProcessAction, view: View<'_>) -> Result<Respawn, LaunchErro
             u32::try_from(number).ok()
         }
     };
-    Ok(match wanted {
-        Some(true) => Respawn::After { delay: Duration::from_secs_f64(delay.unwrap_or(0.0)), max_retries },
-        _ => Respawn::Never,
-    })
+    let delay = Duration::from_secs_f64(delay.unwrap_or(0.0));
+    Ok((wanted == Some(true)).then_some(Respawn { delay, max_retries }))
 }
 
 /// Splits a command line into words as a shell would, without running one: quotes group, a backslash makes the next

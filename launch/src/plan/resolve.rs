@@ -2,14 +2,13 @@
 //! the earlier ones left. A mistake does not hide the next one. Nothing is started.
 
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use super::arguments::{self, absolute, identity};
 use super::scope::{Scope, View, argument_value, included, shared_value};
-use super::{NodePlan, OnExit, Plan, process};
-use crate::action::{self, Action, ActionKind, Condition, Include};
+use super::{NodePlan, Plan, process};
+use crate::action::{self, Action, ActionKind, Include};
 use crate::attributes::Text;
-use crate::package::{SUITE, environment};
+use crate::package::SUITE;
 use crate::substitution::truth;
 use crate::{LaunchError, Mistakes};
 
@@ -21,7 +20,7 @@ const END_OF_CAMERA: &str = "camera_end";
 /// Reads `file` and works it out with `arguments`, the (name, value) pairs of the command line.
 ///
 /// # Errors
-/// [`LaunchError::At`] for a mistake in a file, [`LaunchError::UnknownArgument`] for an argument that no file declares,
+/// [`LaunchError::At`] for a mistake in a file, [`LaunchError::Other`] for an argument that no file declares,
 /// [`LaunchError::File`] when a file cannot be read.
 ///
 /// ```
@@ -46,16 +45,11 @@ pub fn check(file: &Path, arguments: &[(String, String)]) -> Result<Plan, Mistak
     let unknown = arguments.iter().filter(|(name, _)| declared.iter().all(|d| d.name != *name));
     Mistakes::gather(unknown.map(|(name, _)| {
         let known = arguments::known(&declared);
-        Err::<(), _>(LaunchError::UnknownArgument { name: name.clone(), known }.into())
+        Err::<(), _>(LaunchError::Other(format!("unknown launch argument '{name}', {known}")).into())
     }))?;
     let launch_file = action::read_file(file)?;
-    let mut resolver = Resolver {
-        plan: Plan::default(),
-        scope: Scope::new(arguments),
-        outside: environment(),
-        open: vec![identity(file)],
-        start_after: Duration::ZERO,
-    };
+    let mut resolver =
+        Resolver { plan: Plan::default(), scope: Scope::new(arguments), open: vec![identity(file)] };
     resolver.all(&launch_file.path, &launch_file.actions)?;
     Ok(with_ends(resolver.plan))
 }
@@ -70,18 +64,15 @@ fn with_ends(mut plan: Plan) -> Plan {
     let cameras = plan.nodes.iter_mut().filter(|node| node.package == SUITE && node.executable == CAMERA);
     cameras
         .filter(|camera| ends.contains(&camera.namespace))
-        .for_each(|camera| camera.process.on_exit = OnExit::Shutdown);
+        .for_each(|camera| camera.process.ends_all = true);
     plan
 }
 
 struct Resolver {
     plan: Plan,
     scope: Scope,
-    /// The launcher's own environment.
-    outside: std::collections::BTreeMap<String, String>,
     /// The files that are being read, outermost first.
     open: Vec<PathBuf>,
-    start_after: Duration,
 }
 
 impl Resolver {
@@ -90,18 +81,18 @@ impl Resolver {
     }
 
     fn one(&mut self, file: &Path, action: &Action) -> Result<(), Mistakes> {
-        let done = match applies(&action.condition, self.scope.at(file)) {
+        let done = match applies(action.condition.as_ref(), self.scope.at(file)) {
             Ok(true) => self.apply(file, action),
             Ok(false) => Ok(()),
             Err(mistake) => Err(mistake.into()),
         };
         // A use of this variable would be reported as undefined, which only follows from this mistake.
-        if done.is_err()
-            && let ActionKind::Argument(action::Argument { name, .. }) | ActionKind::Let { name, .. } =
-                &action.kind
-        {
-            self.scope.broken.extend(name.template.as_plain().map(str::to_owned));
-        }
+        let name = match &action.kind {
+            ActionKind::Argument(argument) => Some(argument.declared.name.as_str()),
+            ActionKind::Let(name, _) => name.template.as_plain(),
+            _ => None,
+        };
+        self.scope.broken.extend(name.filter(|_| done.is_err()).map(str::to_owned));
         done.or_else(|mistakes| mistakes.without(&LaunchError::Consequence))
     }
 
@@ -113,27 +104,23 @@ impl Resolver {
                 self.plan.arguments.insert(name.clone(), value.clone());
                 self.scope.variables.insert(name, value);
             }
-            ActionKind::Let { name, value } => {
+            ActionKind::Let(name, value) => {
                 self.scope.variables.insert(view.string(name)?, view.string(value)?);
             }
-            ActionKind::SetEnvironment { name, value } => {
+            ActionKind::SetEnvironment(name, value) => {
                 self.scope.environment.insert(variable_name(view, name)?, view.string(value)?);
-            }
-            ActionKind::UnsetEnvironment { name } => {
-                self.scope.environment.remove(&view.string(name)?);
             }
             ActionKind::PushNamespace(namespace) => {
                 self.scope.namespace = self.scope.joined(&view.string(namespace)?);
             }
-            ActionKind::SetParameter { name, value } => {
+            ActionKind::SetParameter(name, value) => {
                 self.scope.parameters.push((view.string(name)?, shared_value(name, value, view)?));
             }
-            ActionKind::SetRemap { from, to } => {
+            ActionKind::SetRemap(from, to) => {
                 self.scope.remaps.push((view.string(from)?, view.string(to)?));
             }
             ActionKind::Log(message) => self.plan.messages.push(view.string(message)?),
             ActionKind::Group { scoped, children } => self.group(file, scoped.as_ref(), children)?,
-            ActionKind::Timer { period, children } => self.timer(file, period, children)?,
             ActionKind::Include(include) => self.include(file, action.line, include)?,
             ActionKind::Node(node) => {
                 self.plan.nodes.push(process::node(node, &self.site(file, action.line))?);
@@ -147,15 +134,7 @@ impl Resolver {
     }
 
     fn site<'a>(&'a self, file: &'a Path, line: usize) -> process::DeclarationSite<'a> {
-        let Self { scope, outside, start_after, .. } = self;
-        process::DeclarationSite {
-            file,
-            line,
-            view: scope.at(file),
-            scope,
-            outside,
-            start_after: *start_after,
-        }
+        process::DeclarationSite { file, line, view: self.scope.at(file), scope: &self.scope }
     }
 
     fn group(&mut self, file: &Path, scoped: Option<&Text>, children: &[Action]) -> Result<(), Mistakes> {
@@ -166,15 +145,6 @@ impl Resolver {
         if scoped.unwrap_or(true) {
             self.scope = outer;
         }
-        done
-    }
-
-    fn timer(&mut self, file: &Path, period: &Text, children: &[Action]) -> Result<(), Mistakes> {
-        // Periods of nested timers add up: the inner timer begins when the outer one is over.
-        let before = self.start_after;
-        self.start_after += Duration::from_secs_f64(self.scope.at(file).number("period", period)?);
-        let done = self.all(file, children);
-        self.start_after = before;
         done
     }
 
@@ -199,8 +169,7 @@ impl Resolver {
             }
         }
         self.scope.variables.extend(arguments);
-        // The file counts as open only while it is read: to include it twice, one after the other, is no
-        // loop.
+        // The file counts as open only while it is read: to include it twice is no loop.
         self.open.push(identity);
         let done = self.all(&launch_file.path, &launch_file.actions);
         self.open.pop();
@@ -208,16 +177,11 @@ impl Resolver {
     }
 }
 
-fn applies(condition: &Condition, view: View<'_>) -> Result<bool, LaunchError> {
-    let holds = |key: &str, text: &Text| {
-        let value = view.string(text)?;
-        truth(&value).map_err(|e| view.refuse(text, format!("{key}: {e}")))
-    };
-    match condition {
-        Condition::Always => Ok(true),
-        Condition::If(text) => holds("if", text),
-        Condition::Unless(text) => Ok(!holds("unless", text)?),
-    }
+fn applies(condition: Option<&(Text, bool)>, view: View<'_>) -> Result<bool, LaunchError> {
+    let Some((text, wanted)) = condition else { return Ok(true) };
+    let key = if *wanted { "if" } else { "unless" };
+    let holds = truth(&view.string(text)?).map_err(|e| view.refuse(text, format!("{key}: {e}")))?;
+    Ok(holds == *wanted)
 }
 
 fn variable_name(view: View<'_>, text: &Text) -> Result<String, LaunchError> {

@@ -7,11 +7,9 @@ use std::path::{Path, PathBuf};
 
 use modulo_runtime::parameter::yaml_text::of_string;
 use modulo_runtime::yaml::{self, Content, ScalarType};
-use serde::Serialize;
 
-use crate::action::{self, Argument, Include, LaunchFile, ParameterValue};
+use crate::action::{self, Argument, DeclaredArgument, Include, LaunchFile, ParameterValue};
 use crate::attributes::Text;
-use crate::package::environment;
 use crate::substitution::{SubstitutionError, Surroundings};
 use crate::{LaunchError, Mistakes, listed};
 
@@ -20,7 +18,7 @@ use crate::{LaunchError, Mistakes, listed};
 pub(super) struct Scope {
     /// Arguments and `let`s.
     pub variables: BTreeMap<String, String>,
-    /// The environment of processes started here.
+    /// The variables of `set_env`.
     pub environment: BTreeMap<String, String>,
     /// The pushed namespace, absolute.
     pub namespace: String,
@@ -37,7 +35,7 @@ impl Scope {
     pub fn new(arguments: &[(String, String)]) -> Self {
         Self {
             variables: arguments.iter().cloned().collect(),
-            environment: environment(),
+            environment: BTreeMap::new(),
             namespace: "/".to_owned(),
             parameters: Vec::new(),
             remaps: Vec::new(),
@@ -126,23 +124,21 @@ impl View<'_> {
 
 /// Name and value of an argument: as given, else its default.
 pub(super) fn argument_value(argument: &Argument, view: View<'_>) -> Result<(String, String), LaunchError> {
-    let name = view.string(&argument.name)?;
-    let value = match (view.surroundings().variables.get(&name), &argument.default) {
+    let DeclaredArgument { name, choices, .. } = &argument.declared;
+    let value = match (view.surroundings().variables.get(name), &argument.default) {
         // A value that was given from outside, or by an earlier action, wins over the default.
         (Some(value), _) => value.clone(),
         (None, Some(default)) => view.string(default)?,
         (None, None) => {
             let why = format!("argument '{name}' has no value and no default, give {name}:=VALUE");
-            return Err(view.refuse(&argument.name, why));
+            return Err(LaunchError::at(view.file, argument.line, why));
         }
     };
-    let choices: Result<Vec<String>, _> = argument.choices.iter().map(|choice| view.string(choice)).collect();
-    let choices = choices?;
     if !choices.is_empty() && !choices.contains(&value) {
         let why = format!("argument '{name}' = '{value}' must be one of {}", listed(choices, ""));
-        return Err(view.refuse(&argument.name, why));
+        return Err(LaunchError::at(view.file, argument.line, why));
     }
-    Ok((name, value))
+    Ok((name.clone(), value))
 }
 
 /// The value of the parameter `name`.
@@ -167,8 +163,7 @@ pub(super) fn parameter_value(
     checked.map_err(|why| view.refuse(name, format!("parameter '{}' {why}", name.source)))
 }
 
-/// Reads the included file. A relative path is refused: ROS 2 would look for it in the folder in which the launch is
-/// started, and not beside the including file.
+/// Reads the included file. A relative path is refused, which ROS 2 would look for in the folder of the start.
 pub(super) fn included(include: &Include, view: View<'_>) -> Result<LaunchFile, Mistakes> {
     let path = PathBuf::from(view.string(&include.file)?);
     if path.is_relative() {
@@ -200,20 +195,16 @@ pub(super) fn shared_value(name: &Text, value: &Text, view: View<'_>) -> Result<
 }
 
 /// The value of a parameter.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ParameterText {
     /// The value as text, a list as `[a, b]`.
     pub text: String,
     /// The type that the launch file asks for, such as `str` or `list_of_int`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub kind: Option<&'static str>,
 }
 
 impl ParameterText {
     /// A scalar; a `kind` is checked, and a `float` gets its decimal point.
-    ///
-    /// # Errors
-    /// A text that names the type that `text` does not have.
     pub(super) fn scalar(text: String, kind: Option<&'static str>) -> Result<Self, String> {
         let text = match kind {
             Some(of) if !of.starts_with("list_of_") => typed(text, of)?,
@@ -229,9 +220,6 @@ impl ParameterText {
     }
 
     /// A list of (text, type as it is written).
-    ///
-    /// # Errors
-    /// A text that names the item that does not have the requested type.
     pub(super) fn list(
         items: Vec<(String, Option<ScalarType>)>,
         kind: Option<&'static str>,

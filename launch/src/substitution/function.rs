@@ -9,48 +9,54 @@ use crate::listed;
 use crate::package;
 
 /// A substitution that can be evaluated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Function {
-    /// `$(var name [default])`: a launch argument or a `let`.
-    Var,
-    /// `$(env NAME [default])`: an environment variable.
-    Env,
-    /// `$(dirname)`: the folder of this launch file.
-    Dirname,
-    /// `$(filename)`: the path of this launch file.
-    Filename,
-    /// `$(find-pkg-share package)`: `<prefix>/share/<package>`.
-    FindPkgShare,
-    /// `$(find-pkg-prefix package)`.
-    FindPkgPrefix,
-    /// `$(not x)`.
-    Not,
-    /// `$(and a b)`.
-    And,
-    /// `$(or a b)`.
-    Or,
-    /// `$(equals a b)`: as bools or numbers when both are, else as text.
-    Equals,
-    /// `$(not-equals a b)`.
-    NotEquals,
-    /// `$(if condition then [else])`.
-    If,
+#[derive(Debug)]
+pub struct Function {
+    name: &'static str,
+    /// The fewest and the most arguments.
+    fewest: usize,
+    most: usize,
+    /// Returns the value for so many arguments.
+    value: fn(&[String], &Surroundings<'_>) -> Result<String, SubstitutionError>,
 }
 
-/// Name, function, fewest and most arguments.
-const KNOWN: [(&str, Function, usize, usize); 12] = [
-    ("var", Function::Var, 1, 2),
-    ("env", Function::Env, 1, 2),
-    ("dirname", Function::Dirname, 0, 0),
-    ("filename", Function::Filename, 0, 0),
-    ("find-pkg-share", Function::FindPkgShare, 1, 1),
-    ("find-pkg-prefix", Function::FindPkgPrefix, 1, 1),
-    ("not", Function::Not, 1, 1),
-    ("and", Function::And, 2, 2),
-    ("or", Function::Or, 2, 2),
-    ("equals", Function::Equals, 2, 2),
-    ("not-equals", Function::NotEquals, 2, 2),
-    ("if", Function::If, 2, 3),
+impl PartialEq for Function {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
+impl Eq for Function {}
+
+const fn function(
+    name: &'static str,
+    [fewest, most]: [usize; 2],
+    value: fn(&[String], &Surroundings<'_>) -> Result<String, SubstitutionError>,
+) -> Function {
+    Function { name, fewest, most, value }
+}
+
+static KNOWN: [Function; 12] = [
+    // `$(var name [default])`: a launch argument or a `let`.
+    function("var", [1, 2], |given, around| variable(&given[0], given.get(1), around)),
+    // `$(env NAME [default])`: an environment variable.
+    function("env", [1, 2], |given, around| environment_variable(&given[0], given.get(1), around)),
+    // The folder and the path of this launch file.
+    function("dirname", [0, 0], |_, around| Ok(folder_of(around.file))),
+    function("filename", [0, 0], |_, around| Ok(around.file.display().to_string())),
+    // `<prefix>/share/<package>`, and the prefix.
+    function("find-pkg-share", [1, 1], |given, around| found(package::share, &given[0], around)),
+    function("find-pkg-prefix", [1, 1], |given, around| found(package::prefix, &given[0], around)),
+    function("not", [1, 1], |given, _| Ok((!truth(&given[0])?).to_string())),
+    // Both sides are evaluated: one that is not a condition is an error, whatever the other says.
+    function("and", [2, 2], |given, _| Ok((truth(&given[0])? & truth(&given[1])?).to_string())),
+    function("or", [2, 2], |given, _| Ok((truth(&given[0])? | truth(&given[1])?).to_string())),
+    // As bools or numbers when both are, else as text.
+    function("equals", [2, 2], |given, _| Ok(equal(&given[0], &given[1]).to_string())),
+    function("not-equals", [2, 2], |given, _| Ok((!equal(&given[0], &given[1])).to_string())),
+    // `$(if condition then [else])`.
+    function("if", [2, 3], |given, _| {
+        Ok(given.get(if truth(&given[0])? { 1 } else { 2 }).cloned().unwrap_or_default())
+    }),
 ];
 
 /// The functions of ROS 2 that are not supported, each with the reason.
@@ -73,26 +79,23 @@ impl Function {
     ///
     /// # Errors
     /// [`SubstitutionError`] with the known names, or with the reason why a known one of ROS 2 is not supported.
-    pub fn named(name: &str) -> Result<Self, SubstitutionError> {
-        if let Some((_, function, ..)) = KNOWN.iter().find(|known| known.0 == name) {
-            return Ok(*function);
+    pub fn named(name: &str) -> Result<&'static Self, SubstitutionError> {
+        if let Some(function) = KNOWN.iter().find(|known| known.name == name) {
+            return Ok(function);
         }
         Err(SubstitutionError::Invalid(match REFUSED.iter().find(|refused| refused.0 == name) {
             Some((_, why)) => format!("$({name}) is not supported: {why}"),
             None => {
-                let known = listed(KNOWN.iter().map(|known| known.0), "");
+                let known = listed(KNOWN.iter().map(|known| known.name), "");
                 format!("unknown substitution $({name}), known are {known}")
             }
         }))
     }
 
-    pub(super) fn check_count(self, given: usize) -> Result<(), SubstitutionError> {
-        let known = KNOWN.iter().find(|known| known.1 == self);
-        let &(name, _, fewest, most) = known.expect("every function is in the list");
-        if (fewest..=most).contains(&given) {
-            return Ok(());
-        }
+    pub(super) fn check_count(&self, given: usize) -> Result<(), SubstitutionError> {
+        let Self { name, fewest, most, .. } = self;
         let takes = match (fewest, most) {
+            _ if (*fewest..=*most).contains(&given) => return Ok(()),
             (0, 0) => "no argument".to_owned(),
             (1, 1) => "1 argument".to_owned(),
             (a, b) if a == b => format!("{a} arguments"),
@@ -109,15 +112,12 @@ pub struct Surroundings<'a> {
     pub file: &'a Path,
     /// Launch arguments and `let`s.
     pub variables: &'a BTreeMap<String, String>,
-    /// The environment, as `set_env` and `unset_env` left it.
+    /// The variables of `set_env`, which stand before those of the launcher's environment.
     pub environment: &'a BTreeMap<String, String>,
 }
 
 impl Template {
     /// The text with every substitution replaced by its value.
-    ///
-    /// # Errors
-    /// [`SubstitutionError`] for what has no value.
     pub fn evaluate(&self, around: &Surroundings<'_>) -> Result<String, SubstitutionError> {
         self.parts.iter().map(|part| part.evaluate(around)).collect()
     }
@@ -125,54 +125,36 @@ impl Template {
 
 impl Part {
     /// The value of this piece.
-    ///
-    /// # Errors
-    /// [`SubstitutionError`] for what has no value.
     pub fn evaluate(&self, around: &Surroundings<'_>) -> Result<String, SubstitutionError> {
         match self {
             Self::Text(text) => Ok(text.clone()),
             Self::Call(function, arguments) => {
                 let values: Result<Vec<String>, _> = arguments.iter().map(|a| a.evaluate(around)).collect();
-                call(*function, &values?, around)
+                (function.value)(&values?, around)
             }
         }
     }
 }
 
-fn call(
-    function: Function,
-    arguments: &[String],
+/// Returns the folder of a package.
+fn found(
+    find: fn(&str, &Path, &BTreeMap<String, String>) -> Result<PathBuf, String>,
+    package: &str,
     around: &Surroundings<'_>,
 ) -> Result<String, SubstitutionError> {
-    let argument = |index: usize| arguments.get(index).map_or("", String::as_str);
-    let truth = |index: usize| truth(argument(index));
-    let Surroundings { file, environment, .. } = around;
-    let found = |folder: Result<PathBuf, String>| {
-        folder.map(|folder| folder.display().to_string()).map_err(SubstitutionError::Invalid)
-    };
-    Ok(match function {
-        Function::Var => variable(argument(0), arguments.get(1), around)?,
-        Function::Env => match environment.get(argument(0)).or(arguments.get(1)) {
-            Some(value) => value.clone(),
-            None => {
-                let name = argument(0);
-                return Err(SubstitutionError::Invalid(format!(
-                    "environment variable {name} is not set, $(env {name} DEFAULT) gives it a default"
-                )));
-            }
-        },
-        Function::Dirname => folder_of(file),
-        Function::Filename => file.display().to_string(),
-        Function::FindPkgShare => found(package::share(argument(0), file, environment))?,
-        Function::FindPkgPrefix => found(package::prefix(argument(0), file, environment))?,
-        Function::Not => (!truth(0)?).to_string(),
-        // With `&` and `|` both sides are evaluated: a side that is not a condition is an error, whatever the
-        // other one says.
-        Function::And => (truth(0)? & truth(1)?).to_string(),
-        Function::Or => (truth(0)? | truth(1)?).to_string(),
-        Function::Equals => equal(argument(0), argument(1)).to_string(),
-        Function::NotEquals => (!equal(argument(0), argument(1))).to_string(),
-        Function::If => argument(if truth(0)? { 1 } else { 2 }).to_owned(),
+    let folder = find(package, around.file, around.environment).map_err(SubstitutionError::Invalid)?;
+    Ok(folder.display().to_string())
+}
+
+fn environment_variable(
+    name: &str,
+    default: Option<&String>,
+    around: &Surroundings<'_>,
+) -> Result<String, SubstitutionError> {
+    package::variable(around.environment, name).or_else(|| default.cloned()).ok_or_else(|| {
+        SubstitutionError::Invalid(format!(
+            "environment variable {name} is not set, $(env {name} DEFAULT) gives it a default"
+        ))
     })
 }
 

@@ -64,8 +64,7 @@ impl<'a> Lives<'a> {
         self.0.iter().any(|life| life.published.contains_key(topic) || life.unwanted.contains_key(topic))
     }
 
-    /// Whether the node reads the same topics from its first start to its end. A life that crashed before it
-    /// subscribed reads none.
+    /// Whether all lives of the node read the same topics. A life that crashed before it subscribed reads none.
     fn reads_always_the_same(&self) -> bool {
         let mut inputs = self.0.iter().map(|life| &life.received).filter(|received| !received.is_empty());
         let first = inputs.next();
@@ -83,17 +82,15 @@ impl<'a> Lives<'a> {
 /// `missing = sent + unwanted - received - lost`, each over all lives, where `received = taken + replaced + unread`.
 ///
 /// A latched topic is left out, since a reader that comes back gets its last message. The equation holds for a node that
-/// reads a topic for the whole launch, which begins when all readers are ready. The number is unknown where the inputs of
-/// the reader were changed at run time, and where the sender is no node of the launch: the loss is then reported without
-/// a number.
+/// reads a topic for the whole launch. Without a number is the loss of a reader whose inputs were changed at run time,
+/// and of messages whose sender is no node of the launch.
 pub(super) fn losses(reports: &[NodeReport]) -> Vec<LostInCrash> {
     let nodes = Lives::of_nodes(reports);
     let mut losses = Vec::new();
     for (name, reader) in &nodes {
         for topic in reader.reads() {
             let senders: Vec<&Lives<'_>> = nodes.values().filter(|node| node.writes(topic)).collect();
-            // Without a crash nothing can be missing: counts that differ come from a reader that joined or
-            // left by itself.
+            // Without a crash nothing can be missing: counts differ when a reader joins or leaves by itself.
             if !reader.crashed() && !senders.iter().any(|sender| sender.crashed()) {
                 continue;
             }

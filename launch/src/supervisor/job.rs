@@ -18,7 +18,7 @@ use super::activity::{Activity, LONG_STEP};
 use super::running::{CommandLine, Running};
 use super::{Channel, Ending, Print, ProcessEnd, ProcessOutcome, Supervision, start_error};
 use crate::LaunchError;
-use crate::package::SUITE;
+use crate::package::{SUITE, prefixes};
 use crate::plan::{ExecutablePlan, NodePlan, Plan, ProcessPlan, Respawn, ros_arguments};
 
 /// A process that lived shorter crashed for a reason that may still be there.
@@ -120,9 +120,6 @@ const OWNER: &str = "owner.lock";
 impl Folders {
     /// Makes the folders. A node writes its report before it sends a result, so that the reports lie in memory where that is
     /// possible: a file on a disk costs half a millisecond of each result.
-    ///
-    /// # Errors
-    /// The error of the system.
     pub fn new() -> io::Result<Self> {
         let on_disk = || RunFolder::new_in(&std::env::temp_dir());
         let in_memory = || RunFolder::new_in(Path::new(MEMORY)).or_else(|_| on_disk());
@@ -154,22 +151,11 @@ pub(super) fn all(plan: &Plan, how: &Supervision, folders: &Folders) -> Result<V
     ];
     let variables: Vec<_> = variables.into_iter().chain(traced).collect();
     let nodes = plan.nodes.iter().map(|node| node_job(node, how, reports, &variables));
-    let executables = plan.executables.iter().map(|executable| {
-        let command = executable_command(executable, &how.suite);
-        let mut process = executable.process.clone();
-        let mut origin = Origin::Foreign;
-        if executable.command.first().is_some_and(|word| word == SUITE) {
-            origin = Origin::Command;
-            // A player of the suite reports what it has sent.
-            let folder = Some(reports.display().to_string());
-            process.env.insert(launcher::REPORT_DIR.to_owned(), folder);
-        }
-        Ok(Job { origin, command, process, life_signs: None, max_restarts: how.max_restarts })
-    });
+    let executables = plan.executables.iter().map(|executable| Ok(executable_job(executable, how, reports)));
     nodes.chain(executables).collect()
 }
 
-/// Returns the job of a node that gets the variables `told`.
+/// Returns the job of a node that gets `variables`. A node of the suite is run by it, another one from its package.
 fn node_job(
     node: &NodePlan,
     how: &Supervision,
@@ -179,43 +165,38 @@ fn node_job(
     let origin = if node.package == SUITE { Origin::Suite } else { Origin::Foreign };
     let mut process = node.process.clone();
     // These come after the variables of the plan: no launch file can lead the reports of a node elsewhere.
-    process.env.extend(variables.iter().map(|(name, value)| ((*name).to_owned(), Some(value.clone()))));
-    let watched = origin == Origin::Suite && matches!(process.respawn, Respawn::After { .. });
+    process.env.extend(variables.iter().map(|(name, value)| ((*name).to_owned(), value.clone())));
+    let watched = origin == Origin::Suite && process.respawn.is_some();
     let life_signs = how.hang_timeout.filter(|_| watched).and_then(|limit| {
-        let name = node.name.as_ref().map(|name| format!("{}/{name}", node.namespace));
-        Some(LifeSigns { folder: reports.to_owned(), node: name?, limit })
+        Some(LifeSigns { folder: reports.to_owned(), node: node.fully_qualified()?, limit })
     });
-    let command = node_command(node, &how.suite)?;
+    let (mut program, mut arguments) = (how.suite.clone(), ros_arguments(node));
+    if origin == Origin::Suite {
+        arguments.splice(0..0, ["run".to_owned(), node.executable.clone()]);
+    } else {
+        program = installed(node)?;
+    }
+    let command = CommandLine { program, arguments };
     Ok(Job { origin, command, process, life_signs, max_restarts: how.max_restarts })
 }
 
-/// A node of the suite is run by `suite`, another one from its package.
-fn node_command(node: &NodePlan, suite: &Path) -> Result<CommandLine, LaunchError> {
-    let mut arguments = ros_arguments(node);
-    if node.package == SUITE {
-        arguments.splice(0..0, ["run".to_owned(), node.executable.clone()]);
-        return Ok(CommandLine { program: suite.to_owned(), arguments });
+/// Returns the job of an `executable` action. The suite's own command is run by it, whether or not it is on the PATH.
+fn executable_job(executable: &ExecutablePlan, how: &Supervision, reports: &Path) -> Job {
+    let (mut process, command) = (executable.process.clone(), executable.command.split_first());
+    let (word, arguments) = command.expect("the plan of an executable has a command that is not empty");
+    let (mut origin, mut program) = (Origin::Foreign, PathBuf::from(word));
+    if word == SUITE {
+        (origin, program) = (Origin::Command, how.suite.clone());
+        // A player of the suite reports what it has sent.
+        process.env.insert(launcher::REPORT_DIR.to_owned(), reports.display().to_string());
     }
-    Ok(CommandLine { program: installed(node)?, arguments })
-}
-
-/// The command of an `executable` action. The suite's own command is `suite`, whether or not it is on the PATH.
-fn executable_command(executable: &ExecutablePlan, suite: &Path) -> CommandLine {
-    let mut words = executable.command.iter().cloned();
-    let program = match words.next() {
-        Some(word) if word == SUITE => suite.to_owned(),
-        word => word.expect("the plan of an executable has a command that is not empty").into(),
-    };
-    CommandLine { program, arguments: words.collect() }
+    let command = CommandLine { program, arguments: arguments.to_vec() };
+    Job { origin, command, process, life_signs: None, max_restarts: how.max_restarts }
 }
 
 fn installed(node: &NodePlan) -> Result<PathBuf, LaunchError> {
-    let prefixes = variable(&node.process, "AMENT_PREFIX_PATH");
-    let places: Vec<PathBuf> = prefixes
-        .split(':')
-        .filter(|prefix| !prefix.is_empty())
-        .map(|prefix| Path::new(prefix).join("lib").join(&node.package).join(&node.executable))
-        .collect();
+    let place = |prefix: PathBuf| prefix.join("lib").join(&node.package).join(&node.executable);
+    let places: Vec<PathBuf> = prefixes(&node.process.env).into_iter().map(place).collect();
     if let Some(program) = places.iter().find(|place| place.is_file()) {
         return Ok(program.clone());
     }
@@ -231,14 +212,6 @@ fn installed(node: &NodePlan) -> Result<PathBuf, LaunchError> {
     ))
 }
 
-/// A variable as the process will see it.
-fn variable(process: &ProcessPlan, name: &str) -> String {
-    match process.env.get(name) {
-        Some(value) => value.clone().unwrap_or_default(),
-        None => std::env::var_os(name).unwrap_or_default().to_string_lossy().into_owned(),
-    }
-}
-
 impl Job {
     /// Runs the process until it has ended for good. `told` has the reason when all are to end.
     pub async fn keep(self, mut end_signal: watch::Receiver<Option<Ending>>, print: Print) -> ProcessOutcome {
@@ -247,9 +220,6 @@ impl Job {
             let label = self.process.label.clone();
             ProcessOutcome { label, restarts: restarts.count, end }
         };
-        if !pause(self.process.start_after, &mut end_signal).await {
-            return done(&restarts, ProcessEnd::ShutDown);
-        }
         loop {
             let start = Instant::now();
             let running = match Running::start(&self.command, &self.process, &print) {
@@ -275,8 +245,7 @@ impl Job {
         }
     }
 
-    /// Returns how a life ended, after the last line of standard error was shown, and that line. `Err` has the exit status of a
-    /// process that was told to end.
+    /// Returns how a life ended, and the last line of standard error. `Err` has the status of a process that was told to end.
     async fn live(
         &self,
         mut running: Running,
@@ -285,8 +254,7 @@ impl Job {
         print: &Print,
     ) -> (Result<ProcessEnd, io::Result<ExitStatus>>, String) {
         let id = running.id();
-        // A process that has ended by itself is not called shut down, even if the order to end comes at
-        // the same moment: the first branch is looked at first.
+        // A process that ends at the same moment is not called shut down: this branch comes first.
         let end = tokio::select! {
             biased;
             status = running.wait() => Ok(self.ended(status, restarts)),
@@ -306,8 +274,7 @@ impl Job {
         (end, running.finish().await)
     }
 
-    /// Returns the pause before the next start after a life of `lived` that ended with `end`; or how the process ended
-    /// for good.
+    /// Returns the pause before the next start after a life of `lived`; or how the process ended for good.
     fn after_end(
         &self,
         end: &ProcessEnd,
@@ -321,7 +288,7 @@ impl Job {
             ProcessEnd::WithLoss(_) => return Err(ProcessEnd::WithLoss(last_line.to_owned())),
             end => return Err(end.clone()),
         };
-        let Respawn::After { delay, max_retries } = self.process.respawn else {
+        let Some(Respawn { delay, max_retries }) = self.process.respawn else {
             self.say(print, &format!("ended with {status}"));
             return Err(end.clone());
         };

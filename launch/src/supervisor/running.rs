@@ -1,5 +1,4 @@
-//! [`Running`]: a started process that leads its own process group. When it has
-//! ended or is let go, everything in the group is killed.
+//! [`Running`]: a started process that leads its own process group, which ends with it.
 
 use std::io;
 use std::path::PathBuf;
@@ -19,7 +18,7 @@ use tokio::time::timeout;
 use super::activity::{Activity, LONG_STEP};
 use super::{Channel, Print, start_error};
 use crate::LaunchError;
-use crate::plan::{Output, ProcessPlan};
+use crate::plan::ProcessPlan;
 
 /// Program and arguments.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -89,8 +88,7 @@ impl Running {
 
     /// Waits for the end of the process and kills what is left of its group.
     pub async fn wait(&mut self) -> io::Result<ExitStatus> {
-        // The signal is subscribed to before the first look, so that an end between look and wait is not
-        // missed.
+        // Subscribed to before the first look, so that an end between look and wait is not missed.
         let mut children = signal(SignalKind::child())?;
         while let Some(Group(leader)) = &self.group {
             // It is not reaped here: until it is, no other process gets its number.
@@ -148,8 +146,7 @@ impl Running {
     /// Shows the last output. Returns the last line of standard error; empty where there is none.
     pub async fn finish(self) -> String {
         drop(self.group);
-        // A process that has left the group may still hold the pipe open, so the wait for its end has a
-        // limit.
+        // A process that has left the group may still hold the pipe open: the wait has a limit.
         for mut reader in self.readers {
             if timeout(LAST_WORDS, &mut reader).await.is_err() {
                 reader.abort();
@@ -162,19 +159,9 @@ impl Running {
 
 fn prepared(command: &CommandLine, process: &ProcessPlan) -> Command {
     let mut prepared = Command::new(&command.program);
-    // A process in the background that reads from the terminal would be stopped by SIGTTIN, so the input is
-    // empty.
-    prepared.args(&command.arguments).stdin(Stdio::null()).stderr(Stdio::piped());
-    prepared.stdout(match process.output {
-        Output::Screen => Stdio::piped(),
-        Output::Log => Stdio::null(),
-    });
-    for (name, value) in &process.env {
-        match value {
-            Some(value) => prepared.env(name, value),
-            None => prepared.env_remove(name),
-        };
-    }
+    // A process in the background that reads from the terminal would be stopped by SIGTTIN.
+    prepared.args(&command.arguments).envs(&process.env).stdin(Stdio::null()).stderr(Stdio::piped());
+    prepared.stdout(if process.errors_only { Stdio::null() } else { Stdio::piped() });
     if let Some(cwd) = &process.cwd {
         prepared.current_dir(cwd);
     }
@@ -194,8 +181,7 @@ fn forward(
         let mut reader = BufReader::new(stream);
         let mut line = Vec::new();
         while let Ok(1..) = (&mut reader).take(LONGEST_LINE).read_until(b'\n', &mut line).await {
-            // Any program may write any bytes: those that are not UTF-8 are replaced, and the line is still
-            // shown.
+            // Any program may write any bytes: those that are not UTF-8 are replaced.
             let text = String::from_utf8_lossy(&line);
             print(channel, &format!("[{label}] {}", text.trim_end_matches(['\n', '\r'])));
             line.clear();
@@ -208,7 +194,6 @@ mod tests {
     use std::sync::mpsc::channel;
 
     use super::*;
-    use crate::plan::{OnExit, Respawn};
 
     /// A process that is gone is not signalled: its number may be that of another one.
     #[tokio::test]
@@ -217,12 +202,11 @@ mod tests {
             label: "parent".into(),
             env: [].into(),
             cwd: None,
-            output: Output::Screen,
-            respawn: Respawn::Never,
-            on_exit: OnExit::Continue,
+            errors_only: false,
+            respawn: None,
+            ends_all: false,
             sigterm_timeout: Duration::ZERO,
             sigkill_timeout: Duration::ZERO,
-            start_after: Duration::ZERO,
         };
         let arguments = ["-c".to_owned(), "sleep 1000 & echo $!".to_owned()].into();
         let command = CommandLine { program: "/bin/sh".into(), arguments };

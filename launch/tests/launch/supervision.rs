@@ -214,16 +214,6 @@ async fn a_missing_package_is_found_out_before_anything_starts() {
     assert!(lines.all().is_empty());
 }
 
-#[tokio::test]
-async fn a_timer_delays_a_start_and_a_shutdown_cancels_it() {
-    let lines = Lines::default();
-    let late = "  - timer: { period: 1000.0, children: [{ executable: { cmd: echo late, name: late } }] }\n"
-        .to_owned();
-    let outcome = outcome(&[late, sh("last", "echo now", LAST)], &lines).await.expect("runs");
-    assert_eq!(end(&outcome, "late"), &ProcessEnd::ShutDown);
-    assert_eq!(lines.all(), ["[last] now"]);
-}
-
 /// A suite whose nodes are scripts: `<suite> run <node> --ros-args ...`.
 fn suite(files: &Files, script: &str) -> String {
     use std::os::unix::fs::PermissionsExt;

@@ -1,5 +1,4 @@
-//! The composed driver: several live nodes in one process, a thread each, on the local transport. Frames are shared,
-//! never serialised.
+//! The composed driver: several live nodes in one process, a thread each, on the local transport.
 
 use std::sync::Arc;
 use std::thread;
@@ -11,21 +10,12 @@ use super::live::{self, NodeSetup};
 use crate::graph::node_time::is_simulated;
 use crate::transport::local::LocalTransport;
 
-/// The effect of the end of a node on the other nodes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum MemberExit {
-    /// The other nodes continue.
-    Continue,
-    /// The other nodes finish the messages that are on their way, and end.
-    Shutdown,
-}
-
 /// One node of a composed process.
 pub struct Member {
     /// The node.
     pub setup: NodeSetup,
-    /// Effect of its end on the other nodes.
-    pub on_exit: MemberExit,
+    /// Whether the other nodes finish the messages that are on their way, and end, when this node has ended.
+    pub ends_all: bool,
 }
 
 /// Asks the other members to end, also when this one panics.
@@ -57,14 +47,14 @@ pub fn run(members: Vec<Member>, clock: &Arc<dyn Clock>, stop: &Stop) -> Result<
             .map(|member| {
                 let (transport, stop) = (&transport, stop.clone());
                 scope.spawn(move || {
-                    let Member { setup, on_exit } = member;
+                    let Member { setup, ends_all } = member;
                     // A panic leaves the urgency as it is here, so that the other members end as well.
                     let mut end = AskOnDrop { stop: stop.clone(), urgency: Urgency::Now };
                     let result = live::run(setup, transport, clock, stop);
-                    end.urgency = match (&result, on_exit) {
-                        (Err(_), _) => Urgency::Now,
-                        (Ok(_), MemberExit::Shutdown) => Urgency::Drain,
-                        (Ok(_), MemberExit::Continue) => Urgency::None,
+                    end.urgency = match &result {
+                        Err(_) => Urgency::Now,
+                        Ok(_) if ends_all => Urgency::Drain,
+                        Ok(_) => Urgency::None,
                     };
                     result
                 })

@@ -1,5 +1,4 @@
-//! The two drivers of a step over a transport: `live` (one node, the newest frame wins) and `composed` (several live nodes
-//! in one process, on the local transport).
+//! The drivers of a step over a transport: `live` (one node), and `composed` (several live nodes in one process).
 
 pub mod composed;
 pub mod live;
@@ -10,7 +9,7 @@ use std::time::Duration;
 use modulo_images::FileFormat;
 use modulo_runtime::clock::nanos;
 use modulo_runtime::name::NameError;
-use modulo_runtime::{Clock, MessageKind, NodeName, ParameterError, Parameters, Stop, Urgency};
+use modulo_runtime::{Clock, ParameterError, Stop, Urgency};
 
 use crate::transport::{Transport, TransportError};
 
@@ -36,15 +35,8 @@ pub enum RunError {
     #[error("{0}: {1}")]
     Fatal(String, String),
     /// A node that this one waits for did not come.
-    #[error("{node}: waited {seconds} s for {missing}, which is not there; start it, or change wait_for")]
-    Waited {
-        /// The node that waited.
-        node: String,
-        /// Time of the wait in seconds.
-        seconds: u64,
-        /// Names of the nodes that are missing.
-        missing: String,
-    },
+    #[error("{0}: waited {1} s for {2}, which is not there; start it, or change wait_for")]
+    Waited(String, u64, String),
 }
 
 /// The variant of image topics that a node reads.
@@ -78,12 +70,6 @@ modulo_runtime::parameters! {
     }
 }
 
-fn wait_for(node_name: &NodeName, parameters: &Parameters) -> Result<(Vec<String>, Duration), NameError> {
-    let CommonParameters { wait_for, wait_timeout, .. } = parameters.into();
-    let names = wait_for.iter().map(|name| node_name.resolve(name)).collect::<Result<_, _>>()?;
-    Ok((names, Duration::from_secs_f64(wait_timeout)))
-}
-
 /// Waits until all `nodes` (fully qualified names) are ready, or until `stop` asks for an end.
 ///
 /// # Errors
@@ -107,8 +93,4 @@ pub fn wait_until_ready(
         }
         std::thread::sleep(GRAPH_GLANCE);
     }
-}
-
-fn keeps_latest(kind: MessageKind) -> bool {
-    matches!(kind, MessageKind::Image | MessageKind::CompressedImage | MessageKind::CameraInfo)
 }

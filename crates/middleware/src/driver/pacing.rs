@@ -63,8 +63,7 @@ impl Pacing {
         *self = Self { stamp: Some(stamp), topics: topics.into_iter().collect(), ..Self::default() };
     }
 
-    /// Returns whether an image of `stamp` on `topic` belongs to the last frame, as the second image of a stereo camera.
-    /// If so, its readers are waited for as well.
+    /// Returns whether an image of `stamp` on `topic` is one more of the last frame; its readers are waited for, too.
     pub fn adds(&mut self, stamp: Time, topic: &str) -> bool {
         self.stamp == Some(stamp) && self.topics.insert(topic.to_owned())
     }
@@ -81,9 +80,8 @@ impl Pacing {
         }
     }
 
-    /// Returns whether the next frame has to wait for a reader. A reader that hangs must not stop a source for ever, so
-    /// that the answer is no, with a warning, after 60 s of waiting; and after 0.3 s where the source is not the only one of its
-    /// topics, of which the transport warns.
+    /// Returns whether the next frame has to wait for a reader. A reader that hangs does not stop a source for ever: after 60 s
+    /// of waiting the answer is no, with a warning, and after 0.3 s where the source is not the only one of its topics.
     pub fn holds(&mut self, transport: &dyn Transport, clock: &dyn Clock) -> bool {
         let missing = self.waits_for(transport);
         let since = *self.waiting_since.get_or_insert(clock.ticks_ns());

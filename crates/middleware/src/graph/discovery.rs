@@ -1,5 +1,5 @@
-//! [`Graph`]: the ROS graph, made from the keys of liveliness tokens that appear and disappear; [`Conflict`]: two
-//! of its endpoints that do not fit together; and [`Twins`]: nodes that take each other's place. It knows no transport.
+//! [`Graph`]: the ROS graph, made from the keys of liveliness tokens that appear and disappear, with the endpoints that do not
+//! fit together; and [`Twins`]: nodes that take each other's place. It knows no transport.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -24,13 +24,13 @@ impl Graph {
         }
     }
 
-    /// Returns the endpoints that do not fit `token`, each with the conflict.
-    pub fn conflicts_with<'a>(&'a self, token: &'a Token) -> impl Iterator<Item = (&'a Token, Conflict)> {
+    /// Returns the endpoints that do not fit `token`, each with the conflict in words.
+    pub fn conflicts_with<'a>(&'a self, token: &'a Token) -> impl Iterator<Item = (&'a Token, String)> {
         self.tokens().filter_map(|other| Some((other, conflict_between(token, other)?)))
     }
 
-    /// Returns all conflicts between endpoints on `topic`.
-    pub fn conflicts_on(&self, topic: &str) -> Vec<Conflict> {
+    /// Returns all conflicts between endpoints on `topic`, in words.
+    pub fn conflicts_on(&self, topic: &str) -> Vec<String> {
         let givers = self.endpoints(EntityKind::Publisher, topic);
         givers.flat_map(|giver| self.conflicts_with(giver)).map(|(_, conflict)| conflict).collect()
     }
@@ -117,8 +117,7 @@ impl Graph {
     }
 }
 
-/// Returns whether the messages of two publishers on this topic would mix: those of images and boxes. Any number of nodes
-/// publishes statuses and lines of the log on one topic.
+/// Returns whether the messages of two publishers on this topic would mix: those of images and boxes, not of statuses.
 fn is_stream(endpoint: &Endpoint) -> bool {
     let kinds =
         [MessageKind::Image, MessageKind::CompressedImage, MessageKind::CameraInfo, MessageKind::Detections];
@@ -164,34 +163,9 @@ impl fmt::Display for Twins {
     }
 }
 
-/// The reason why two endpoints do not fit together.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Cause {
-    /// The types differ.
-    Type,
-    /// The same type with another definition.
-    Hash,
-    /// The reader asks for reliable samples, the publisher sends by best effort.
-    Reliability,
-    /// The reader asks for earlier samples, but the publisher does not keep them.
-    Durability,
-}
-
-/// Two endpoints on one name that do not, or not fully, hear each other. zenoh itself is silent about it: other keys
-/// are other topics.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Conflict {
-    /// The reason.
-    pub cause: Cause,
-    /// Node and endpoint that publishes or serves.
-    pub giver: (String, Endpoint),
-    /// Node and endpoint that subscribes or calls.
-    pub taker: (String, Endpoint),
-}
-
-/// Returns the conflict between two endpoints if they are on the same name, and one of them offers what the other one
-/// requests.
-fn conflict_between(one: &Token, other: &Token) -> Option<Conflict> {
+/// Returns in words why two endpoints do not, or not fully, hear each other, where they are on one name and one of them offers
+/// what the other one requests. zenoh itself is silent about it: other keys are other topics.
+fn conflict_between(one: &Token, other: &Token) -> Option<String> {
     let (giver, taker) = match (one.kind, other.kind) {
         (EntityKind::Publisher, EntityKind::Subscription) | (EntityKind::Server, EntityKind::Client) => {
             (one, other)
@@ -203,62 +177,36 @@ fn conflict_between(one: &Token, other: &Token) -> Option<Conflict> {
     };
     let (gives, takes) = (giver.endpoint.as_ref()?, taker.endpoint.as_ref()?);
     // Topics and services share one space of names here; the kinds above keep them apart.
-    if gives.topic != takes.topic {
-        return None;
-    }
-    Some(Conflict {
-        cause: cause(gives, takes)?,
-        giver: (giver.node_name(), gives.clone()),
-        taker: (taker.node_name(), takes.clone()),
-    })
+    let same_name = gives.topic == takes.topic;
+    let why = same_name.then(|| mismatch(gives, takes, &giver.node_name(), &taker.node_name())).flatten()?;
+    Some(format!("{}: {why}", gives.topic))
 }
 
-fn cause(gives: &Endpoint, takes: &Endpoint) -> Option<Cause> {
-    let (offered, asked) = (Profile::parse(&gives.qos), Profile::parse(&takes.qos));
+fn mismatch(gives: &Endpoint, takes: &Endpoint, giver: &str, taker: &str) -> Option<String> {
+    let (offered, asked) = (ros_name(&gives.dds_type), ros_name(&takes.dds_type));
+    let (profile, wanted) = (Profile::parse(&gives.qos), Profile::parse(&takes.qos));
     // The worst first: with another type or hash nothing arrives, and the policies do not matter.
-    if gives.dds_type != takes.dds_type {
-        Some(Cause::Type)
+    Some(if gives.dds_type != takes.dds_type {
+        format!("{giver} offers {offered}, {taker} asks for {asked}: nothing arrives; remap one of them")
     } else if gives.type_hash != takes.type_hash {
-        Some(Cause::Hash)
-    } else if (offered.reliability, asked.reliability) == (Reliability::BestEffort, Reliability::Reliable) {
-        Some(Cause::Reliability)
-    } else if (offered.durability, asked.durability) == (Durability::Volatile, Durability::TransientLocal) {
-        Some(Cause::Durability)
+        let (given, needed, remedy) = (&gives.type_hash, &takes.type_hash, remedy(gives, takes));
+        format!(
+            "{giver} and {taker} mean different things by {offered}: nothing arrives; {giver} has {given}, {taker} has \
+             {needed}; {remedy}"
+        )
+    } else if (profile.reliability, wanted.reliability) == (Reliability::BestEffort, Reliability::Reliable) {
+        format!(
+            "{taker} asks for reliable samples, {giver} offers best effort: some may be lost; \
+             incompatible policy: RELIABILITY"
+        )
+    } else if (profile.durability, wanted.durability) == (Durability::Volatile, Durability::TransientLocal) {
+        format!(
+            "{taker} asks for samples from before it came, {giver} keeps none: only new ones arrive; \
+             incompatible policy: DURABILITY"
+        )
     } else {
-        None
-    }
-}
-
-impl fmt::Display for Conflict {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { giver: (giver, gives), taker: (taker, takes), .. } = self;
-        let topic = &gives.topic;
-        let (offered, asked) = (ros_name(&gives.dds_type), ros_name(&takes.dds_type));
-        match self.cause {
-            Cause::Type => write!(
-                f,
-                "{topic}: {giver} offers {offered}, {taker} asks for {asked}: nothing arrives; remap one of them"
-            ),
-            Cause::Hash => write!(
-                f,
-                "{topic}: {giver} and {taker} mean different things by {offered}: nothing arrives; {giver} has \
-                 {}, {taker} has {}; {}",
-                gives.type_hash,
-                takes.type_hash,
-                remedy(gives, takes)
-            ),
-            Cause::Reliability => write!(
-                f,
-                "{topic}: {taker} asks for reliable samples, {giver} offers best effort: some may be lost; \
-                 incompatible policy: RELIABILITY"
-            ),
-            Cause::Durability => write!(
-                f,
-                "{topic}: {taker} asks for samples from before it came, {giver} keeps none: only new ones \
-                 arrive; incompatible policy: DURABILITY"
-            ),
-        }
-    }
+        return None;
+    })
 }
 
 fn remedy(gives: &Endpoint, takes: &Endpoint) -> &'static str {
@@ -317,23 +265,16 @@ mod tests {
     fn what_does_not_fit_is_named_whoever_comes_first() {
         let giver = |dds_type, hash, qos| token(EntityKind::Publisher, "camera", dds_type, hash, qos);
         let reader = |qos| token(EntityKind::Subscription, "unwrap", IMAGE, "RIHS01_aa", qos);
-        for (given, asked, cause, named) in [
-            (
-                giver("std_msgs::msg::dds_::String_", "RIHS01_bb", Qos::Images),
-                Qos::Images,
-                Cause::Type,
-                "String",
-            ),
-            (giver(IMAGE, "RIHS01_bb", Qos::Images), Qos::Images, Cause::Hash, "RIHS01_bb"),
-            (giver(IMAGE, NO_HASH, Qos::Images), Qos::Images, Cause::Hash, "--hash none"),
-            (giver(IMAGE, "RIHS01_aa", Qos::Images), Qos::Results, Cause::Reliability, "RELIABILITY"),
-            (giver(IMAGE, "RIHS01_aa", Qos::Results), Qos::Latched, Cause::Durability, "DURABILITY"),
+        for (given, asked, named) in [
+            (giver("std_msgs::msg::dds_::String_", "RIHS01_bb", Qos::Images), Qos::Images, "String"),
+            (giver(IMAGE, "RIHS01_bb", Qos::Images), Qos::Images, "RIHS01_bb"),
+            (giver(IMAGE, NO_HASH, Qos::Images), Qos::Images, "--hash none"),
+            (giver(IMAGE, "RIHS01_aa", Qos::Images), Qos::Results, "RELIABILITY"),
+            (giver(IMAGE, "RIHS01_aa", Qos::Results), Qos::Latched, "DURABILITY"),
         ] {
             let reader = reader(asked);
-            let found = conflict_between(&given, &reader).expect("they do not fit");
-            assert_eq!(conflict_between(&reader, &given).as_ref(), Some(&found));
-            assert_eq!(found.cause, cause);
-            let message = found.to_string();
+            let message = conflict_between(&given, &reader).expect("they do not fit");
+            assert_eq!(conflict_between(&reader, &given).as_ref(), Some(&message));
             for word in ["/modulo", "/camera", "/unwrap", named] {
                 assert!(message.contains(word), "{word}: {message}");
             }

@@ -27,8 +27,7 @@ fn override_name(topic: &str, policy: &str) -> String {
 }
 
 /// Declares the parameters with which a user overrides the quality of service of `outputs`, the topics that `node`
-/// publishes. Only policies that the transport honours are declared; it never keeps all samples, so that `history` has
-/// one possible value.
+/// publishes: the policies that the transport honours. It never keeps all samples, so that `history` has one value.
 ///
 /// # Errors
 /// [`NameError`] when a topic has no valid name.
@@ -42,7 +41,7 @@ pub fn qos_overrides(node: &NodeName, outputs: &[Topic]) -> Result<Vec<Descripto
         let word = |word: Option<&str>| Value::String(word.unwrap_or_default().to_owned());
         let depth = Value::Integer(i64::try_from(depth).unwrap_or(i64::MAX));
         for (policy, default, allowed) in [
-            ("depth", depth, Allowed::Integers { from: 1, to: 10_000 }),
+            ("depth", depth, Allowed::Integers(1..=10_000)),
             ("durability", word(durability.map(|d| d.0)), Allowed::Words(DURABILITIES.map(|d| d.0).into())),
             ("history", word(Some("keep_last")), Allowed::Words(vec!["keep_last"])),
             (
@@ -60,8 +59,7 @@ pub fn qos_overrides(node: &NodeName, outputs: &[Topic]) -> Result<Vec<Descripto
     Ok(declared)
 }
 
-/// Returns the profile that the parameters of [`qos_overrides`] give the publishers of `topic`; `None` where they are not
-/// declared.
+/// Returns the profile that [`qos_overrides`] give the publishers of `topic`; `None` where they are not declared.
 pub fn overridden(topic: &str, parameters: &Parameters) -> Option<Profile> {
     let value = |policy| parameters.get(&override_name(topic, policy));
     let word = |policy| match value(policy) {
@@ -77,8 +75,7 @@ pub fn overridden(topic: &str, parameters: &Parameters) -> Option<Profile> {
     })
 }
 
-/// Declares the services of a node: each variant has the name of its ROS type in `package`, and a name below the name
-/// of the node.
+/// Declares the services of a node: each variant is a ROS type in `package`, with a name below that of the node.
 ///
 /// ```
 /// modulo_middleware::services! {

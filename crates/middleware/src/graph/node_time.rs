@@ -40,9 +40,6 @@ impl<'a> NodeTime<'a> {
     }
 
     /// Subscribes to `/clock` if `parameters` ask for its time and it is not subscribed yet.
-    ///
-    /// # Errors
-    /// [`RunError`] when `/clock` cannot be subscribed.
     pub fn open(
         &self,
         parameters: &Parameters,

@@ -18,7 +18,7 @@ use tracing_subscriber::layer::Context;
 use crate::driver::RunError;
 use crate::graph::logger;
 use crate::transport::queue::{Keep, Lane, Limit, Next, Queue, Queued};
-use crate::transport::{Guard, Publisher, Transport, TransportError};
+use crate::transport::{Guard, OnDrop, Publisher, Transport, TransportError};
 
 /// Largest number of lines that wait for the transport. A late reader also gets so many lines.
 const WAITING: usize = 1000;
@@ -96,9 +96,6 @@ impl Visit for EventText {
 
 impl LogQueue {
     /// Publishes the lines as those of the node `node_name`, the waiting ones first, until the guard is dropped.
-    ///
-    /// # Errors
-    /// [`RunError`] when the transport fails.
     pub fn publish(self, node_name: &NodeName, transport: &dyn Transport) -> Result<Guard, RunError> {
         let address = Address::resolve(node_name, &Topic::new("/rosout", MessageKind::Log))?;
         let publisher = transport.advertise(node_name, &address)?;
@@ -108,7 +105,12 @@ impl LogQueue {
             .name("rosout".into())
             .spawn(move || self.publish_until_end(&logger, &*publisher))
             .map_err(|why| TransportError::new("thread of /rosout", why))?;
-        Ok(Box::new(Publishing { queue, thread: Some(thread) }))
+        let mut thread = Some(thread);
+        // The thread sends the waiting lines first. It waits without a limit until the queue has ended.
+        Ok(Box::new(OnDrop(move || {
+            queue.end();
+            let _ = thread.take().map(JoinHandle::join);
+        })))
     }
 
     fn publish_until_end(&self, logger: &str, publisher: &dyn Publisher) {
@@ -134,22 +136,6 @@ fn about_lost(lost: u64, next: &Log) -> Log {
 /// Publishes a line. A line that the transport does not take is only on standard error.
 fn put(publisher: &dyn Publisher, logger: &str, line: Log) {
     let _ = publisher.put(&Message::Log(Arc::new(Log { name: logger.to_owned(), ..line })));
-}
-
-/// Ends the publishing thread after it has sent the waiting lines.
-struct Publishing {
-    queue: Arc<Queue<Log>>,
-    thread: Option<JoinHandle<()>>,
-}
-
-impl Drop for Publishing {
-    fn drop(&mut self) {
-        // The thread waits for lines without a limit, so joining it first would never return.
-        self.queue.end();
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
-    }
 }
 
 #[cfg(test)]

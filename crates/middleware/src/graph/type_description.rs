@@ -1,5 +1,4 @@
-//! `~/get_type_description`: the service that describes the types of a node, as a function from request bytes to
-//! response bytes. It knows no transport.
+//! `~/get_type_description`: the service that describes the types of a node, as bytes of request and response.
 
 use modulo_msgs::cdr::{self, CdrError};
 use modulo_msgs::interface::definition;

@@ -20,8 +20,7 @@ use crate::transport::{Transport as _, TransportError};
 
 /// Time limit for a node to appear, and for it to answer.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Time limit for an answer to a request to set a parameter. A node answers it within 20 s: it may be busy, and may have to
-/// load a model.
+/// Time limit for the answer to a change of a parameter, which a node gives within 20 s: it may have to load a model.
 const SET_PATIENCE: Duration = Duration::from_secs(25);
 const GLANCE: Duration = Duration::from_millis(20);
 
@@ -34,26 +33,12 @@ pub enum ClientError {
     /// The answer is not readable.
     #[error("node {0}: {1}")]
     Cdr(String, CdrError),
-    /// The answer has no names: with another length, values would belong to wrong names.
-    #[error("{node} gave {given} values for {asked} parameters")]
-    Count {
-        /// Name of the node.
-        node: String,
-        /// Number of values in the answer.
-        given: usize,
-        /// Number of names in the request.
-        asked: usize,
-    },
-    /// The text is no value of the type of the parameter.
-    #[error("parameter '{name}' = {text}: is not of type {type_name}")]
-    Type {
-        /// Name of the parameter.
-        name: String,
-        /// The text that was given.
-        text: String,
-        /// The type of the present value.
-        type_name: &'static str,
-    },
+    /// The node gave so many values for so many names. An answer has no names, so that values would belong to wrong ones.
+    #[error("{0} gave {1} values for {2} parameters")]
+    Count(String, usize, usize),
+    /// The parameter of this name has another type than this text; its type comes last.
+    #[error("parameter '{0}' = {1}: is not of type {2}")]
+    Type(String, String, &'static str),
     /// The node refuses the value.
     #[error("Setting parameter failed: {0}")]
     Refused(String),
@@ -72,9 +57,6 @@ impl<'a> ParameterClient<'a> {
     }
 
     /// Returns the names of all parameters.
-    ///
-    /// # Errors
-    /// [`ClientError`] when the node does not answer.
     pub fn names(&self) -> Result<Vec<String>, ClientError> {
         let ListParametersResponse { result } =
             self.call(Service::ListParameters, &ListParametersRequest::default())?;
@@ -89,25 +71,17 @@ impl<'a> ParameterClient<'a> {
         let GetParametersResponse { values } =
             self.call(Service::GetParameters, &GetParametersRequest { names: names.to_vec() })?;
         let (given, asked) = (values.len(), names.len());
-        if given == asked {
-            Ok(values)
-        } else {
-            Err(ClientError::Count { node: self.node.clone(), given, asked })
-        }
+        if given == asked { Ok(values) } else { Err(ClientError::Count(self.node.clone(), given, asked)) }
     }
 
     /// Returns the descriptors of `names`; the type of an unknown parameter is `NOT_SET`.
-    ///
-    /// # Errors
-    /// [`ClientError`] when the node does not answer.
     pub fn descriptors(&self, names: &[String]) -> Result<Vec<ParameterDescriptor>, ClientError> {
         let DescribeParametersResponse { descriptors } =
             self.call(Service::DescribeParameters, &DescribeParametersRequest { names: names.to_vec() })?;
         Ok(descriptors)
     }
 
-    /// Sets one parameter to the value that `text` has in YAML. The type of its present value is the type that the text is
-    /// read as; without a value, the type is that of the notation.
+    /// Sets one parameter to the value that `text` has in YAML, read as the type of its present value if it has one.
     ///
     /// # Errors
     /// [`ClientError`] when the text has another type, the node refuses the value, or it does not answer.
@@ -116,11 +90,9 @@ impl<'a> ParameterClient<'a> {
         // A node refuses a value of another type: `2` has to be sent as 2.0 to a parameter of type double.
         let value = match present {
             None => Value::guess(text),
-            Some(like) => like.parse_like(text).ok_or_else(|| ClientError::Type {
-                name: name.to_owned(),
-                text: text.to_owned(),
-                type_name: like.type_name(),
-            })?,
+            Some(like) => like
+                .parse_like(text)
+                .ok_or_else(|| ClientError::Type(name.to_owned(), text.to_owned(), like.type_name()))?,
         };
         let parameters = vec![Parameter { name: name.to_owned(), value: to_ros(Some(&value)) }];
         let SetParametersResponse { mut results } =
@@ -128,7 +100,7 @@ impl<'a> ParameterClient<'a> {
         match results.pop() {
             Some(result) if result.successful => Ok(()),
             Some(result) => Err(ClientError::Refused(result.reason)),
-            None => Err(ClientError::Count { node: self.node.clone(), given: 0, asked: 1 }),
+            None => Err(ClientError::Count(self.node.clone(), 0, 1)),
         }
     }
 

@@ -18,9 +18,6 @@ pub struct ParameterEvents {
 
 impl ParameterEvents {
     /// Advertises `/parameter_events` for the node `node_name`.
-    ///
-    /// # Errors
-    /// [`RunError`] when the transport fails.
     pub fn new(node_name: &NodeName, transport: &dyn Transport) -> Result<Self, RunError> {
         let address =
             Address::resolve(node_name, &Topic::new("/parameter_events", MessageKind::ParameterEvent))?;

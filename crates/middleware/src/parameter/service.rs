@@ -1,5 +1,4 @@
-//! The six parameter services of a ROS 2 node, as functions from request bytes to response bytes. Pure but for the wait
-//! for the node's answer; no transport.
+//! The six parameter services of a ROS 2 node, as functions from request bytes to response bytes; no transport.
 
 use std::sync::mpsc::{RecvError, RecvTimeoutError, channel};
 use std::time::Duration;
@@ -128,7 +127,7 @@ fn ask(
     // Node and caller decide by it which of them is first: the one to answer, the other to give up.
     let claim = Claim::default();
     let request = ParameterRequest { changes, answer, claim: claim.clone() };
-    if (port.request)(request).is_some() {
+    if !(port.request)(request) {
         return Err(none("the node is ending, or has too many requests; try again"));
     }
     let ended = |_| none("the node ended while it applied the value; see its log");
@@ -171,12 +170,13 @@ fn describe(name: &str, descriptor: Option<&Descriptor>) -> ParameterDescriptor 
         Allowed::Any => {}
         Allowed::Words(_) => ros.additional_constraints = descriptor.allowed.to_string(),
         // In ROS 2, a step of 0 means every value of the range.
-        Allowed::Integers { from, to } => {
-            ros.integer_range = vec![IntegerRange { from_value: *from, to_value: *to, step: 0 }];
+        Allowed::Integers(range) => {
+            let (from_value, to_value) = (*range.start(), *range.end());
+            ros.integer_range = vec![IntegerRange { from_value, to_value, step: 0 }];
         }
-        Allowed::Doubles { from, to } => {
-            ros.floating_point_range =
-                vec![FloatingPointRange { from_value: *from, to_value: *to, step: 0.0 }];
+        Allowed::Doubles(range) => {
+            let (from_value, to_value) = (*range.start(), *range.end());
+            ros.floating_point_range = vec![FloatingPointRange { from_value, to_value, step: 0.0 }];
         }
     }
     ros
@@ -205,7 +205,7 @@ mod tests {
             }
         });
         let read = Box::new(move || set.lock().expect("not poisoned").clone());
-        ParameterPort { read, request: Box::new(move |request| requests.send(request).err().map(|e| e.0)) }
+        ParameterPort { read, request: Box::new(move |request| requests.send(request).is_ok()) }
     }
 
     fn parameter(name: &str, value: Value) -> Parameter {
@@ -238,7 +238,7 @@ mod tests {
     #[test]
     fn many_parameters_are_one_request() {
         let (requests, inbox) = channel::<ParameterRequest>();
-        let request = Box::new(move |request| requests.send(request).err().map(|e| e.0));
+        let request = Box::new(move |request| requests.send(request).is_ok());
         let read = Box::new(|| Parameters::declare(Set::descriptors()));
         let answering = std::thread::spawn(move || {
             let request = inbox.recv().expect("a request");

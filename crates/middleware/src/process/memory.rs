@@ -1,8 +1,7 @@
 //! The memory that a process keeps for its next frames.
 //!
-//! The allocator of glibc gives freed memory back to the system as soon as more than twice the size of the largest image is free. A
-//! node frees more than that with each frame: the pages are then unmapped in the thread that frees the last image, and mapped and cleared
-//! again for the next frame.
+//! The allocator of glibc gives freed memory back to the system as soon as more than twice the size of the largest image is free. A node
+//! frees more with each frame: the pages would be unmapped, and mapped and cleared again for the next frame.
 //!
 //! This is the only module outside `modulo-core` with `unsafe`.
 

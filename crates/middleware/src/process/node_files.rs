@@ -25,19 +25,16 @@ pub struct ReportFile {
 /// The reason for writing a report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WriteReason {
-    /// A source has made a frame. Always written: the account is never behind the frames sent.
-    Source,
+    /// A source has made a frame: the account is never behind the frames sent. So for the first and the last report.
+    Always,
     /// A listener has taken a message. Written when the last time is at least 10 ms ago.
     Step,
     /// No message came. The report is written when the last time is at least 1 s ago.
     Idle,
-    /// The first and the last time.
-    Edge,
 }
 
 impl ReportFile {
-    /// Returns the file for this life of the node with this fully qualified name: the first number that no earlier life
-    /// has.
+    /// Returns the file for this life of the node with this fully qualified name: the first number that is free.
     ///
     /// # Errors
     /// The error of the system when no file can be made in `folder`.
@@ -60,7 +57,7 @@ impl ReportFile {
     /// Returns whether the report is to be written at `reason`; `now_ns` are ticks of the machine's clock.
     pub fn is_due(&self, reason: WriteReason, now_ns: u64) -> bool {
         let pause = match reason {
-            WriteReason::Source | WriteReason::Edge => 0,
+            WriteReason::Always => 0,
             WriteReason::Step => AFTER_STEP_NS,
             WriteReason::Idle => IDLE_NS,
         };
@@ -84,8 +81,7 @@ fn text(report: &NodeReport) -> io::Result<Vec<u8>> {
     Ok(serde_json::to_vec(report)?)
 }
 
-/// The state that outlasts a crash of a node: the parameters that it has accepted since its launch, and the position of
-/// a source.
+/// The state that outlasts a crash of a node: the parameters that it has accepted, and the position of a source.
 ///
 /// The folder exists only during one launch: a file in it at the start of a node was written by the same node before a
 /// crash. Parameters of an earlier launch are never restored.
@@ -130,7 +126,11 @@ impl SavedState {
 
     /// Keeps every changeable value of `accepted`. A full disk costs the memory of the change, not the node.
     pub fn keep(&self, accepted: &Parameters) {
-        if let Err(why) = self.write(accepted) {
+        // Values that are fixed at the start come from the launch again.
+        let changeable = accepted.descriptors().iter().filter(|d| !d.read_only);
+        let values: Vec<_> = changeable.filter_map(|d| Some((d.name, accepted.get(d.name)?))).collect();
+        let text = serde_json::to_vec(&values).map_err(io::Error::from);
+        if let Err(why) = text.and_then(|text| launcher::replace(&self.parameters, &text)) {
             tracing::warn!("{}: {why}; the parameters would not outlast a crash", self.parameters.display());
         }
     }
@@ -159,13 +159,6 @@ impl SavedState {
             }
             Ok(()) | Err(_) => {}
         }
-    }
-
-    fn write(&self, accepted: &Parameters) -> io::Result<()> {
-        // Values that are fixed at the start come from the launch again.
-        let changeable = accepted.descriptors().iter().filter(|d| !d.read_only);
-        let values: Vec<_> = changeable.filter_map(|d| Some((d.name, accepted.get(d.name)?))).collect();
-        launcher::replace(&self.parameters, &serde_json::to_vec(&values)?)
     }
 }
 
@@ -208,12 +201,9 @@ mod tests {
         let mut file = ReportFile::create(folder.path(), "/n").expect("a file");
         let start = 7_000_000_000;
         file.write(&NodeReport::new("/n"), start);
-        for (reason, pause) in [
-            (WriteReason::Source, 0),
-            (WriteReason::Step, AFTER_STEP_NS),
-            (WriteReason::Idle, IDLE_NS),
-            (WriteReason::Edge, 0),
-        ] {
+        for (reason, pause) in
+            [(WriteReason::Always, 0), (WriteReason::Step, AFTER_STEP_NS), (WriteReason::Idle, IDLE_NS)]
+        {
             assert!(file.is_due(reason, start + pause), "{reason:?}");
             assert!(pause == 0 || !file.is_due(reason, start + pause - 1), "{reason:?}");
         }

@@ -17,9 +17,6 @@ const GLANCE: Duration = Duration::from_millis(100);
 
 /// Installs handlers: SIGINT asks `stop` for a drain; SIGTERM, SIGHUP or a second SIGINT for an end at once. A SIGHUP that
 /// the process ignores since its start, as under `nohup`, stays ignored.
-///
-/// # Errors
-/// The error of the operating system when it refuses the handlers or a thread.
 pub fn end_on_signals(stop: &Stop) -> io::Result<()> {
     let mut signals = Signals::new([SIGINT, SIGTERM])?;
     if !is_hangup_ignored() {
@@ -39,9 +36,6 @@ pub fn end_on_signals(stop: &Stop) -> io::Result<()> {
 }
 
 /// Returns a flag that the first SIGINT or SIGTERM sets. The second one ends the process at once, as if there were no handler.
-///
-/// # Errors
-/// The error of the operating system when it refuses the handlers.
 pub fn first_signal() -> io::Result<Arc<AtomicBool>> {
     let asked = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
@@ -52,11 +46,7 @@ pub fn first_signal() -> io::Result<Arc<AtomicBool>> {
     Ok(asked)
 }
 
-/// Asks `stop` for an end as soon as the launcher is gone, since a launcher that was killed cannot end its nodes. Does
-/// nothing without a launcher.
-///
-/// # Errors
-/// The error of the operating system when it starts no thread.
+/// Asks `stop` for an end as soon as the launcher, which cannot end its nodes then, is gone. Does nothing without one.
 pub fn end_with_launcher(stop: &Stop) -> io::Result<()> {
     let launcher = std::env::var(launcher::PID).ok().and_then(|pid| pid.parse::<u32>().ok());
     let Some(launcher) = launcher else { return Ok(()) };

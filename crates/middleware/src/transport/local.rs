@@ -8,7 +8,7 @@ use std::time::Duration;
 use modulo_runtime::wire::keys::EntityKind;
 use modulo_runtime::{Address, Message, MessageKind, NodeName};
 
-use super::{Deliver, Guard, Incoming, NodeId, ParameterPort, Publisher, Transport, TransportError};
+use super::{Deliver, Guard, Incoming, NodeId, OnDrop, ParameterPort, Publisher, Transport, TransportError};
 
 /// The graph of one process. Clones share it.
 #[derive(Clone, Default)]
@@ -29,15 +29,6 @@ struct Subscriber {
     id: u64,
     node: String,
     deliver: Deliver,
-}
-
-/// Runs its closure when dropped: takes a declaration out of the graph.
-struct Undeclare<F: FnMut() + Send + Sync>(F);
-
-impl<F: FnMut() + Send + Sync> Drop for Undeclare<F> {
-    fn drop(&mut self) {
-        (self.0)();
-    }
 }
 
 struct LocalPublisher {
@@ -78,7 +69,7 @@ impl Transport for LocalTransport {
         let entry = (topic.clone(), address.kind, node.fully_qualified());
         self.graph().publishers.push(entry.clone());
         let transport = self.clone();
-        let gone = Undeclare(move || {
+        let gone = OnDrop(move || {
             let publishers = &mut transport.graph().publishers;
             if let Some(index) = publishers.iter().position(|publisher| *publisher == entry) {
                 // Only one entry: a node may publish a topic twice, and the other publisher is still there.
@@ -101,7 +92,7 @@ impl Transport for LocalTransport {
         let subscriber = Subscriber { id, node: node.fully_qualified(), deliver };
         graph.subscribers.entry(address.topic.clone()).or_default().push(subscriber);
         let (transport, topic) = (self.clone(), address.topic.clone());
-        Ok(Box::new(Undeclare(move || {
+        Ok(Box::new(OnDrop(move || {
             if let Some(list) = transport.graph().subscribers.get_mut(&topic) {
                 list.retain(|s| s.id != id);
             }
@@ -112,7 +103,7 @@ impl Transport for LocalTransport {
         let name = node.fully_qualified();
         self.graph().nodes.push(name.clone());
         let transport = self.clone();
-        Ok(Box::new(Undeclare(move || transport.graph().nodes.retain(|n| *n != name))))
+        Ok(Box::new(OnDrop(move || transport.graph().nodes.retain(|n| *n != name))))
     }
 
     /// Keeps `port` and offers it to no caller: a local node cannot be reached from outside of its process.

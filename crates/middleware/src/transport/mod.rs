@@ -1,5 +1,4 @@
-//! The transport of messages from node to node. Two transports implement one trait: `local` within a process (shared,
-//! never serialised) and `zenoh` between processes.
+//! The transport of messages from node to node: `local` within a process (shared, never serialised), or `zenoh`.
 
 pub mod local;
 pub mod queue;
@@ -72,13 +71,6 @@ pub enum Incoming {
 }
 
 impl Queued for Incoming {
-    fn bytes(&self) -> usize {
-        match self {
-            Self::Message(_) => 0,
-            Self::Sample(sample) => sample.bytes(),
-        }
-    }
-
     fn attachment(&self) -> Option<&Attachment> {
         match self {
             Self::Message(_) => None,
@@ -109,9 +101,6 @@ pub trait Publisher: Send {
     fn wanted(&self) -> bool;
 
     /// Sends one message to all readers.
-    ///
-    /// # Errors
-    /// [`TransportError`] when it could not be handed over.
     fn put(&self, message: &Message) -> Result<(), TransportError>;
 }
 
@@ -129,8 +118,7 @@ pub struct ParameterRequest {
 /// The answer of a node to a [`ParameterRequest`].
 #[derive(Debug, PartialEq, Eq)]
 pub enum ParameterAnswer {
-    /// The node has begun to load what the changes need, such as a model. They take effect when that is done, also when the
-    /// caller waits no longer. `Done` follows.
+    /// The node has begun to load what the changes need, such as a model. They take effect after that; `Done` follows.
     Loading,
     /// One result for each change.
     Done(Vec<Result<(), ParameterError>>),
@@ -156,8 +144,8 @@ impl Claim {
 pub struct ParameterPort {
     /// Reads the current set.
     pub read: Box<dyn Fn() -> Parameters + Send + Sync>,
-    /// Hands a request to the node's loop; returns it when the node has too many or is ending.
-    pub request: Box<dyn Fn(ParameterRequest) -> Option<ParameterRequest> + Send + Sync>,
+    /// Hands a request to the node's loop; returns whether the node takes it, and has not too many and is not ending.
+    pub request: Box<dyn Fn(ParameterRequest) -> bool + Send + Sync>,
 }
 
 /// Pauses a node (`false`) or lets it go on; the error is the reason why it has not done so.
@@ -175,18 +163,21 @@ pub struct NodeId {
 /// Something that must stay alive for a declaration to hold.
 pub type Guard = Box<dyn Send + Sync>;
 
-/// A carrier of messages.
+/// Runs its closure when it is dropped, such as to end a declaration.
+pub(crate) struct OnDrop<F: FnMut()>(pub F);
+
+impl<F: FnMut()> Drop for OnDrop<F> {
+    fn drop(&mut self) {
+        (self.0)();
+    }
+}
+
+/// A carrier of messages. An operation that it cannot do is a [`TransportError`].
 pub trait Transport: Send + Sync {
     /// Declares a publisher of `node`.
-    ///
-    /// # Errors
-    /// [`TransportError`] when the transport fails.
     fn advertise(&self, node: &NodeName, address: &Address) -> Result<Box<dyn Publisher>, TransportError>;
 
     /// Declares a subscription of `node`, which lasts until the guard is dropped.
-    ///
-    /// # Errors
-    /// [`TransportError`] when the transport fails.
     fn subscribe(
         &self,
         node: &NodeName,
@@ -195,22 +186,13 @@ pub trait Transport: Send + Sync {
     ) -> Result<Guard, TransportError>;
 
     /// Shows `node` in the graph: from now on it counts as ready.
-    ///
-    /// # Errors
-    /// [`TransportError`] when the transport fails.
     fn announce(&self, node: &NodeName) -> Result<Guard, TransportError>;
 
     /// Makes the node's parameters reachable from outside.
-    ///
-    /// # Errors
-    /// [`TransportError`] when the transport fails.
     fn serve_parameters(&self, node: &NodeName, port: ParameterPort) -> Result<Guard, TransportError>;
 
     /// Offers the service `~/enable` of `node`; `enable` pauses the node or lets it go on, and returns when that is done. A
     /// transport within one process offers it to no caller.
-    ///
-    /// # Errors
-    /// [`TransportError`] when the transport fails.
     fn serve_enable(&self, node: &NodeName, enable: Enable) -> Result<Guard, TransportError> {
         let _ = (node, enable);
         Ok(Box::new(()))

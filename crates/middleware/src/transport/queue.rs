@@ -17,8 +17,7 @@ pub enum Keep {
     Latest,
     /// The newest `n` messages, at least one; the oldest is lost when one more comes.
     Last(usize),
-    /// The lane holds all messages while the queue is within its [`Limit`]; a message that comes when there is no room
-    /// is lost.
+    /// The lane holds all messages while the queue is within its [`Limit`]; one for which there is no room is lost.
     All,
 }
 
@@ -232,8 +231,7 @@ impl<T: Queued> Queue<T> {
         self.lock().lanes.get(&lane).map(counts).unwrap_or_default()
     }
 
-    /// Closes `lane`: its waiting items are dropped and counted as unread. Returns its counts; zeros when it was closed
-    /// before.
+    /// Closes `lane` and counts its waiting items as unread. Returns its counts; zeros when it was closed before.
     pub fn close(&self, lane: Lane) -> LaneCounts {
         let mut state = self.lock();
         let Some(mut waiting) = state.lanes.remove(&lane) else { return LaneCounts::default() };
@@ -253,8 +251,7 @@ impl<T: Queued> Queue<T> {
         self.changed.notify_all();
     }
 
-    /// Locks the state. A poisoned lock only means that another thread panicked elsewhere: the lanes themselves are
-    /// always whole.
+    /// Locks the state, which is always whole: a poisoned lock means that another thread panicked elsewhere.
     fn lock(&self) -> MutexGuard<'_, State<T>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -120,25 +120,19 @@ fn counts(report: &NodeReport) -> (u64, u64, u64, u64) {
     (sum(&report.received), sum(&report.published), sum(&report.dropped()), sum(&report.bad))
 }
 
-fn member(
-    node: Box<dyn Node>,
-    name: &str,
-    wait_for: &str,
-    on_exit: composed::MemberExit,
-) -> composed::Member {
+fn member(node: Box<dyn Node>, name: &str, wait_for: &str, ends_all: bool) -> composed::Member {
     let (parameters, node_name) = (waiting_for(wait_for), node_name(name));
     let setup = NodeSetup { node, parameters, node_name, saved: None, report_file: None };
-    composed::Member { setup, on_exit }
+    composed::Member { setup, ends_all }
 }
 
 /// Runs a source of `period` before a fast node, which skips a frame, and a slow one: each takes all that there is.
 fn assert_no_frame_is_lost(period: fn(u8) -> Duration) {
-    use composed::MemberExit::{Continue, Shutdown};
     let slow = Increment { delay: Duration::from_millis(15), ..increment("b", "c") };
     let members = vec![
-        member(Box::new(Counter { next: 0, count: 30, period }), "counter", "[first]", Shutdown),
-        member(Box::new(Increment { bad: Some(7), ..increment("a", "b") }), "first", "[second]", Continue),
-        member(Box::new(slow), "second", "", Continue),
+        member(Box::new(Counter { next: 0, count: 30, period }), "counter", "[first]", true),
+        member(Box::new(Increment { bad: Some(7), ..increment("a", "b") }), "first", "[second]", false),
+        member(Box::new(slow), "second", "", false),
     ];
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
     let reports = composed::run(members, &clock, &Stop::default()).expect("runs");
@@ -182,8 +176,8 @@ fn a_member_that_panics_ends_the_others() {
     // By itself the counter would go on for four minutes.
     let slow = Counter { next: 0, count: 255, period: |_| Duration::from_secs(1) };
     let members = vec![
-        member(Box::new(slow), "counter", "[broken]", composed::MemberExit::Continue),
-        member(Box::new(Panic), "broken", "", composed::MemberExit::Continue),
+        member(Box::new(slow), "counter", "[broken]", false),
+        member(Box::new(Panic), "broken", "", false),
     ];
     let (sender, ended) = std::sync::mpsc::channel();
     // In a thread of its own, because a run that does not end must fail the test.
@@ -198,14 +192,9 @@ fn a_member_that_panics_ends_the_others() {
 #[test]
 fn a_composed_chain_drains_to_its_last_frame() {
     let members = vec![
-        member(counter(20), "counter", "[first]", composed::MemberExit::Shutdown),
-        member(
-            Box::new(Increment { bad: Some(7), ..increment("a", "b") }),
-            "first",
-            "[second]",
-            composed::MemberExit::Continue,
-        ),
-        member(Box::new(increment("b", "c")), "second", "", composed::MemberExit::Continue),
+        member(counter(20), "counter", "[first]", true),
+        member(Box::new(Increment { bad: Some(7), ..increment("a", "b") }), "first", "[second]", false),
+        member(Box::new(increment("b", "c")), "second", "", false),
     ];
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
     let reports = composed::run(members, &clock, &Stop::default()).expect("runs");
@@ -412,7 +401,7 @@ fn a_part_is_made_while_the_node_goes_on() {
         let (answer, verdict) = channel();
         let (claim, changes) = (Claim::default(), vec![vec![("amount".to_owned(), Value::Integer(amount))]]);
         let request = ParameterRequest { changes, answer, claim: claim.clone() };
-        assert!((port.request)(request).is_none());
+        assert!((port.request)(request));
         let answer = move || loop {
             match verdict.recv() {
                 Ok(ParameterAnswer::Loading) => {}
@@ -535,7 +524,7 @@ fn inputs_are_found_by_their_address() {
         let (answer, verdict) = channel();
         let value = Value::Strings(inputs.iter().map(|name| (*name).to_owned()).collect());
         let changes = vec![vec![("inputs".to_owned(), value)]];
-        assert!((port.request)(ParameterRequest { changes, answer, claim: Claim::default() }).is_none());
+        assert!((port.request)(ParameterRequest { changes, answer, claim: Claim::default() }));
         match verdict.recv_timeout(Duration::from_secs(60)).expect("an answer") {
             ParameterAnswer::Done(mut answers) => {
                 answers.pop().expect("one change").map_err(|why| why.to_string())

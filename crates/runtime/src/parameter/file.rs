@@ -34,11 +34,10 @@ impl RosArgs {
         let mut found = Vec::new();
         for setting in &self.parameters {
             match setting {
-                Setting::Value { node, name, value } => {
-                    if node.as_ref().is_none_or(|node| node.trim_start_matches('/') == node_name.name) {
-                        found.push((name.clone(), value.clone()));
-                    }
+                Setting::Value(rule) if rule.is_for(&node_name.name) => {
+                    found.push((rule.name.clone(), rule.value.clone()));
                 }
+                Setting::Value(_) => {}
                 Setting::File(path) => found.extend(read(path, node_name)?),
             }
         }
@@ -113,8 +112,7 @@ fn node(pattern: &str, body: &Item, node_name: &NodeName, found: &mut Vec<Entry>
     Ok(())
 }
 
-/// Returns whether the name of a node in a file, with `*` for one part of a name and `**` for any number, means the
-/// node `node_name`.
+/// Returns whether a pattern, with `*` for one part of a name and `**` for any number, means the node `node_name`.
 fn matches(pattern: &str, node_name: &NodeName) -> bool {
     fn all(pattern: &[&str], name: &[&str]) -> bool {
         match (pattern, name) {

@@ -10,6 +10,7 @@ pub mod yaml_text;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
+use std::ops::RangeInclusive;
 
 /// Values of parameters as messages of ROS 2 carry them.
 pub mod ros {
@@ -29,20 +30,10 @@ const NEAR: f64 = 0.6;
 pub enum Allowed {
     /// Anything of its type.
     Any,
-    /// An integer in `[from, to]`.
-    Integers {
-        /// Smallest allowed value.
-        from: i64,
-        /// Largest allowed value.
-        to: i64,
-    },
-    /// A finite double in `[from, to]`.
-    Doubles {
-        /// Smallest allowed value.
-        from: f64,
-        /// Largest allowed value.
-        to: f64,
-    },
+    /// An integer in this range.
+    Integers(RangeInclusive<i64>),
+    /// A finite double in this range.
+    Doubles(RangeInclusive<f64>),
     /// The value is one of these words.
     Words(Vec<&'static str>),
 }
@@ -82,8 +73,7 @@ impl ParameterError {
     }
 }
 
-/// A declared set of parameters with their values. Every declared parameter always has an allowed value of its declared
-/// type.
+/// A declared set of parameters. Every parameter always has an allowed value of its declared type.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
     declared: Vec<Descriptor>,
@@ -116,9 +106,9 @@ impl Descriptor {
         })?;
         match (&value, &self.allowed) {
             (_, Allowed::Any) => Ok(value),
-            (Value::Integer(v), Allowed::Integers { from, to }) if (from..=to).contains(&v) => Ok(value),
+            (Value::Integer(v), Allowed::Integers(range)) if range.contains(v) => Ok(value),
             // `contains` is false for NaN, which is refused by that.
-            (Value::Double(v), Allowed::Doubles { from, to }) if (from..=to).contains(&v) => Ok(value),
+            (Value::Double(v), Allowed::Doubles(range)) if range.contains(v) => Ok(value),
             (Value::String(v), Allowed::Words(words)) if words.contains(&v.as_str()) => Ok(value),
             (_, allowed) => Err(refuse(format!("must be {allowed}"))),
         }
@@ -129,8 +119,8 @@ impl fmt::Display for Allowed {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Any => write!(f, "any value"),
-            Self::Integers { from, to } => write!(f, "in {from} to {to}"),
-            Self::Doubles { from, to } => write!(f, "a finite number in {from} to {to}"),
+            Self::Integers(range) => write!(f, "in {} to {}", range.start(), range.end()),
+            Self::Doubles(range) => write!(f, "a finite number in {} to {}", range.start(), range.end()),
             Self::Words(words) => write!(f, "one of {}", words.join(", ")),
         }
     }
@@ -165,8 +155,7 @@ impl Parameters {
         self.values.get(name)
     }
 
-    /// Returns the set with all `changes` applied; nothing is changed when one of them is refused. `started` refuses
-    /// changes of read-only parameters.
+    /// Returns the set with all `changes`, or none when one is refused. `started` refuses changes of fixed ones.
     ///
     /// # Errors
     /// [`ParameterError`] of the first change that is not possible.

@@ -87,7 +87,7 @@ any_value!(bool: Bool, String: String, Vec<String>: Strings);
 
 impl Rule<f64> for RangeInclusive<f64> {
     fn allowed(&self) -> Allowed {
-        Allowed::Doubles { from: *self.start(), to: *self.end() }
+        Allowed::Doubles(self.clone())
     }
 
     fn value(&self, field: &f64) -> Value {
@@ -107,7 +107,7 @@ impl Integer for usize {}
 
 impl<T: Integer> Rule<T> for RangeInclusive<T> {
     fn allowed(&self) -> Allowed {
-        Allowed::Integers { from: to_i64(*self.start()), to: to_i64(*self.end()) }
+        Allowed::Integers(to_i64(*self.start())..=to_i64(*self.end()))
     }
 
     fn value(&self, field: &T) -> Value {
@@ -259,7 +259,7 @@ mod tests {
         let all = Set::descriptors();
         let names: Vec<_> = all.iter().map(|d| d.name).collect();
         assert_eq!(names, ["angle", "bits", "engine", "wait_for", "model", "loop", "share"]);
-        assert_eq!(all[1].allowed, Allowed::Integers { from: 1, to: 16 });
+        assert_eq!(all[1].allowed, Allowed::Integers(1..=16));
         assert_eq!(all[2].allowed, Allowed::Words(vec!["auto", "ort", "rten"]));
         assert_eq!((&all[2].default, &all[3].allowed), (&Value::String("auto".into()), &Allowed::Any));
         assert_eq!(all[6].description, "Two lines of help are one sentence.");

@@ -97,8 +97,7 @@ impl Value {
         }
     }
 
-    /// Reads `text` (a command line's or a YAML scalar's) as a value of this value's type. An array is written `[a, b]`
-    /// or `a, b`. A quoted text is always a string.
+    /// Reads `text` as a value of this value's type; an array is `[a, b]` or `a, b`, a quoted text always a string.
     pub fn parse_like(&self, text: &str) -> Option<Value> {
         let text = text.trim();
         Some(match self {

@@ -1,5 +1,4 @@
-//! Scalars of YAML as ROS 2 parameters need them: read with their quotes, and strings written so that they read back. No
-//! parameter is known here.
+//! Scalars of YAML as ROS 2 parameters need them: read with their quotes, and strings written so that they read back.
 
 use crate::yaml::{Content, Item, read};
 

@@ -1,10 +1,8 @@
-//! The sensor description: each frame of a camera comes with the model of the sensor that made it, so that no other
-//! node has to guess or repeat it.
+//! The sensor description: each frame of a camera comes with the model of its sensor, which no node has to guess.
 //!
 //! The camera publishes it on [`TOPIC`] before each frame, with the stamp of the frame, as a
 //! `diagnostic_msgs/msg/DiagnosticArray`, which every ROS 2 node can read: one status named `NODE: sensor`, whose values are
-//! the parameters of [`SensorModel`] by name. The topic is reliable and transient local, so that a late reader gets the
-//! last one.
+//! the parameters of [`SensorModel`]. The topic is latched: a late reader gets the last one.
 
 use std::collections::VecDeque;
 use std::sync::Arc;

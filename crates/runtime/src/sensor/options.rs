@@ -1,5 +1,4 @@
-//! [`SensorOptions`]: the parameters of a sensor as options of a command line. Name, help, range and default are those of their
-//! declaration.
+//! [`SensorOptions`]: the parameters of a sensor as options of a command line, as they are declared.
 
 use std::marker::PhantomData;
 
@@ -35,8 +34,7 @@ impl<C> SensorOptions<C> {
         self.sensors(&[]).remove(0)
     }
 
-    /// Returns the sensor of each combination of the values of the parameters `varied`, of which the last varies fastest. All
-    /// other parameters have their first value.
+    /// Returns the sensor of each combination of the values of `varied`, the last fastest; other parameters have their first.
     pub fn sensors(&self, varied: &[&str]) -> Vec<SensorModel> {
         let place = |name: &str| varied.iter().position(|other| *other == name);
         let mut ordered: Vec<_> = self.values.iter().collect();

@@ -1,5 +1,4 @@
-//! The texts and bytes of the rmw_zenoh convention: topic keys, liveliness tokens, QoS strings. Pure; nothing here
-//! opens a connection.
+//! The texts and bytes of the rmw_zenoh convention: topic keys, liveliness tokens, QoS strings. Pure code.
 //!
 //! Source: rmw_zenoh_cpp 0.2.10 (ROS 2 Jazzy), checked against bytes that a real node sent.
 
@@ -89,8 +88,7 @@ impl Token {
         key
     }
 
-    /// Reads the key of a token; `None` when it is not one. A 14th component, which later ROS releases may add, is
-    /// ignored.
+    /// Reads the key of a token; `None` when it is not one. A 14th component of later ROS releases is ignored.
     pub fn parse(key: &str) -> Option<Self> {
         let parts: Vec<&str> = key.split('/').collect();
         // The enclave between kind and namespace is ignored: the suite has no secure communication.

@@ -8,7 +8,6 @@ use modulo_runtime::{Address, MessageKind, NodeName, NodeReport, Topic};
 
 use super::swap::{Slot, SlotInput, book};
 use super::{EventQueue, LiveEvent};
-use crate::driver::keeps_latest;
 use crate::transport::queue::{Keep, Lane, LaneCounts};
 use crate::transport::{Transport, TransportError};
 
@@ -40,8 +39,7 @@ impl Inputs {
         Self { queue, slots: Vec::new() }
     }
 
-    /// Subscribes the node `node_name` to those of `topics` that are not open yet. The inputs stay as they are until
-    /// [`Inputs::renew`].
+    /// Subscribes to those of `topics` that are not open yet. The inputs stay as they are until [`Inputs::renew`].
     pub fn open(
         &self,
         topics: Vec<(Topic, Address)>,
@@ -58,8 +56,7 @@ impl Inputs {
         Ok(Renewal(topics.into_iter().zip(slots).map(open).collect::<Result<_, _>>()?))
     }
 
-    /// Returns for each of `topics` the slot that it takes over, if any. A slot is found by its address: its index depends on
-    /// the inputs before it.
+    /// Returns for each of `topics` the slot that it takes over, if any; found by address, since indices change.
     fn slots_of(&self, topics: &[(Topic, Address)]) -> Vec<Option<usize>> {
         let rules: [fn(&Slot, &Address) -> bool; 3] = [
             |slot, address| slot.current().address == *address,
@@ -78,8 +75,7 @@ impl Inputs {
         found
     }
 
-    /// Takes the inputs of `renewal`, and leaves all others, at the ticks `now`. A new image topic replaces the old one when its
-    /// first image arrives.
+    /// Changes to the inputs of `renewal` at the ticks `now`. A new image topic replaces the old one with its first image.
     pub fn renew(&mut self, renewal: Renewal, now: u64, report: &mut NodeReport) {
         let mut before: Vec<Option<Slot>> = std::mem::take(&mut self.slots).into_iter().map(Some).collect();
         let mut closed = Vec::new();
@@ -132,16 +128,14 @@ impl Inputs {
         images.map(|input| input.address.topic.as_str())
     }
 
-    /// Returns the name of the image stream whose frames are answered now, as the node declares it; those of several
-    /// cameras with commas between them.
+    /// Returns the names of the image streams whose frames are answered now, as the node declares them, with commas.
     pub fn stream(&self) -> Option<String> {
         let streams = self.slots.iter().map(Slot::in_use).filter(|topic| topic.kind == MessageKind::Image);
         let names: Vec<_> = streams.map(|topic| topic.name.as_str()).collect();
         (!names.is_empty()).then(|| names.join(", "))
     }
 
-    /// Returns whether a message of `stamp` that came in `lane` is answered at the ticks `now`. One that is not counts
-    /// as replaced in `report`.
+    /// Returns whether a message of `stamp` from `lane` is answered at the ticks `now`; if not, it counts as replaced.
     pub fn admit(&mut self, lane: Lane, stamp: Time, now: u64, report: &mut NodeReport) -> bool {
         let Some((index, input)) = self.of(lane) else { return false };
         let topic = input.address.topic.clone();
@@ -153,8 +147,7 @@ impl Inputs {
         answered
     }
 
-    /// Returns the warnings about streams that have given no frame since the node asked for them, at the ticks `now`, and
-    /// closes streams that the node has left.
+    /// Returns the warnings about streams without a frame at the ticks `now`, and closes streams that the node has left.
     pub fn look(&mut self, now: u64, report: &mut NodeReport) -> Vec<String> {
         let mut warnings = Vec::new();
         for slot in &mut self.slots {
@@ -192,7 +185,8 @@ fn subscribe(
     queue: &Arc<EventQueue>,
 ) -> Result<SlotInput, TransportError> {
     // A newer image makes an older one useless, but each result counts.
-    let keep = if keeps_latest(address.kind) { Keep::Latest } else { Keep::Last(RESULTS_WAITING) };
+    let latest = is_image(address.kind) || address.kind == MessageKind::CameraInfo;
+    let keep = if latest { Keep::Latest } else { Keep::Last(RESULTS_WAITING) };
     let (lane, waiting) = (queue.open(keep), queue.clone());
     let deliver = Box::new(move |incoming| drop(waiting.push(lane, LiveEvent::Message(incoming))));
     let subscription = transport.subscribe(node_name, &address, deliver)?;

@@ -106,8 +106,10 @@ impl Live<'_> {
         }
         let trigger = Trigger::Message { input, message };
         let (flow, messages) = self.step(trigger, &address.topic, Some(&declared.name), frame)?;
-        if frame.is_some() {
-            self.watch.answered(&address.topic, begin, self.time.ticks_ns());
+        if frame.is_some()
+            && let Some(end) = self.silence.end(&address.topic, begin, self.time.ticks_ns())
+        {
+            tracing::info!(node = %self.telemetry.node(), topic = address.topic, "{end}");
         }
         self.send_all(&messages);
         if flow == Flow::NewInputs {
@@ -134,7 +136,11 @@ impl Live<'_> {
         Address { topic, kind, .. }: &Address,
         begin: u64,
     ) -> Option<Message> {
-        self.watch.arrived(topic, item.attachment(), stamp_ns);
+        if let Some(sent) = item.attachment()
+            && let Some(warning) = self.delays.note(topic, sent.stamp_ns, stamp_ns)
+        {
+            tracing::warn!(node = %self.telemetry.node(), topic, "{warning}");
+        }
         let opened = item.open(*kind).map_err(|why| why.to_string());
         let now = self.time.ticks_ns();
         match opened.and_then(|message| decompressed(declared, message)) {
@@ -144,7 +150,8 @@ impl Live<'_> {
             }
             Err(why) => {
                 self.skip(topic, &why);
-                self.watch.unreadable(topic, begin, self.time.ticks_ns());
+                // Its publisher is not silent.
+                self.silence.end(topic, begin, self.time.ticks_ns());
                 None
             }
         }

@@ -19,13 +19,13 @@ use modulo_msgs::std_msgs::Time;
 use modulo_runtime::clock::nanos as nanoseconds;
 use modulo_runtime::report::add;
 use modulo_runtime::topic::addresses;
-use modulo_runtime::wire::attachment::Attachment;
+use modulo_runtime::wire::attachment::{Attachment, Delays};
 use modulo_runtime::{
     Address, Clock, Flow, Message, MessageKind, Node, NodeName, NodeReport, ParameterError, Parameters, Part,
     Stop, Topic, Urgency,
 };
 
-use super::{CommonParameters, GRAPH_GLANCE, ImageTransport, RunError, wait_for, wait_until_ready};
+use super::{CommonParameters, GRAPH_GLANCE, ImageTransport, RunError, wait_until_ready};
 use crate::driver::pacing::{Pacing, ack_topic};
 use crate::graph::diagnostics::NodeCondition;
 use crate::graph::node_time::NodeTime;
@@ -38,7 +38,7 @@ use outputs::{LiveOutput, compressed};
 use requests::{EnableRequest, Loading};
 use settings::Settings;
 use telemetry::Telemetry;
-use watch::Watch;
+use watch::{Silence, SkipWarnings};
 
 /// An idle node wakes this often for its periodic tasks.
 const IDLE: Duration = Duration::from_millis(250);
@@ -73,22 +73,12 @@ enum LiveEvent {
     Enable(EnableRequest),
 }
 
-impl LiveEvent {
-    fn incoming(&self) -> Option<&Incoming> {
-        match self {
-            Self::Message(incoming) | Self::Ack(incoming) => Some(incoming),
-            Self::Request(_) | Self::Loaded(_) | Self::Enable(_) => None,
-        }
-    }
-}
-
 impl Queued for LiveEvent {
-    fn bytes(&self) -> usize {
-        self.incoming().map_or(0, Incoming::bytes)
-    }
-
     fn attachment(&self) -> Option<&Attachment> {
-        self.incoming().and_then(Incoming::attachment)
+        match self {
+            Self::Message(incoming) => incoming.attachment(),
+            Self::Ack(_) | Self::Request(_) | Self::Loaded(_) | Self::Enable(_) => None,
+        }
     }
 }
 
@@ -112,7 +102,9 @@ struct Live<'a> {
     /// The readers of this node's own frames, if it is such a source.
     pacing: Pacing,
     telemetry: Telemetry,
-    watch: Watch,
+    skips: SkipWarnings,
+    delays: Delays,
+    silence: Silence,
     /// The part that a request waits for.
     loading: Option<Loading>,
     /// The frame that the last step on an image has deferred: its stamp, its topic, and the ticks since then.
@@ -149,7 +141,9 @@ pub fn run(
         queue,
         acks: transport.advertise(&node_name, &Address::resolve(&node_name, &ack_topic())?)?,
         pacing: Pacing::default(),
-        watch: Watch::new(node_name.fully_qualified()),
+        skips: SkipWarnings::default(),
+        delays: Delays::default(),
+        silence: Silence::default(),
         telemetry: Telemetry::open(&node_name, report_file, &outputs, transport, &**clock)?,
         outputs,
         loading: None,
@@ -175,7 +169,7 @@ impl Live<'_> {
         let announced = self.transport.announce(&self.node_name)?;
         self.settings.started(self.time.now_ns());
         self.publish_state(Time::from_ns(self.time.now_ns()));
-        self.write_report(WriteReason::Edge);
+        self.write_report(WriteReason::Always);
         tracing::info!(node = %self.telemetry.node(), "ready");
         // Another source may make a source a listener, and the other way round.
         let ended = loop {
@@ -187,7 +181,8 @@ impl Live<'_> {
             }
         };
         if ended.is_ok() && self.stop.urgency() == Urgency::None {
-            self.telemetry.publish_end(Time::from_ns(self.time.now_ns()));
+            let now = Time::from_ns(self.time.now_ns());
+            self.telemetry.state.publish_end(now, &self.telemetry.report.node);
         }
         // Out of the graph before the publishers go, so that no other node waits for this one.
         drop((announced, served));
@@ -200,15 +195,19 @@ impl Live<'_> {
         self.queue.end();
         self.loading.take().into_iter().for_each(Loading::join);
         self.inputs.close(&mut self.telemetry.report);
-        self.watch.close();
+        for (topic, warning) in self.skips.rest() {
+            tracing::warn!(node = %self.telemetry.node(), topic, "{warning}");
+        }
         let report = self.telemetry.close(&*self.node, ended.is_err(), self.time.ticks_ns());
         ended.map(|()| report)
     }
 
     fn wait_for_others(&self) -> Result<(), RunError> {
-        let (nodes, patience) = wait_for(&self.node_name, &self.settings.read())?;
+        let CommonParameters { wait_for, wait_timeout, .. } = (&self.settings.read()).into();
+        let nodes = wait_for.iter().map(|name| self.node_name.resolve(name)).collect::<Result<_, _>>()?;
+        let patience = Duration::from_secs_f64(wait_timeout);
         wait_until_ready(self.transport, &self.time, nodes, patience, &self.stop).map_err(|missing| {
-            RunError::Waited { node: self.telemetry.node().to_owned(), seconds: patience.as_secs(), missing }
+            RunError::Waited(self.telemetry.node().to_owned(), patience.as_secs(), missing)
         })
     }
 
@@ -285,7 +284,8 @@ impl Live<'_> {
         let mut of_driver = vec![("enabled", self.enabled.to_string())];
         of_driver.extend(self.inputs.stream().map(|stream| ("stream", stream)));
         of_driver.extend(self.loading.as_ref().map(|loading| ("loading", loading.to_string())));
-        self.telemetry.publish_state(stamp, &*self.node, of_driver);
+        let Telemetry { state, report, .. } = &mut self.telemetry;
+        state.publish(stamp, &report.node, &*self.node, of_driver);
     }
 
     /// Brings the report on the disk up to date when that is due.
@@ -293,8 +293,7 @@ impl Live<'_> {
         self.telemetry.write_report(reason, &self.inputs, &*self.node, &self.time);
     }
 
-    /// Does what is due beside the frames: discards a deferred frame, brings the account on the disk and `/diagnostics` up to date,
-    /// and warns of streams that do not come.
+    /// Does what is due beside the frames: discards a deferred frame, updates the report and `/diagnostics`, and warns.
     fn report_when_due(&mut self) {
         self.discard_deferred();
         self.write_report(WriteReason::Idle);
@@ -302,9 +301,12 @@ impl Live<'_> {
             tracing::warn!(node = %self.telemetry.node(), "{warning}");
         }
         if self.stop.urgency() == Urgency::None {
-            self.watch.look(self.inputs.image_topics(), self.transport, self.time.ticks_ns());
+            let (topics, now) = (self.inputs.image_topics(), self.time.ticks_ns());
+            if let Some(warning) = self.silence.look(topics, self.telemetry.node(), self.transport, now) {
+                tracing::warn!(node = %self.telemetry.node(), "{warning}");
+            }
         }
-        let condition = match self.watch.silence() {
+        let condition = match self.silence.warning() {
             _ if !self.enabled => NodeCondition::Disabled,
             Some(warning) => NodeCondition::Silent(warning),
             None => NodeCondition::Running,
@@ -315,6 +317,8 @@ impl Live<'_> {
     /// Counts a message of `topic` that is skipped.
     fn skip(&mut self, topic: &str, why: &str) {
         add(&mut self.telemetry.report.bad, topic, 1);
-        self.watch.skipped(topic, why, self.time.ticks_ns());
+        if let Some(warning) = self.skips.note(topic, why, self.time.ticks_ns()) {
+            tracing::warn!(node = %self.telemetry.node(), topic, "{warning}");
+        }
     }
 }

@@ -100,9 +100,6 @@ fn compress(image: &StampedFrame, format: FileFormat) -> Result<CompressedImage,
 }
 
 /// Returns the image in a file that came on the compressed variant of `topic`.
-///
-/// # Errors
-/// The reason why the file cannot be read or used.
 pub(super) fn decompress(file: &CompressedImage, topic: &Topic) -> Result<StampedFrame, String> {
     if topic.compression == ImageCompression::Lossless && file.data.starts_with(&JPEG) {
         return Err(

@@ -1,6 +1,5 @@
 //! Requests to change the parameters of a live node: applied between two steps, all changes of a request at once. A part
-//! that takes long to make, such as a model, is made on a thread of its own first. Meanwhile the node goes on with the
-//! part that it has, and the request has no effect.
+//! that takes long to make, such as a model, is made on a thread of its own first, while the node goes on as before.
 //!
 //! Each change takes effect whole or not at all. In this order it is checked, its part is made, its inputs are subscribed,
 //! the node takes it, and only then is it stored, saved and published.
@@ -42,8 +41,7 @@ struct PreparedRequest {
 }
 
 impl PreparedRequest {
-    /// Tells the caller that its request takes effect when all is loaded. Returns whether the caller still waits, or has
-    /// been notified before.
+    /// Tells the caller that its request takes effect when all is loaded. Returns whether the caller knows it.
     fn promise(&mut self) -> bool {
         if !self.promised && self.request.claim.take() {
             self.promised = true;
@@ -89,10 +87,7 @@ impl Live<'_> {
     /// Offers the parameters to the graph. A request waits in the queue of the node for the end of a step.
     pub(super) fn serve_parameters(&self) -> Result<Guard, TransportError> {
         let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::All));
-        let request = move |request| match queue.push(lane, LiveEvent::Request(request))? {
-            LiveEvent::Request(request) => Some(request),
-            LiveEvent::Message(_) | LiveEvent::Ack(_) | LiveEvent::Loaded(_) | LiveEvent::Enable(_) => None,
-        };
+        let request = move |request| queue.push(lane, LiveEvent::Request(request)).is_none();
         let port = ParameterPort { read: Box::new(self.settings.reader()), request: Box::new(request) };
         self.transport.serve_parameters(&self.node_name, port)
     }
@@ -107,14 +102,11 @@ impl Live<'_> {
             if queue.push(lane, LiveEvent::Enable(request)).is_some() {
                 return Err("the node is busy with other requests, or is ending".to_owned());
             }
-            match answered.recv_timeout(PATIENCE) {
-                Ok(()) => Ok(()),
-                // The node may apply it just now.
-                Err(_) if !claim.take() => Ok(()),
-                Err(_) => {
-                    Err("the node has not finished its step within 10 s; it goes on as before".to_owned())
-                }
+            // The node may apply it just now.
+            if answered.recv_timeout(PATIENCE).is_ok() || !claim.take() {
+                return Ok(());
             }
+            Err("the node has not finished its step within 10 s; it goes on as before".to_owned())
         };
         self.transport.serve_enable(&self.node_name, Box::new(enable))
     }
@@ -192,7 +184,7 @@ impl Live<'_> {
         match thread {
             Ok(thread) => {
                 self.loading = Some(Loading { prepared, next, lane, thread });
-                self.publish_state(self.telemetry.next_stamp(&self.time));
+                self.publish_state(self.telemetry.diagnostics.next_stamp(&self.time));
                 Ok(())
             }
             Err(why) => {
@@ -229,7 +221,7 @@ impl Live<'_> {
             tracing::warn!(node = %self.telemetry.node(), "{why}");
         }
         if promised {
-            self.publish_state(self.telemetry.next_stamp(&self.time));
+            self.publish_state(self.telemetry.diagnostics.next_stamp(&self.time));
         }
         // Fails only when the caller has gone.
         let _ = request.answer.send(ParameterAnswer::Done(answers));

@@ -160,8 +160,7 @@ fn next_due(due: u64, period: u64, now: u64) -> u64 {
     due + period * late.div_ceil(period.max(1)).max(1)
 }
 
-/// Returns the stamp of the first image among the `messages` of a step, and the topics of all its images, compressed ones
-/// included; `None` when there is no image.
+/// Returns the stamp of the first image among `messages`, and the topics of all images; `None` without an image.
 pub(super) fn images(messages: &[(usize, Message)], outputs: &[LiveOutput]) -> Option<(Time, Vec<String>)> {
     let is_image = |message: &Message| matches!(message, Message::Image(_) | Message::CompressedImage(_));
     let images = || messages.iter().filter(|(_, message)| is_image(message));

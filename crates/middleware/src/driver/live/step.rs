@@ -75,8 +75,7 @@ impl Live<'_> {
         }
     }
 
-    /// Adds the compressed variants that have readers to the messages of a step. An image whose compressed variant alone has
-    /// readers is replaced by it.
+    /// Adds the compressed variants that have readers to the messages of a step, and leaves out images without readers.
     fn with_compressed(&mut self, messages: Vec<(usize, Message)>) -> Vec<(usize, Message)> {
         let mut all = Vec::with_capacity(messages.len());
         for (index, message) in messages {
@@ -104,30 +103,22 @@ impl Live<'_> {
 
     /// Brings the accounts on the disk up to date, and then sends `messages`.
     pub(super) fn send_all(&mut self, messages: &[(usize, Message)]) {
-        self.write_report(if self.node.period().is_some() { WriteReason::Source } else { WriteReason::Step });
+        self.write_report(if self.node.period().is_some() { WriteReason::Always } else { WriteReason::Step });
         // Before the frame leaves: a crash in between loses it, but never sends it twice.
         self.settings.keep_position(&*self.node);
         let begin = self.time.ticks_ns();
         for (output, message) in messages {
-            self.send(*output, message);
+            let Some(output) = self.outputs.get(*output) else { continue };
+            let (topic, publisher) = output.route(message.kind());
+            if let Err(why) = publisher.put(message) {
+                tracing::warn!(node = %self.telemetry.node(), "{why}");
+                add(&mut self.telemetry.report.bad, topic, 1);
+            }
         }
         let of_a_frame = |kind| matches!(kind, MessageKind::Image | MessageKind::Detections);
         let mut sent = messages.iter().filter(|(_, message)| of_a_frame(message.kind()));
-        self.telemetry.span(
-            "send",
-            begin,
-            self.time.ticks_ns(),
-            sent.next().map(|(_, message)| message.stamp()),
-        );
+        let frame = sent.next().map(|(_, message)| message.stamp());
+        self.telemetry.span("send", begin, self.time.ticks_ns(), frame);
         self.report_when_due();
-    }
-
-    fn send(&mut self, output: usize, message: &Message) {
-        let Some(output) = self.outputs.get(output) else { return };
-        let (topic, publisher) = output.route(message.kind());
-        if let Err(why) = publisher.put(message) {
-            tracing::warn!(node = %self.telemetry.node(), "{why}");
-            add(&mut self.telemetry.report.bad, topic, 1);
-        }
     }
 }

@@ -17,8 +17,8 @@ use crate::transport::Transport;
 pub(super) struct Telemetry {
     pub report: NodeReport,
     file: Option<ReportFile>,
-    diagnostics: Diagnostics,
-    state: StateTopic,
+    pub diagnostics: Diagnostics,
+    pub state: StateTopic,
     /// The spans of this run, if its launcher wants them.
     trace: Option<TraceFile>,
 }
@@ -94,22 +94,6 @@ impl Telemetry {
         if let (Some(trace), Some(_)) = (&self.trace, frame) {
             trace.add(Span { name, begin, end, frame, flow: None });
         }
-    }
-
-    /// Publishes the values in use from the frame of `stamp` on, if they have changed. `of_driver` are those that the node does
-    /// not know.
-    pub fn publish_state(&mut self, stamp: Time, node: &dyn Node, of_driver: Vec<(&'static str, String)>) {
-        self.state.publish(stamp, &self.report.node, node, of_driver);
-    }
-
-    /// Publishes that the frames of the node are over.
-    pub fn publish_end(&mut self, stamp: Time) {
-        self.state.publish_end(stamp, &self.report.node);
-    }
-
-    /// Returns the first stamp behind that of the last frame.
-    pub fn next_stamp(&self, clock: &dyn Clock) -> Time {
-        self.diagnostics.next_stamp(clock)
     }
 
     /// Brings the copy on the disk up to date when that is due.

@@ -1,88 +1,19 @@
-//! [`Watch`]: what a live node looks for beside its work, and warns of in its log: messages that cannot be read, messages that
-//! arrive late, and images that do not come.
+//! What a live node warns of beside its work: messages that cannot be read, and images that do not come.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use modulo_runtime::MessageKind;
 use modulo_runtime::clock::nanos;
-use modulo_runtime::wire::attachment::{Attachment, Delays};
 
 use crate::transport::Transport;
-
-/// The watches of one node.
-pub(super) struct Watch {
-    node: String,
-    skips: SkipWarnings,
-    delays: Delays,
-    silence: Silence,
-}
-
-impl Watch {
-    /// Returns the watches of the node with this fully qualified name.
-    pub fn new(node: String) -> Self {
-        Self { node, skips: SkipWarnings::default(), delays: Delays::default(), silence: Silence::default() }
-    }
-
-    /// Notes that a message of `topic` was skipped at the ticks `now`.
-    pub fn skipped(&mut self, topic: &str, why: &str, now: u64) {
-        if let Some(warning) = self.skips.note(topic, why, now) {
-            tracing::warn!(node = %self.node, topic, "{warning}");
-        }
-    }
-
-    /// Notes the delay of a message of `topic` that has arrived at `arrived_ns`, ns since the epoch.
-    pub fn arrived(&mut self, topic: &str, attachment: Option<&Attachment>, arrived_ns: u64) {
-        let Some(attachment) = attachment else { return };
-        if let Some(warning) = self.delays.note(topic, attachment.stamp_ns, arrived_ns) {
-            tracing::warn!(node = %self.node, topic, "{warning}");
-        }
-    }
-
-    /// Notes that an image of `topic` was answered from the ticks `begin` to `now`.
-    pub fn answered(&mut self, topic: &str, begin: u64, now: u64) {
-        if let Some(end) = self.silence.end(topic, begin, now) {
-            tracing::info!(node = %self.node, topic, "{end}");
-        }
-    }
-
-    /// Notes that a message of `topic` came which cannot be read: its publisher is not silent.
-    pub fn unreadable(&mut self, topic: &str, begin: u64, now: u64) {
-        self.silence.end(topic, begin, now);
-    }
-
-    /// Warns if no image has come on one of `topics` for long, at the ticks `now`.
-    pub fn look<'a>(
-        &mut self,
-        topics: impl Iterator<Item = &'a str> + Clone,
-        transport: &dyn Transport,
-        now: u64,
-    ) {
-        if let Some(warning) = self.silence.look(topics, &self.node, transport, now) {
-            tracing::warn!(node = %self.node, "{warning}");
-        }
-    }
-
-    /// Returns the warning about an image that does not come, while it holds.
-    pub fn silence(&self) -> Option<&str> {
-        self.silence.warning()
-    }
-
-    /// Warns of all skipped messages that no warning has counted.
-    pub fn close(mut self) {
-        for (topic, warning) in self.skips.rest() {
-            tracing::warn!(node = %self.node, topic, "{warning}");
-        }
-    }
-}
 
 /// A node that waits for an image for so long warns.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// The waits of a node for the next image of each of its image topics. Only the time counts in which the node could have
-/// taken one.
+/// The waits for the next image of each image topic. Only the time counts in which the node could have taken one.
 #[derive(Default)]
-struct Silence {
+pub(super) struct Silence {
     waits: BTreeMap<String, Wait>,
 }
 
@@ -96,13 +27,12 @@ struct Wait {
 
 impl Silence {
     /// Returns the warning that holds now, of one of the topics.
-    fn warning(&self) -> Option<&str> {
+    pub fn warning(&self) -> Option<&str> {
         self.waits.values().find_map(|wait| wait.warning.as_deref())
     }
 
-    /// Notes that an image of `topic` was answered from the ticks `begin` to `now`. Returns a text when a warning was given
-    /// before.
-    fn end(&mut self, topic: &str, begin: u64, now: u64) -> Option<String> {
+    /// Notes that an image of `topic` was answered from the ticks `begin` to `now`. Returns a text after a warning.
+    pub fn end(&mut self, topic: &str, begin: u64, now: u64) -> Option<String> {
         let before = self.waits.get(topic)?.since;
         // Images of other topics could not be taken meanwhile.
         self.waits
@@ -116,7 +46,7 @@ impl Silence {
 
     /// Returns the text of a warning if one is due at the ticks `now`: once, when no image has come on one of `topics` for
     /// 2 s. Publishers that are still starting are waited for without a warning.
-    fn look<'a>(
+    pub fn look<'a>(
         &mut self,
         topics: impl Iterator<Item = &'a str> + Clone,
         node: &str,
@@ -168,14 +98,14 @@ const WARNING_PERIOD_NS: u64 = 1_000_000_000;
 /// Warns of skipped messages at most once a second for each topic, with the number of those that were not reported. A
 /// publisher whose images cannot be read would otherwise fill the log at its rate.
 #[derive(Default)]
-struct SkipWarnings {
+pub(super) struct SkipWarnings {
     /// By topic: ticks of the last warning, and the number of skipped messages since then.
     topics: BTreeMap<String, (u64, u64)>,
 }
 
 impl SkipWarnings {
     /// Notes that a message of `topic` was skipped at the ticks `now`; returns the text of a warning if one is due.
-    fn note(&mut self, topic: &str, why: &str, now: u64) -> Option<String> {
+    pub fn note(&mut self, topic: &str, why: &str, now: u64) -> Option<String> {
         let Some((last, unreported)) = self.topics.get_mut(topic) else {
             self.topics.insert(topic.to_owned(), (now, 0));
             return Some(format!("skipped: {why}"));
@@ -192,7 +122,7 @@ impl SkipWarnings {
     }
 
     /// Returns each topic with skipped messages that no warning has counted, with the text of the last warning.
-    fn rest(&mut self) -> Vec<(String, String)> {
+    pub fn rest(&mut self) -> Vec<(String, String)> {
         let topics = std::mem::take(&mut self.topics).into_iter();
         let unreported = topics.filter(|(_, (_, unreported))| *unreported > 0);
         unreported

@@ -49,9 +49,6 @@ pub struct ZenohTransport {
 impl ZenohTransport {
     /// Opens a session in `domain`. `ZENOH_SESSION_CONFIG_URI` replaces the configuration, `ZENOH_CONFIG_OVERRIDE`
     /// ("key=json5;key=json5") changes single keys of it. `hashes` is the form that the other nodes of the domain use.
-    ///
-    /// # Errors
-    /// [`TransportError`] with the error of zenoh.
     pub fn open(domain: u32, hashes: Hashes, clock: Arc<dyn Clock>) -> Result<Self, TransportError> {
         let shared_memory = Arc::new(ShmClientStorage::builder().with_default_client_set().build());
         let session = session::open_session(domain, &shared_memory)?;
@@ -290,5 +287,5 @@ fn appear(graph: &Mutex<Graph>, key: &str, own: &str) -> Vec<String> {
     let Some(token) = Token::parse(key) else { return Vec::new() };
     let conflicts = graph.conflicts_with(&token);
     let ours = conflicts.filter(|(other, _)| token.session == own || other.session == own);
-    ours.map(|(_, conflict)| conflict.to_string()).collect()
+    ours.map(|(_, conflict)| conflict).collect()
 }

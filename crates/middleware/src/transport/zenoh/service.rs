@@ -17,7 +17,7 @@ use super::{ZenohTransport, stamp};
 use crate::graph::type_description;
 use crate::parameter::service::Service;
 use crate::transport::queue::{Keep, Limit, Next, Queue, Queued};
-use crate::transport::{Enable, Guard, ParameterPort, TransportError};
+use crate::transport::{Enable, Guard, OnDrop, ParameterPort, TransportError};
 
 impl ZenohTransport {
     /// Calls a service and waits for its answer.
@@ -74,8 +74,7 @@ impl ZenohTransport {
         }
     }
 
-    /// Serves the services that every ROS 2 node has. A request to set a parameter may wait for a model, so that those
-    /// have a thread of their own.
+    /// Serves the services that every ROS 2 node has. Those that may wait for a model have a thread of their own.
     pub(super) fn serve(&self, node: &NodeName, port: ParameterPort) -> Result<Guard, TransportError> {
         let (setting, reading) =
             handlers(port).into_iter().partition(|service: &RawService| service.name.starts_with("set_"));
@@ -84,9 +83,6 @@ impl ZenohTransport {
 
     /// Serves `handlers` by one thread for all of them: a request may wait for the frame at hand, and zenoh's own
     /// threads must not wait with it. A caller for whom there is no room is answered with an error at once.
-    ///
-    /// # Errors
-    /// [`TransportError`] with the error of zenoh.
     pub fn serve_raw(&self, node: &NodeName, handlers: Vec<RawService>) -> Result<Guard, TransportError> {
         let queue = Arc::new(Queue::new(self.clock.clone(), Limit { messages: CALLS, bytes: usize::MAX }));
         let lane = queue.open(Keep::All);
@@ -125,7 +121,8 @@ impl ZenohTransport {
                 }
             })
             .map_err(|why| TransportError::new("thread of the services", why))?;
-        Ok(Box::new((guards, EndCalls(queue))))
+        // It ends the thread.
+        Ok(Box::new((guards, OnDrop(move || queue.end()))))
     }
 
     fn service_endpoint(&self, name: String, ros_type: &str) -> Result<Endpoint, TransportError> {
@@ -152,15 +149,6 @@ struct Call {
 }
 
 impl Queued for Call {}
-
-/// Ends the thread that answers calls.
-struct EndCalls(Arc<Queue<Call>>);
-
-impl Drop for EndCalls {
-    fn drop(&mut self) {
-        self.0.end();
-    }
-}
 
 /// Sends an error to the caller in place of a response.
 fn refuse(query: &Query, why: &str) {

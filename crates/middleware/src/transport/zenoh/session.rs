@@ -30,8 +30,7 @@ enum SessionRole {
     Guest,
 }
 
-/// Returns a session in `domain`, on the meeting port where that is free. Its connections hold `shared` while shared memory is
-/// enabled.
+/// Returns a session in `domain`, on the meeting port where that is free; its connections hold `shared`.
 pub(super) fn open_session(domain: u32, shared: &Arc<ShmClientStorage>) -> Result<Session, TransportError> {
     let open = |role| {
         let opened = zenoh::open(configuration(domain, role)?).with_shm_clients(shared.clone()).wait();
@@ -76,8 +75,7 @@ fn port_lock(domain: u32) -> Option<File> {
     None
 }
 
-/// Returns a folder in which no other user can make or lock a file: that of the login session, else one in the folder for
-/// temporary files.
+/// Returns a folder in which no other user can make or lock a file: that of the login session, else a temporary one.
 fn own_folder() -> Option<PathBuf> {
     let user = fs::metadata("/proc/self").ok()?.uid();
     let is_own = |folder: &Path| {

@@ -42,9 +42,6 @@ pub struct RawPublisher {
 
 impl ZenohTransport {
     /// Publishes ready-made CDR on `endpoint`.
-    ///
-    /// # Errors
-    /// [`TransportError`] with the error of zenoh.
     pub fn advertise_raw(
         &self,
         node: &NodeName,
@@ -67,9 +64,6 @@ impl ZenohTransport {
     }
 
     /// Hands every sample of `endpoint` to `take`, on zenoh's own thread, until the guard is dropped.
-    ///
-    /// # Errors
-    /// [`TransportError`] with the error of zenoh.
     pub fn subscribe_raw(
         &self,
         node: &NodeName,
@@ -92,8 +86,7 @@ impl ZenohTransport {
         Ok(Box::new((subscriber, token)))
     }
 
-    /// Declares a publisher as rmw_zenoh does: it never waits for a reader, and keeps its last samples if it serves
-    /// late readers.
+    /// Declares a publisher as rmw_zenoh does: it never waits for a reader, and may keep samples for late readers.
     fn publisher(&self, key: String, profile: Profile) -> zenoh::Result<AdvancedPublisher<'static>> {
         let reliable = profile.reliability == topic::Reliability::Reliable;
         let publisher = self
@@ -168,9 +161,6 @@ impl RawPublisher {
     }
 
     /// Sends CDR with its encapsulation header.
-    ///
-    /// # Errors
-    /// [`TransportError`] when zenoh does not take it.
     pub fn put(&self, payload: Vec<u8>) -> Result<(), TransportError> {
         let attachment = Attachment {
             sequence: self.sequence.fetch_add(1, Ordering::Relaxed),
