@@ -21,7 +21,7 @@ fn nodes() -> [(&'static str, Vec<Descriptor>); 4] {
 }
 
 const TABLE: &str = "docs/parameters.md";
-const REWRITE: &str = "MODULO_REWRITE=1 cargo test --workspace --test suite parameters";
+const REWRITE: &str = "MODULO_REWRITE=1 cargo test --test suite parameters";
 
 fn table() -> String {
     let mut page = format!(
