@@ -26,8 +26,6 @@ pub use scope::ParameterText;
 /// Everything that a launch file starts.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plan {
-    /// The values of all declared arguments.
-    pub arguments: BTreeMap<String, String>,
     /// The messages of the `log` actions, in order.
     pub messages: Vec<String>,
     /// ROS 2 nodes in the order of the file.

@@ -67,7 +67,7 @@ pub enum Channel {
 }
 
 impl Supervision {
-    /// Creates the surroundings with the running program as the suite and [`MAX_RESTARTS`]. Nodes may hang.
+    /// Creates the surroundings with the running program as the suite and [`MAX_RESTARTS`]. No node is killed for hanging.
     ///
     /// # Errors
     /// [`LaunchError::Other`] when the running program's path is unknown.

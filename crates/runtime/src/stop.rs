@@ -10,7 +10,8 @@ use nix::sys::signal::Signal;
 pub enum Urgency {
     /// No end is requested.
     None,
-    /// The node is to finish the messages that are on their way from upstream nodes which end, too (SIGINT).
+    /// The node is to finish the messages that are still on their way from upstream nodes which end as well (SIGINT, or
+    /// a launch that is over).
     Drain,
     /// Finish the step at hand (SIGTERM, SIGHUP, a second SIGINT).
     Now,

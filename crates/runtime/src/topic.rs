@@ -89,7 +89,7 @@ impl fmt::Display for Profile {
 }
 
 impl Profile {
-    /// Reads `<reliability>:<durability>:<history>,<depth>:...`. Missing fields get the defaults of rmw_zenoh.
+    /// Reads `<reliability>:<durability>:<history>,<depth>:...`. Other fields get the defaults of rmw_zenoh.
     pub fn parse(text: &str) -> Self {
         let mut fields = text.split(':');
         let mut field = || fields.next().unwrap_or_default();

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::scope::{Scope, argument_value, included};
-use crate::action::{self, Action, ActionKind, DeclaredArgument, LaunchFile};
+use crate::action::{self, Action, ActionKind, DeclaredArgument};
 use crate::{LaunchError, Mistakes, listed};
 
 /// The arguments of the launch file `file`, in order, each once.
@@ -26,7 +26,7 @@ pub(super) fn declared(
         scope: Scope::new(arguments),
         open: vec![identity(file)],
     };
-    collector.all(&launch_file.path, &launch_file.actions)?;
+    collector.all(&launch_file.path, &launch_file.actions);
     Ok(collector.found)
 }
 
@@ -57,32 +57,20 @@ struct Collector {
 }
 
 impl Collector {
-    fn all(&mut self, file: &Path, actions: &[Action]) -> Result<(), LaunchError> {
-        actions.iter().try_for_each(|action| self.one(file, action))
-    }
-
-    fn one(&mut self, file: &Path, action: &Action) -> Result<(), LaunchError> {
-        match &action.kind {
-            ActionKind::Argument(argument) => {
-                self.declare(file, argument);
-                Ok(())
-            }
-            ActionKind::Let(name, value) => {
-                let view = self.scope.at(file);
-                if let (Ok(name), Ok(value)) = (view.string(name), view.string(value)) {
-                    self.scope.variables.insert(name, value);
+    fn all(&mut self, file: &Path, actions: &[Action]) {
+        for action in actions {
+            match &action.kind {
+                ActionKind::Argument(argument) => self.declare(file, argument),
+                ActionKind::Let(name, value) => {
+                    let view = self.scope.at(file);
+                    if let (Ok(name), Ok(value)) = (view.string(name), view.string(value)) {
+                        self.scope.variables.insert(name, value);
+                    }
                 }
-                Ok(())
+                ActionKind::Group { children, .. } => self.all(file, children),
+                ActionKind::Include(include) => self.include(file, include),
+                _ => {}
             }
-            ActionKind::Group { children, .. } => self.all(file, children),
-            ActionKind::Include(include) => {
-                // A file that is not there counts only if it is really included.
-                match included(include, self.scope.at(file)) {
-                    Ok(inner) => self.include(&inner, file, include),
-                    Err(_) => Ok(()),
-                }
-            }
-            _ => Ok(()),
         }
     }
 
@@ -98,18 +86,15 @@ impl Collector {
         self.found.extend((!known).then(|| declared.clone()));
     }
 
-    fn include(
-        &mut self,
-        inner: &LaunchFile,
-        file: &Path,
-        include: &action::Include,
-    ) -> Result<(), LaunchError> {
+    fn include(&mut self, file: &Path, include: &action::Include) {
+        let view = self.scope.at(file);
+        // A file that is not there counts only if it is really included.
+        let Ok(inner) = included(include, view) else { return };
         let identity = identity(&inner.path);
         // A file that includes itself is refused when the plan is made; here it would be read without end.
         if self.open.contains(&identity) {
-            return Ok(());
+            return;
         }
-        let view = self.scope.at(file);
         let names: Vec<String> = include.arguments.iter().flat_map(|(name, _)| view.string(name)).collect();
         let values = view.pairs(&include.arguments).unwrap_or_default();
         // The path of a further include may depend on these values.
@@ -117,9 +102,8 @@ impl Collector {
         let outer = self.fixed.len();
         self.fixed.extend(names);
         self.open.push(identity);
-        self.all(&inner.path, &inner.actions)?;
+        self.all(&inner.path, &inner.actions);
         self.open.pop();
         self.fixed.truncate(outer);
-        Ok(())
     }
 }

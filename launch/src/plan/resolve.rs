@@ -101,7 +101,6 @@ impl Resolver {
         match &action.kind {
             ActionKind::Argument(argument) => {
                 let (name, value) = argument_value(argument, view)?;
-                self.plan.arguments.insert(name.clone(), value.clone());
                 self.scope.variables.insert(name, value);
             }
             ActionKind::Let(name, value) => {

@@ -44,8 +44,12 @@ static KNOWN: [Function; 12] = [
     function("dirname", [0, 0], |_, around| Ok(folder_of(around.file))),
     function("filename", [0, 0], |_, around| Ok(around.file.display().to_string())),
     // `<prefix>/share/<package>`, and the prefix.
-    function("find-pkg-share", [1, 1], |given, around| found(package::share, &given[0], around)),
-    function("find-pkg-prefix", [1, 1], |given, around| found(package::prefix, &given[0], around)),
+    function("find-pkg-share", [1, 1], |given, around| {
+        found(package::share(&given[0], around.file, around.environment))
+    }),
+    function("find-pkg-prefix", [1, 1], |given, around| {
+        found(package::prefix(&given[0], around.file, around.environment))
+    }),
     function("not", [1, 1], |given, _| Ok((!truth(&given[0])?).to_string())),
     // Both sides are evaluated: one that is not a condition is an error, whatever the other says.
     function("and", [2, 2], |given, _| Ok((truth(&given[0])? & truth(&given[1])?).to_string())),
@@ -136,14 +140,8 @@ impl Part {
     }
 }
 
-/// Returns the folder of a package.
-fn found(
-    find: fn(&str, &Path, &BTreeMap<String, String>) -> Result<PathBuf, String>,
-    package: &str,
-    around: &Surroundings<'_>,
-) -> Result<String, SubstitutionError> {
-    let folder = find(package, around.file, around.environment).map_err(SubstitutionError::Invalid)?;
-    Ok(folder.display().to_string())
+fn found(folder: Result<PathBuf, String>) -> Result<String, SubstitutionError> {
+    folder.map(|folder| folder.display().to_string()).map_err(SubstitutionError::Invalid)
 }
 
 fn environment_variable(

@@ -27,8 +27,8 @@ impl fmt::Display for ForeignMessages {
     }
 }
 
-/// Computes the messages that no node of the launch has sent, for each reader of each topic that one of them publishes: `received
-/// + lost - sent`, where that is above zero. A topic whose publisher has crashed is left out.
+/// Computes the messages that no node of the launch has sent, for each reader of each topic that one of them publishes:
+/// `received + lost - sent`, where that is above zero. A topic whose publisher has crashed is left out.
 pub(super) fn foreign(reports: &[NodeReport]) -> Vec<ForeignMessages> {
     let nodes = Lives::of_nodes(reports);
     let mut found = Vec::new();

@@ -57,7 +57,6 @@ launch:
     assert_eq!(process.respawn, Some(Respawn { delay: Duration::from_millis(500), max_retries: Some(3) }));
     assert_eq!(process.cwd, Some(PathBuf::from("/tmp")));
     assert_eq!((process.sigterm_timeout.as_millis(), process.sigkill_timeout.as_millis()), (1500, 5000));
-    assert_eq!(plan.arguments["gain"], "4");
 }
 
 /// A node's own values and files come after those of all nodes, in the order of the launch file, as in `launch_ros`.

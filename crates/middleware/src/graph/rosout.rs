@@ -119,18 +119,16 @@ impl LogQueue {
             let lost = self.queue.counts(self.lane).overflowed;
             // Reported before the next line, which is where the lines are missing.
             if lost > reported {
-                put(publisher, logger, about_lost(lost - reported, &arrived.item));
+                let missing = lost - reported;
+                let msg =
+                    format!("{missing} lines are missing here: they came faster than they could be sent");
+                let line = Log { stamp: arrived.item.stamp, level: Log::WARN, msg, ..Log::default() };
+                put(publisher, logger, line);
                 reported = lost;
             }
             put(publisher, logger, arrived.item);
         }
     }
-}
-
-/// Makes the line that reports `lost` missing lines to a reader of `/rosout`.
-fn about_lost(lost: u64, next: &Log) -> Log {
-    let msg = format!("{lost} lines are missing here: they came faster than they could be sent");
-    Log { stamp: next.stamp, level: Log::WARN, msg, ..Log::default() }
 }
 
 /// Publishes a line. A line that the transport does not take is only on standard error.

@@ -46,7 +46,7 @@ pub fn first_signal() -> io::Result<Arc<AtomicBool>> {
     Ok(asked)
 }
 
-/// Asks `stop` for an end as soon as the launcher, which cannot end its nodes then, is gone. Does nothing without one.
+/// Asks `stop` for an end as soon as the launcher is gone, which cannot end its nodes then. Does nothing without one.
 pub fn end_with_launcher(stop: &Stop) -> io::Result<()> {
     let launcher = std::env::var(launcher::PID).ok().and_then(|pid| pid.parse::<u32>().ok());
     let Some(launcher) = launcher else { return Ok(()) };

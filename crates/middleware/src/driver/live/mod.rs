@@ -18,7 +18,6 @@ use std::time::Duration;
 use modulo_msgs::std_msgs::Time;
 use modulo_runtime::clock::nanos as nanoseconds;
 use modulo_runtime::report::add;
-use modulo_runtime::topic::addresses;
 use modulo_runtime::wire::attachment::{Attachment, Delays};
 use modulo_runtime::{
     Address, Clock, Flow, Message, MessageKind, Node, NodeName, NodeReport, ParameterError, Parameters, Part,
@@ -193,7 +192,8 @@ impl Live<'_> {
     fn close(mut self, ended: Result<(), RunError>) -> Result<NodeReport, RunError> {
         // From here on requests are refused, so that no caller waits for a node that has ended.
         self.queue.end();
-        self.loading.take().into_iter().for_each(Loading::join);
+        // The process must not end while a library of an engine is at work.
+        let _ = self.loading.take().map(|loading| loading.thread.join());
         self.inputs.close(&mut self.telemetry.report);
         for (topic, warning) in self.skips.rest() {
             tracing::warn!(node = %self.telemetry.node(), topic, "{warning}");
@@ -221,25 +221,32 @@ impl Live<'_> {
 
     /// Opens the subscriptions to `topics` that the node needs in addition, with the driver's own `parameters`.
     fn open_inputs(&self, topics: Vec<Topic>, parameters: &Parameters) -> Result<Renewal, RunError> {
-        let topics = self.without_own_camera_info(topics)?;
-        let addresses = self.input_addresses(&topics, parameters)?;
-        Ok(self.inputs.open(topics.into_iter().zip(addresses).collect(), &self.node_name, self.transport)?)
+        let inputs = self.input_addresses(topics, parameters)?;
+        Ok(self.inputs.open(inputs, &self.node_name, self.transport)?)
     }
 
-    /// Returns the addresses of `topics`, which the node may read with the driver's own `parameters`.
-    fn input_addresses(&self, topics: &[Topic], parameters: &Parameters) -> Result<Vec<Address>, RunError> {
-        let mut addresses = addresses(&self.node_name, topics)?;
+    /// Returns those of `topics` that the node may read with the driver's own `parameters`, with their addresses. A camera info
+    /// that this node publishes itself is left out: it belongs to an image by convention, nobody has chosen it.
+    fn input_addresses(
+        &self,
+        topics: Vec<Topic>,
+        parameters: &Parameters,
+    ) -> Result<Vec<(Topic, Address)>, RunError> {
         let CommonParameters { image_transport, .. } = parameters.into();
-        if image_transport == ImageTransport::Compressed {
-            for image in addresses.iter_mut().filter(|address| address.kind == MessageKind::Image) {
-                *image = compressed(image);
+        let mut inputs = Vec::new();
+        for topic in topics {
+            let mut address = Address::resolve(&self.node_name, &topic)?;
+            if image_transport == ImageTransport::Compressed && address.kind == MessageKind::Image {
+                address = compressed(&address);
+            }
+            let is_own = self.outputs.iter().any(|output| output.publishes(&address.topic));
+            if !is_own {
+                inputs.push((topic, address));
+            } else if topic.kind != MessageKind::CameraInfo {
+                return Err(RunError::OwnOutput(address.topic));
             }
         }
-        match addresses.iter().find(|input| self.outputs.iter().any(|output| output.publishes(&input.topic)))
-        {
-            Some(Address { topic, .. }) => Err(RunError::OwnOutput(topic.clone())),
-            None => Ok(addresses),
-        }
+        Ok(inputs)
     }
 
     /// Replaces the subscriptions by those of `renewal`. A node that is paused has none.
@@ -249,18 +256,6 @@ impl Live<'_> {
         } else {
             self.inputs.cancel(renewal);
         }
-    }
-
-    /// Leaves out a camera info that this node publishes itself. It belongs to an image by convention, nobody has chosen it.
-    fn without_own_camera_info(&self, mut topics: Vec<Topic>) -> Result<Vec<Topic>, RunError> {
-        let addresses = addresses(&self.node_name, &topics)?;
-        let is_own = |input: &Address| {
-            input.kind == MessageKind::CameraInfo
-                && self.outputs.iter().any(|o| o.address.topic == input.topic)
-        };
-        let mut addresses = addresses.iter();
-        topics.retain(|_| addresses.next().is_none_or(|address| !is_own(address)));
-        Ok(topics)
     }
 
     fn handle(&mut self, arrived: Arrived<LiveEvent>) -> Result<Flow, RunError> {

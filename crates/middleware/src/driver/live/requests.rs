@@ -58,7 +58,7 @@ pub(super) struct Loading {
     /// The parameters that the part is for.
     next: Parameters,
     lane: Lane,
-    thread: JoinHandle<()>,
+    pub thread: JoinHandle<()>,
 }
 
 /// The names and the values that are being loaded.
@@ -66,13 +66,6 @@ impl fmt::Display for Loading {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (names, values) = difference(&self.prepared.expected, &self.next);
         write!(f, "{names} = {values}")
-    }
-}
-
-impl Loading {
-    /// Waits for the end of the thread: the process must not end while a library of an engine is at work.
-    pub fn join(self) {
-        let _ = self.thread.join();
     }
 }
 
@@ -236,7 +229,7 @@ impl Live<'_> {
             ParameterError::new(names, values, why.to_string())
         };
         let PlannedInputs { first, later } = self.node.inputs_with(&next)?;
-        self.input_addresses(&later, &next).map_err(refuse)?;
+        self.input_addresses(later, &next).map_err(refuse)?;
         let renewal = self.open_inputs(first, &next).map_err(refuse)?;
         let clock = self.time.open(&next, &self.node_name, self.transport).map_err(refuse)?;
         let accepted = match part {

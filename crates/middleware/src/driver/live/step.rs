@@ -75,7 +75,8 @@ impl Live<'_> {
         }
     }
 
-    /// Adds the compressed variants that have readers to the messages of a step, and leaves out images without readers.
+    /// Adds the compressed variants that have readers to the messages of a step. An image whose compressed variant alone has
+    /// readers is replaced by it.
     fn with_compressed(&mut self, messages: Vec<(usize, Message)>) -> Vec<(usize, Message)> {
         let mut all = Vec::with_capacity(messages.len());
         for (index, message) in messages {

@@ -121,7 +121,6 @@ impl ZenohTransport {
                 }
             })
             .map_err(|why| TransportError::new("thread of the services", why))?;
-        // It ends the thread.
         Ok(Box::new((guards, OnDrop(move || queue.end()))))
     }
 

@@ -30,7 +30,8 @@ enum SessionRole {
     Guest,
 }
 
-/// Returns a session in `domain`, on the meeting port where that is free; its connections hold `shared`.
+/// Returns a session in `domain`, on the meeting port where that is free. Its connections hold `shared` while shared memory is
+/// enabled.
 pub(super) fn open_session(domain: u32, shared: &Arc<ShmClientStorage>) -> Result<Session, TransportError> {
     let open = |role| {
         let opened = zenoh::open(configuration(domain, role)?).with_shm_clients(shared.clone()).wait();
