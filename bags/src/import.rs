@@ -19,6 +19,8 @@ use crate::{GROUND_TRUTH_TOPIC, IMAGE_TOPIC};
 
 /// Stamp of the first frame: 2011-09-26T00:00:00Z, the day of the recordings.
 const EPOCH_NS: u64 = 1_316_995_200_000_000_000;
+const TIMELESS: &str = "its frames have no times; put them into another container, such as by: ffmpeg -i VIDEO -c copy \
+                        VIDEO.mp4";
 /// KITTI's camera runs at 10 Hz.
 const PERIOD_NS: u64 = 100_000_000;
 
@@ -47,12 +49,9 @@ pub enum ImportError {
     /// A message that is too large.
     #[error(transparent)]
     Cdr(#[from] CdrError),
-    /// A float image, which has no codes to put into an image message.
-    #[error("{file}: is a float image, 8 or 16 bit codes are needed", file = .0.display())]
-    Float(PathBuf),
-    /// A video whose container has no times, which the images of a bag need.
-    #[error("{file}: its frames have no times; put them into another container, such as by: ffmpeg -i VIDEO -c copy VIDEO.mp4", file = .0.display())]
-    Timeless(PathBuf),
+    /// A float image, which has no codes to put into an image message, or a video whose container has no times.
+    #[error("{file}: {1}", file = .0.display())]
+    Unfit(PathBuf, &'static str),
 }
 
 /// Writes the KITTI folder `folder` (with `image_2` or `image_02`) as the new bag `out`: `/camera/image_raw` and
@@ -83,7 +82,7 @@ pub fn import_video(video: &Path, out: &Path, compression: Compression) -> Resul
             import.report.missing += 1;
             return Ok(());
         };
-        let stamp = frame.time_ns.ok_or_else(|| ImportError::Timeless(video.to_owned()))?;
+        let stamp = frame.time_ns.ok_or_else(|| ImportError::Unfit(video.to_owned(), TIMELESS))?;
         let header = Header { stamp: Time::from_ns(stamp), frame_id: FRAME_ID.to_owned() };
         import.image(&header, &spread(frame.pixels))
     });
@@ -167,6 +166,8 @@ fn codes(image: &Path) -> Result<Frame, ImportError> {
     let frame = read_image(image).map_err(SourceError::from)?;
     match frame.samples() {
         Samples::U8(_) | Samples::U16(_) => Ok(frame),
-        Samples::F32(_) => Err(ImportError::Float(image.to_owned())),
+        Samples::F32(_) => {
+            Err(ImportError::Unfit(image.to_owned(), "is a float image, 8 or 16 bit codes are needed"))
+        }
     }
 }

@@ -17,65 +17,12 @@ use crate::yuv::YuvLayout;
 /// Error of an [`Image`] that is not a valid [`Frame`].
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ImageMessageError {
-    /// The encoding is not one of those that can be read.
-    #[error("image encoding '{0}' cannot be read, possible are {known}", known = names())]
-    Encoding(String),
-    /// Rows would overlap.
-    #[error("image step is {step} bytes, a row needs at least {row}")]
-    Step {
-        /// Bytes from the start of one row to the start of the next one.
-        step: u32,
-        /// Bytes of the pixels of one row.
-        row: u64,
-    },
-    /// Pixels would be without chroma.
-    #[error(
-        "image of {width} x {height} px has the encoding '{encoding}', whose sides must be multiples of {columns} and {rows} px"
-    )]
-    Odd {
-        /// The encoding.
-        encoding: String,
-        /// Number of columns of the image.
-        width: u32,
-        /// Number of rows of the image.
-        height: u32,
-        /// Number of columns that share their chroma.
-        columns: u32,
-        /// Number of rows that share their chroma.
-        rows: u32,
-    },
-    /// Rows are missing.
-    #[error("image data has {got} bytes, {expected} expected of its height, step and encoding")]
-    Short {
-        /// `height * step`, and the second plane of encodings that have one.
-        expected: u64,
-        /// Bytes of the data.
-        got: usize,
-    },
-    /// The picture of a compressed image is not that of the encoding.
-    #[error(
-        "picture of {depth} bits and {channels} channels in a compressed image whose format is '{format}'; publish it as png, or with \
-         the format of its picture"
-    )]
-    Format {
-        /// The format of the message.
-        format: String,
-        /// Bits of a sample of the picture.
-        depth: u8,
-        /// Channels of the picture.
-        channels: usize,
-    },
+    /// The encoding cannot be read, or the step, the sides, the data or the picture do not fit it.
+    #[error("{0}")]
+    Layout(String),
     /// The sizes are not those of a frame, or a float sample is not finite.
     #[error(transparent)]
     Frame(#[from] FrameError),
-}
-
-/// Size of one sample.
-#[derive(Clone, Copy)]
-enum Depth {
-    U8,
-    U16,
-    F32,
 }
 
 /// The channels of one pixel, in order.
@@ -93,49 +40,50 @@ enum Channels {
 /// Depth and channels of a pixel.
 #[derive(Clone, Copy)]
 struct Encoding {
-    depth: Depth,
+    /// Bits of a sample: 8 or 16, or 32 of a float.
+    depth: u8,
     channels: Channels,
 }
 
 /// The encodings that can be read.
 ///
 /// Source: `sensor_msgs/image_encodings.hpp`, and `nv12` of V4L2, which it does not have.
-const ENCODINGS: [(&str, Depth, Channels); 33] = [
-    ("rgb8", Depth::U8, Channels::Rgb),
-    ("bgr8", Depth::U8, Channels::Bgr),
-    ("mono8", Depth::U8, Channels::Mono),
-    ("rgba8", Depth::U8, Channels::Rgba),
-    ("bgra8", Depth::U8, Channels::Bgra),
-    ("rgb16", Depth::U16, Channels::Rgb),
-    ("bgr16", Depth::U16, Channels::Bgr),
-    ("mono16", Depth::U16, Channels::Mono),
-    ("rgba16", Depth::U16, Channels::Rgba),
-    ("bgra16", Depth::U16, Channels::Bgra),
-    ("bayer_rggb8", Depth::U8, Channels::Bayer(Mosaic::Rggb)),
-    ("bayer_bggr8", Depth::U8, Channels::Bayer(Mosaic::Bggr)),
-    ("bayer_grbg8", Depth::U8, Channels::Bayer(Mosaic::Grbg)),
-    ("bayer_gbrg8", Depth::U8, Channels::Bayer(Mosaic::Gbrg)),
-    ("bayer_rggb16", Depth::U16, Channels::Bayer(Mosaic::Rggb)),
-    ("bayer_bggr16", Depth::U16, Channels::Bayer(Mosaic::Bggr)),
-    ("bayer_grbg16", Depth::U16, Channels::Bayer(Mosaic::Grbg)),
-    ("bayer_gbrg16", Depth::U16, Channels::Bayer(Mosaic::Gbrg)),
+const ENCODINGS: [(&str, u8, Channels); 33] = [
+    ("rgb8", 8, Channels::Rgb),
+    ("bgr8", 8, Channels::Bgr),
+    ("mono8", 8, Channels::Mono),
+    ("rgba8", 8, Channels::Rgba),
+    ("bgra8", 8, Channels::Bgra),
+    ("rgb16", 16, Channels::Rgb),
+    ("bgr16", 16, Channels::Bgr),
+    ("mono16", 16, Channels::Mono),
+    ("rgba16", 16, Channels::Rgba),
+    ("bgra16", 16, Channels::Bgra),
+    ("bayer_rggb8", 8, Channels::Bayer(Mosaic::Rggb)),
+    ("bayer_bggr8", 8, Channels::Bayer(Mosaic::Bggr)),
+    ("bayer_grbg8", 8, Channels::Bayer(Mosaic::Grbg)),
+    ("bayer_gbrg8", 8, Channels::Bayer(Mosaic::Gbrg)),
+    ("bayer_rggb16", 16, Channels::Bayer(Mosaic::Rggb)),
+    ("bayer_bggr16", 16, Channels::Bayer(Mosaic::Bggr)),
+    ("bayer_grbg16", 16, Channels::Bayer(Mosaic::Grbg)),
+    ("bayer_gbrg16", 16, Channels::Bayer(Mosaic::Gbrg)),
     // The encodings of OpenCV do not name their channels. OpenCV itself keeps blue first.
-    ("8UC1", Depth::U8, Channels::Mono),
-    ("8UC3", Depth::U8, Channels::Bgr),
-    ("8UC4", Depth::U8, Channels::Bgra),
-    ("16UC1", Depth::U16, Channels::Mono),
-    ("16UC3", Depth::U16, Channels::Bgr),
-    ("16UC4", Depth::U16, Channels::Bgra),
-    ("32FC1", Depth::F32, Channels::Mono),
-    ("32FC3", Depth::F32, Channels::Bgr),
-    ("uyvy", Depth::U8, Channels::Yuv(YuvLayout::Uyvy)),
-    ("yuyv", Depth::U8, Channels::Yuv(YuvLayout::Yuyv)),
+    ("8UC1", 8, Channels::Mono),
+    ("8UC3", 8, Channels::Bgr),
+    ("8UC4", 8, Channels::Bgra),
+    ("16UC1", 16, Channels::Mono),
+    ("16UC3", 16, Channels::Bgr),
+    ("16UC4", 16, Channels::Bgra),
+    ("32FC1", 32, Channels::Mono),
+    ("32FC3", 32, Channels::Bgr),
+    ("uyvy", 8, Channels::Yuv(YuvLayout::Uyvy)),
+    ("yuyv", 8, Channels::Yuv(YuvLayout::Yuyv)),
     // The older names of the two.
-    ("yuv422", Depth::U8, Channels::Yuv(YuvLayout::Uyvy)),
-    ("yuv422_yuy2", Depth::U8, Channels::Yuv(YuvLayout::Yuyv)),
-    ("nv12", Depth::U8, Channels::Yuv(YuvLayout::Nv12)),
-    ("nv21", Depth::U8, Channels::Yuv(YuvLayout::Nv21)),
-    ("nv24", Depth::U8, Channels::Yuv(YuvLayout::Nv24)),
+    ("yuv422", 8, Channels::Yuv(YuvLayout::Uyvy)),
+    ("yuv422_yuy2", 8, Channels::Yuv(YuvLayout::Yuyv)),
+    ("nv12", 8, Channels::Yuv(YuvLayout::Nv12)),
+    ("nv21", 8, Channels::Yuv(YuvLayout::Nv21)),
+    ("nv24", 8, Channels::Yuv(YuvLayout::Nv24)),
 ];
 
 impl Encoding {
@@ -146,18 +94,13 @@ impl Encoding {
 
     /// Returns the number of bytes of one pixel in the rows that the step counts.
     fn pixel(self) -> u64 {
-        let sample = match self.depth {
-            Depth::U8 => 1,
-            Depth::U16 => 2,
-            Depth::F32 => 4,
-        };
         let samples = match self.channels {
             Channels::Mono | Channels::Bayer(_) => 1,
             Channels::Rgb | Channels::Bgr => 3,
             Channels::Rgba | Channels::Bgra => 4,
             Channels::Yuv(layout) => layout.pixel(),
         };
-        sample * samples
+        u64::from(self.depth / 8) * samples
     }
 
     /// Refuses an image in which a pixel would have no chroma.
@@ -170,7 +113,9 @@ impl Encoding {
         if width.is_multiple_of(columns) && height.is_multiple_of(rows) {
             return Ok(());
         }
-        Err(ImageMessageError::Odd { encoding: encoding.clone(), width, height, columns, rows })
+        Err(ImageMessageError::Layout(format!(
+            "image of {width} x {height} px has the encoding '{encoding}', whose sides must be multiples of {columns} and {rows} px"
+        )))
     }
 }
 
@@ -217,9 +162,11 @@ struct PixelLayout {
 
 impl PixelLayout {
     fn of(image: &Image) -> Result<Self, ImageMessageError> {
+        let refuse = |why: String| ImageMessageError::Layout(format!("image {why}"));
         let Image { height, width, step, .. } = *image;
-        let encoding = Encoding::of(&image.encoding)
-            .ok_or_else(|| ImageMessageError::Encoding(image.encoding.clone()))?;
+        let encoding = Encoding::of(&image.encoding).ok_or_else(|| {
+            refuse(format!("encoding '{}' cannot be read, possible are {}", image.encoding, names()))
+        })?;
         let (h, w) = (height as usize, width as usize);
         if h == 0 || w == 0 {
             return Err(FrameError::Empty { height: h, width: w }.into());
@@ -228,12 +175,14 @@ impl PixelLayout {
         // Height, width and step come from the network. Their products fit in 64 bits, but not in 32 bits.
         let row = u64::from(width) * encoding.pixel();
         if u64::from(step) < row {
-            return Err(ImageMessageError::Step { step, row });
+            return Err(refuse(format!("step is {step} bytes, a row needs at least {row}")));
         }
         let rows = u64::from(height) * u64::from(step);
         let expected = if let Channels::Yuv(layout) = encoding.channels { layout.size(rows) } else { rows };
         if (image.data.len() as u64) < expected {
-            return Err(ImageMessageError::Short { expected, got: image.data.len() });
+            let got = image.data.len();
+            let why = format!("data has {got} bytes, {expected} expected of its height, step and encoding");
+            return Err(refuse(why));
         }
         // More bytes than these are no error, because the pixels are known all the same.
         let big_endian = image.is_bigendian != 0;
@@ -251,12 +200,12 @@ fn decode(layout: PixelLayout, data: Cow<'_, [u8]>) -> Result<Frame, ImageMessag
     }
     let packed = without_padding(layout, data);
     let frame = match layout.encoding.depth {
-        Depth::U8 => Frame::from_u8(array(layout, red_first(channels, packed))),
-        Depth::U16 => {
+        8 => Frame::from_u8(array(layout, red_first(channels, packed))),
+        16 => {
             let samples = wide(layout.big_endian, &packed, u16::from_be_bytes, u16::from_le_bytes);
             Frame::from_u16(array(layout, red_first(channels, samples.into())))
         }
-        Depth::F32 => {
+        _ => {
             let samples = wide(layout.big_endian, &packed, f32::from_be_bytes, f32::from_le_bytes);
             Frame::from_f32(array(layout, red_first(channels, samples.into())))
         }
@@ -369,8 +318,7 @@ pub fn encoding_of(frame: &Frame) -> &'static str {
 /// Returns the encoding of a mosaic whose samples have `depth` bits, 8 or 16.
 fn bayer(mosaic: Mosaic, depth: u8) -> &'static str {
     let named = ENCODINGS.iter().find(|(_, of_depth, channels)| {
-        matches!(channels, Channels::Bayer(known) if *known == mosaic)
-            && matches!((of_depth, depth), (Depth::U8, 8) | (Depth::U16, 16))
+        matches!(channels, Channels::Bayer(known) if *known == mosaic) && *of_depth == depth
     });
     named.expect("a mosaic has integers of 8 or 16 bits").0
 }
@@ -380,24 +328,21 @@ fn bayer(mosaic: Mosaic, depth: u8) -> &'static str {
 /// colour mosaic.
 ///
 /// # Errors
-/// [`ImageMessageError::Format`] when the picture is not that of the encoding, such as one of 8 bits for `mono16`, whose codes were lost.
+/// [`ImageMessageError::Layout`] when the picture is not that of the encoding, such as one of 8 bits for `mono16`, whose codes were lost.
 pub fn restore(picture: Frame, format: &str) -> Result<Frame, ImageMessageError> {
     let (encoding, file) = format.split_once(';').unwrap_or((format, ""));
     let Some(encoding) = Encoding::of(encoding.trim()) else { return Ok(picture) };
-    let depth = match encoding.depth {
-        Depth::U8 => 8,
-        Depth::U16 => 16,
-        Depth::F32 => 32,
-    };
+    let is_same = picture.channels() == 1 && picture.depth() == encoding.depth;
     match encoding.channels {
         Channels::Mono | Channels::Bayer(_) if file.contains("bgr") || file.contains("rgb") => Ok(picture),
-        Channels::Mono if picture.channels() == 1 && picture.depth() == depth => Ok(picture),
-        Channels::Bayer(mosaic) if picture.channels() == 1 && picture.depth() == depth => {
-            Ok(picture.with_mosaic(mosaic)?)
-        }
+        Channels::Mono if is_same => Ok(picture),
+        Channels::Bayer(mosaic) if is_same => Ok(picture.with_mosaic(mosaic)?),
         Channels::Mono | Channels::Bayer(_) => {
             let (depth, channels) = (picture.depth(), picture.channels());
-            Err(ImageMessageError::Format { format: format.to_owned(), depth, channels })
+            Err(ImageMessageError::Layout(format!(
+                "picture of {depth} bits and {channels} channels in a compressed image whose format is '{format}'; publish it as \
+                 png, or with the format of its picture"
+            )))
         }
         _ => Ok(picture),
     }

@@ -179,8 +179,8 @@ pub(crate) fn parse_schema(
         match (titled, line.strip_prefix("MSG:")) {
             _ if line.len() == SEPARATOR && line.bytes().all(|b| b == b'=') => titled = false,
             (false, Some(title)) => {
-                let line_is_bad = || DefinitionError::Line(name.to_owned(), line.to_owned());
-                sections.push((full_name("", title.trim()).ok_or_else(line_is_bad)?, String::new()));
+                let title = full_name("", title.trim()).ok_or_else(|| DefinitionError::line(name, line))?;
+                sections.push((title, String::new()));
                 titled = true;
             }
             _ => {

@@ -27,14 +27,15 @@ macro_rules! messages {
         }
     };
     (@struct $(#[$about:meta])* $message:ident $name:literal
-        $($(#[$help:meta])+ $field:ident: $type:ty),+ $(,)?
+        $($(#[$help:meta])* $field:ident: $type:ty),+ $(,)?
     ) => {
         #[doc = concat!("`", $name, "`")]
         ///
         $(#[$about])*
         #[derive(Clone, Debug, Default, PartialEq, ::serde::Serialize, ::serde::Deserialize)]
+        #[allow(missing_docs, reason = "a field without a text is what its name says")]
         pub struct $message {
-            $($(#[$help])+ pub $field: $type,)+
+            $($(#[$help])* pub $field: $type,)+
         }
     };
     ($($(#[$about:meta])* $message:ident = $name:literal $({ $($fields:tt)+ })?)+) => {$(

@@ -9,58 +9,41 @@ messages! {
     ParameterValue = "rcl_interfaces/msg/ParameterValue" {
         /// A code of [`ParameterType`].
         r#type: u8,
-        /// The value for [`ParameterType::BOOL`].
         bool_value: bool,
-        /// The value for [`ParameterType::INTEGER`].
         integer_value: i64,
-        /// The value for [`ParameterType::DOUBLE`].
         double_value: f64,
-        /// The value for [`ParameterType::STRING`].
         string_value: String,
-        /// The value for [`ParameterType::BYTE_ARRAY`].
         #[serde(with = "crate::cdr::bytes")]
         byte_array_value: Vec<u8>,
-        /// The value for [`ParameterType::BOOL_ARRAY`].
         bool_array_value: Vec<bool>,
-        /// The value for [`ParameterType::INTEGER_ARRAY`].
         integer_array_value: Vec<i64>,
-        /// The value for [`ParameterType::DOUBLE_ARRAY`].
         double_array_value: Vec<f64>,
-        /// The value for [`ParameterType::STRING_ARRAY`].
         string_array_value: Vec<String>,
     }
     Parameter = "rcl_interfaces/msg/Parameter" {
-        /// Name of the parameter.
         name: String,
-        /// Value of the parameter.
         value: ParameterValue,
     }
     /// The closed range from `from_value` to `to_value`.
     FloatingPointRange = "rcl_interfaces/msg/FloatingPointRange" {
-        /// Smallest value.
         from_value: f64,
-        /// Largest value.
         to_value: f64,
         /// Distance between possible values; 0 allows every value of the range.
         step: f64,
     }
     /// The closed range from `from_value` to `to_value`.
     IntegerRange = "rcl_interfaces/msg/IntegerRange" {
-        /// Smallest value.
         from_value: i64,
-        /// Largest value.
         to_value: i64,
         /// Distance between possible values; 0 allows every value of the range.
         step: u64,
     }
     ParameterDescriptor = "rcl_interfaces/msg/ParameterDescriptor" {
-        /// Name of the parameter.
         name: String,
         /// A code of [`ParameterType`].
         r#type: u8,
         /// One sentence, with the unit.
         description: String,
-        /// Further constraints in words.
         additional_constraints: String,
         /// Whether the value is fixed at the start of the node.
         read_only: bool,
@@ -72,27 +55,19 @@ messages! {
         integer_range: Vec<IntegerRange>,
     }
     ParameterEvent = "rcl_interfaces/msg/ParameterEvent" {
-        /// Time of the change.
         stamp: Time,
         /// Fully qualified name of the node.
         node: String,
-        /// Parameters that did not exist before.
         new_parameters: Vec<Parameter>,
-        /// Parameters with a new value.
         changed_parameters: Vec<Parameter>,
-        /// Parameters that do not exist any more.
         deleted_parameters: Vec<Parameter>,
     }
     SetParametersResult = "rcl_interfaces/msg/SetParametersResult" {
-        /// Whether the value was accepted.
         successful: bool,
-        /// The reason for a refusal.
         reason: String,
     }
     ListParametersResult = "rcl_interfaces/msg/ListParametersResult" {
-        /// Names of the parameters.
         names: Vec<String>,
-        /// Prefixes of the names.
         prefixes: Vec<String>,
     }
     LoggerLevel = "rcl_interfaces/msg/LoggerLevel" {
@@ -102,26 +77,18 @@ messages! {
         level: u32,
     }
     SetLoggerLevelsResult = "rcl_interfaces/msg/SetLoggerLevelsResult" {
-        /// Whether the level was accepted.
         successful: bool,
-        /// The reason for a refusal.
         reason: String,
     }
     /// One line of `/rosout`.
     Log = "rcl_interfaces/msg/Log" {
-        /// Time of the line.
         stamp: Time,
         /// [`Log::DEBUG`], `INFO`, `WARN`, `ERROR` or `FATAL`.
         level: u8,
-        /// Name of the logger.
         name: String,
-        /// Text of the line.
         msg: String,
-        /// Source file that wrote the line.
         file: String,
-        /// Function in the source file.
         function: String,
-        /// Line number in the source file.
         line: u32,
     }
 }
@@ -164,7 +131,6 @@ impl Log {
 
 messages! {
     DescribeParametersRequest = "rcl_interfaces/srv/DescribeParameters_Request" {
-        /// Names of the requested parameters.
         names: Vec<String>,
     }
     DescribeParametersResponse = "rcl_interfaces/srv/DescribeParameters_Response" {
@@ -172,7 +138,6 @@ messages! {
         descriptors: Vec<ParameterDescriptor>,
     }
     GetLoggerLevelsRequest = "rcl_interfaces/srv/GetLoggerLevels_Request" {
-        /// Names of the requested loggers.
         names: Vec<String>,
     }
     GetLoggerLevelsResponse = "rcl_interfaces/srv/GetLoggerLevels_Response" {
@@ -188,7 +153,6 @@ messages! {
         results: Vec<SetLoggerLevelsResult>,
     }
     GetParameterTypesRequest = "rcl_interfaces/srv/GetParameterTypes_Request" {
-        /// Names of the requested parameters.
         names: Vec<String>,
     }
     GetParameterTypesResponse = "rcl_interfaces/srv/GetParameterTypes_Response" {
@@ -197,7 +161,6 @@ messages! {
         types: Vec<u8>,
     }
     GetParametersRequest = "rcl_interfaces/srv/GetParameters_Request" {
-        /// Names of the requested parameters.
         names: Vec<String>,
     }
     GetParametersResponse = "rcl_interfaces/srv/GetParameters_Response" {
@@ -211,7 +174,6 @@ messages! {
         depth: u64,
     }
     ListParametersResponse = "rcl_interfaces/srv/ListParameters_Response" {
-        /// Names of the parameters.
         result: ListParametersResult,
     }
     SetParametersRequest = "rcl_interfaces/srv/SetParameters_Request" {

@@ -36,7 +36,7 @@ pub fn type_hash_of_schema(name: &str, text: &str) -> Result<String, DefinitionE
 /// # Errors
 /// The errors of [`type_hash_of_schema`].
 pub fn description_of_schema(name: &str, text: &str) -> Result<TypeDescription, DefinitionError> {
-    let name = full_name("", name).ok_or_else(|| DefinitionError::Missing(name.to_owned()))?;
+    let name = full_name("", name).ok_or_else(|| DefinitionError::missing(name))?;
     let types = interface::parse_schema(&name, text)?;
     gather(&name, |wanted| Ok(types.get(wanted).cloned()))
 }
@@ -59,7 +59,7 @@ fn gather(
     name: &str,
     find: impl Fn(&str) -> Result<Option<IndividualTypeDescription>, DefinitionError>,
 ) -> Result<TypeDescription, DefinitionError> {
-    let find = |name: &str| find(name)?.ok_or_else(|| DefinitionError::Missing(name.to_owned()));
+    let find = |name: &str| find(name)?.ok_or_else(|| DefinitionError::missing(name));
     let type_description = find(name)?;
     // REP 2016 sorts the referenced types by name, as this map does.
     let mut referenced = BTreeMap::new();
@@ -78,7 +78,7 @@ fn gather(
     if is_nested_flat(&description) {
         Ok(description)
     } else {
-        Err(DefinitionError::Recursive(name.to_owned()))
+        Err(DefinitionError(format!("'{name}' contains itself, or is nested too deep; a ROS message cannot")))
     }
 }
 
@@ -111,7 +111,8 @@ fn hash(description: &TypeDescription) -> Result<String, DefinitionError> {
         individual_json(&description.type_description),
         referenced.join(", "),
     );
-    sha256(&json).map(|digits| format!("RIHS01_{digits}")).ok_or(DefinitionError::NoHashes)
+    let no_hashes = || DefinitionError("this build has no hashes of types".to_owned());
+    sha256(&json).map(|digits| format!("RIHS01_{digits}")).ok_or_else(no_hashes)
 }
 
 #[cfg(feature = "hashes")]

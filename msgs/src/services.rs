@@ -7,18 +7,15 @@ pub mod std_srvs {
         EmptyRequest = "std_srvs/srv/Empty_Request"
         EmptyResponse = "std_srvs/srv/Empty_Response"
         SetBoolRequest = "std_srvs/srv/SetBool_Request" {
-            /// On or off.
             data: bool,
         }
         SetBoolResponse = "std_srvs/srv/SetBool_Response" {
-            /// Whether the server has done it.
             success: bool,
             /// A message for a person, such as the reason for a failure.
             message: String,
         }
         TriggerRequest = "std_srvs/srv/Trigger_Request"
         TriggerResponse = "std_srvs/srv/Trigger_Response" {
-            /// Whether the server has done it.
             success: bool,
             /// A message for a person, such as the reason for a failure.
             message: String,
@@ -34,7 +31,6 @@ pub mod service_msgs {
         ServiceEventInfo = "service_msgs/msg/ServiceEventInfo" {
             /// [`ServiceEventInfo::REQUEST_SENT`], `REQUEST_RECEIVED`, `RESPONSE_SENT` or `RESPONSE_RECEIVED`.
             event_type: u8,
-            /// Time of the event.
             stamp: Time,
             /// Global id of the client.
             client_gid: [u8; 16],
@@ -138,9 +134,7 @@ pub mod type_description_interfaces {
             nested_type_name: String,
         }
         Field = "type_description_interfaces/msg/Field" {
-            /// Name of the field.
             name: String,
-            /// Type of the field.
             r#type: FieldType,
             /// Default value as the definition writes it; empty without a default.
             default_value: String,
@@ -152,7 +146,6 @@ pub mod type_description_interfaces {
             fields: Vec<Field>,
         }
         TypeDescription = "type_description_interfaces/msg/TypeDescription" {
-            /// The type.
             type_description: IndividualTypeDescription,
             /// All types that it uses directly or indirectly, sorted by name.
             referenced_type_descriptions: Vec<IndividualTypeDescription>,
@@ -162,13 +155,10 @@ pub mod type_description_interfaces {
             type_name: String,
             /// Form of the definition, such as `msg` or `srv`.
             encoding: String,
-            /// Text of the definition.
             raw_file_contents: String,
         }
         KeyValue = "type_description_interfaces/msg/KeyValue" {
-            /// Key.
             key: String,
-            /// Value.
             value: String,
         }
         GetTypeDescriptionRequest = "type_description_interfaces/srv/GetTypeDescription_Request" {
@@ -182,13 +172,10 @@ pub mod type_description_interfaces {
         GetTypeDescriptionResponse = "type_description_interfaces/srv/GetTypeDescription_Response" {
             /// Whether the node knows the type.
             successful: bool,
-            /// The reason for a failure.
             failure_reason: String,
-            /// The type.
             type_description: TypeDescription,
             /// The texts of the definitions, if they were requested.
             type_sources: Vec<TypeSource>,
-            /// Further information about the type.
             extra_information: Vec<KeyValue>,
         }
     }

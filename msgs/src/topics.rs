@@ -8,7 +8,6 @@ pub mod builtin {
         /// A point in time since the Unix epoch.
         #[derive(Copy, Eq, Hash)]
         Time = "builtin_interfaces/msg/Time" {
-            /// Whole seconds.
             sec: i32,
             /// Nanoseconds of the second, in 0 to 999,999,999.
             nanosec: u32,
@@ -81,7 +80,6 @@ pub mod std_msgs {
             frame_id: std::string::String,
         }
         String = "std_msgs/msg/String" {
-            /// The text.
             data: std::string::String,
         }
     }
@@ -105,14 +103,11 @@ pub mod geometry_msgs {
         }
         #[derive(Copy)]
         Pose = "geometry_msgs/msg/Pose" {
-            /// Position.
             position: Point,
-            /// Orientation.
             orientation: Quaternion,
         }
         #[derive(Copy)]
         PoseWithCovariance = "geometry_msgs/msg/PoseWithCovariance" {
-            /// The pose.
             pose: Pose,
             /// Rows of the covariance over (x, y, z, rotation about x, y, z). Rows of an array have no length on the wire, so
             /// that these are the 36 values of ROS.
@@ -153,9 +148,7 @@ pub mod sensor_msgs {
         Image = "sensor_msgs/msg/Image" {
             /// Stamp and coordinate frame of the exposure.
             header: Header,
-            /// Number of rows.
             height: u32,
-            /// Number of columns.
             width: u32,
             /// Channels, their order and their depth, such as `rgb8` or `mono16`.
             encoding: String,
@@ -201,13 +194,9 @@ pub mod sensor_msgs {
             roi: RegionOfInterest,
         }
         RegionOfInterest = "sensor_msgs/msg/RegionOfInterest" {
-            /// Leftmost column.
             x_offset: u32,
-            /// Top row.
             y_offset: u32,
-            /// Number of rows.
             height: u32,
-            /// Number of columns.
             width: u32,
             /// Whether the region is to be rectified separately.
             do_rectify: bool,
@@ -230,7 +219,6 @@ pub mod vision_msgs {
         }
         #[derive(Copy)]
         Pose2D = "vision_msgs/msg/Pose2D" {
-            /// Position.
             position: Point2D,
             /// Rotation in rad.
             theta: f64,
@@ -245,7 +233,6 @@ pub mod vision_msgs {
             size_y: f64,
         }
         ObjectHypothesis = "vision_msgs/msg/ObjectHypothesis" {
-            /// Name of the class.
             class_id: String,
             /// Confidence in `[0, 1]`.
             score: f64,
@@ -275,7 +262,6 @@ pub mod vision_msgs {
         VisionClass = "vision_msgs/msg/VisionClass" {
             /// Index of the class in the output of the model.
             class_id: u16,
-            /// Name of the class.
             class_name: String,
         }
         LabelInfo = "vision_msgs/msg/LabelInfo" {
@@ -364,7 +350,6 @@ pub mod rosgraph_msgs {
     messages! {
         #[derive(Copy)]
         Clock = "rosgraph_msgs/msg/Clock" {
-            /// The current time.
             clock: Time,
         }
     }

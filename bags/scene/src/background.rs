@@ -134,7 +134,7 @@ impl<'a> Street<'a> {
     /// Returns the reflection of the low sun in the road.
     fn glitter(&self, u: f32, z: f32) -> Rgb {
         let s = self.view.scale();
-        let [x, _] = self.light.glare();
+        let [x, _] = self.light.glare;
         let off = (u - x) / (95.0 * s);
         scaled([0.30, 0.26, 0.19], ramp(4.0, 30.0, z) / (1.0 + off * off))
     }

@@ -90,9 +90,8 @@ impl Layer {
         let strength = shape.strength();
         // Clipped to this layer, which may be smaller than the shape.
         let window = Self::over(b, self.top + self.height, self.left + self.width);
-        let (rows, columns) =
-            (self.top.max(window.top)..window.bottom(), self.left.max(window.left)..window.right());
-        for row in rows {
+        let columns = self.left.max(window.left)..window.left + window.width;
+        for row in self.top.max(window.top)..window.top + window.height {
             let v = row as f32 + 0.5;
             let tone = 1.0 + 0.2 * (0.5 - ((v - b.y1) / (b.y2 - b.y1).max(1.0)).clamp(0.0, 1.0));
             let lit = scaled(colour, tone);
@@ -119,16 +118,6 @@ impl Layer {
             }
         }
         found
-    }
-
-    /// Returns the index after the last row.
-    pub(super) fn bottom(&self) -> usize {
-        self.top + self.height
-    }
-
-    /// Returns the index after the last column.
-    pub(super) fn right(&self) -> usize {
-        self.left + self.width
     }
 }
 

@@ -14,6 +14,7 @@ mod solid;
 mod traffic;
 mod view;
 
+use std::ops::RangeInclusive;
 use std::str::FromStr;
 
 use modulo_core::BBox;
@@ -114,16 +115,6 @@ impl Scene {
         Self { preset, seed }
     }
 
-    /// Returns the preset.
-    pub fn preset(&self) -> Preset {
-        self.preset
-    }
-
-    /// Returns the seed.
-    pub fn seed(&self) -> u64 {
-        self.seed
-    }
-
     /// Renders frame `frame`, of 30 a second, at `height` x `width` pixels; a side of 0 counts as 1.
     pub fn render(&self, frame: u32, height: usize, width: usize) -> Rendered {
         compose::render(self, frame, height.max(1), width.max(1))
@@ -131,7 +122,7 @@ impl Scene {
 }
 
 /// The largest side of a rendered image in px.
-const LARGEST: usize = 8192;
+const LARGEST: u64 = 8192;
 
 /// The specification of a rendered sequence: a preset, a seed, a size and a length.
 ///
@@ -155,29 +146,10 @@ pub struct SceneSpec {
     pub frames: u32,
 }
 
-/// Error: the text is not the address of a scene.
+/// Error: the text is not the address of a scene. It says what is wrong and what is possible.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum SpecError {
-    /// The scheme is not `scene://`.
-    #[error("'{0}' is no scene, a scene starts with scene://")]
-    Scheme(String),
-    /// The preset is unknown.
-    #[error("scene preset '{0}' is unknown, day, glare, tunnel and night are known")]
-    Preset(String),
-    /// An option is unknown.
-    #[error("scene option '{0}' is unknown, seed, width, height and frames are known")]
-    Option(String),
-    /// The value of an option is not allowed.
-    #[error("scene option {name} is '{value}', {allowed} is allowed")]
-    Value {
-        /// The name of the option.
-        name: String,
-        /// The text of the value.
-        value: String,
-        /// The values that are allowed.
-        allowed: &'static str,
-    },
-}
+#[error("{0}")]
+pub struct SpecError(String);
 
 impl SceneSpec {
     /// Returns the scene without its size.
@@ -193,38 +165,39 @@ impl FromStr for SceneSpec {
         let rest = text.strip_prefix("scene://").unwrap_or(text);
         // The scheme may be left out, but another scheme is an error of its own and not an unknown preset.
         if rest.contains("://") {
-            return Err(SpecError::Scheme(text.to_owned()));
+            return Err(SpecError(format!("'{text}' is no scene, a scene starts with scene://")));
         }
         let (name, options) = rest.split_once('?').unwrap_or((rest, ""));
         let known = Preset::ALL.into_iter().find(|p| p.name() == name);
-        let preset = known.ok_or_else(|| SpecError::Preset(name.to_owned()))?;
+        let preset = known.ok_or_else(|| {
+            SpecError(format!("scene preset '{name}' is unknown, day, glare, tunnel and night are known"))
+        })?;
         let mut spec = Self { preset, seed: 0, width: 640, height: 192, frames: 0 };
         for option in options.split('&').filter(|o| !o.is_empty()) {
             let (name, value) = option.split_once('=').unwrap_or((option, ""));
             match name {
-                "seed" => spec.seed = number(name, value, "a whole number from 0")?,
-                "width" => spec.width = side(name, value)?,
-                "height" => spec.height = side(name, value)?,
-                "frames" => spec.frames = number(name, value, "a whole number from 0")?,
-                _ => return Err(SpecError::Option(name.to_owned())),
+                "seed" => spec.seed = number(name, value, 0..=u64::MAX)?,
+                "width" => spec.width = number(name, value, 1..=LARGEST)? as usize,
+                "height" => spec.height = number(name, value, 1..=LARGEST)? as usize,
+                "frames" => spec.frames = number(name, value, 0..=u32::MAX.into())? as u32,
+                _ => {
+                    let known = "seed, width, height and frames are known";
+                    return Err(SpecError(format!("scene option '{name}' is unknown, {known}")));
+                }
             }
         }
         Ok(spec)
     }
 }
 
-fn side(name: &str, value: &str) -> Result<usize, SpecError> {
-    let allowed = "a whole number from 1 to 8192";
-    let found = number(name, value, allowed)?;
-    if (1..=LARGEST).contains(&found) { Ok(found) } else { Err(wrong(name, value, allowed)) }
-}
-
-fn number<T: FromStr>(name: &str, value: &str, allowed: &'static str) -> Result<T, SpecError> {
-    value.parse().map_err(|_| wrong(name, value, allowed))
-}
-
-fn wrong(name: &str, value: &str, allowed: &'static str) -> SpecError {
-    SpecError::Value { name: name.to_owned(), value: value.to_owned(), allowed }
+/// Reads a whole number in `range`.
+fn number(name: &str, value: &str, range: RangeInclusive<u64>) -> Result<u64, SpecError> {
+    let number = value.parse().ok().filter(|number| range.contains(number));
+    number.ok_or_else(|| {
+        let (least, most) = range.into_inner();
+        let end = if most == LARGEST { format!(" to {most}") } else { String::new() };
+        SpecError(format!("scene option {name} is '{value}', a whole number from {least}{end} is allowed"))
+    })
 }
 
 #[cfg(test)]

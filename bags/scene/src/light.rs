@@ -25,13 +25,6 @@ pub(super) fn blend(a: Rgb, b: Rgb, t: f32) -> Rgb {
     [a[0] + (b[0] - a[0]) * t, a[1] + (b[1] - a[1]) * t, a[2] + (b[2] - a[2]) * t]
 }
 
-/// Whether vehicles drive with their lamps on, as in the tunnel and at night.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Lamps {
-    Off,
-    On,
-}
-
 /// The light on a surface.
 #[derive(Clone, Copy, Debug)]
 struct Sky {
@@ -55,7 +48,7 @@ pub(super) struct Light {
     /// The distance of the tunnel's exit in m; beyond it the light is `outside`.
     exit: f32,
     /// The centre of the glare in px.
-    glare: [f32; 2],
+    pub(super) glare: [f32; 2],
     /// The radius in px at which the glare has half its height.
     spread: [f32; 2],
     /// The height of the glare.
@@ -111,9 +104,9 @@ impl Light {
         Self { preset, outside, own_lamps, exit, glare, spread, veil }
     }
 
-    /// Returns whether vehicles show lamps.
-    pub(super) fn lamps(&self) -> Lamps {
-        if self.own_lamps > 0.0 { Lamps::On } else { Lamps::Off }
+    /// Returns whether vehicles drive with their lamps on, as in the tunnel and at night.
+    pub(super) fn lamps(&self) -> bool {
+        self.own_lamps > 0.0
     }
 
     /// Returns the radiance of a surface of reflectance `albedo` with unit `normal`, `z` m ahead.
@@ -138,11 +131,6 @@ impl Light {
         }
         let depth = (self.exit - z) / 7.0;
         blend([0.046, 0.040, 0.030], outside, 1.0 / (1.0 + depth * depth))
-    }
-
-    /// Returns the centre of the glare in px.
-    pub(super) fn glare(&self) -> [f32; 2] {
-        self.glare
     }
 
     /// Returns the stray light of lens and air at pixel (`u`, `v`): A / (1 + r^2).

@@ -4,7 +4,7 @@
 //! Their own axes are (right, up, forward) from the ground below the middle, or between the feet or wheels.
 
 use super::hash::{Random, wave};
-use super::light::{Lamps, Rgb, scaled};
+use super::light::{Rgb, scaled};
 use super::solid::{Block, Halo, PartGeometry, PartGroup, Quadrilateral, ScenePart, Solid};
 
 const GLASS: Rgb = [0.10, 0.12, 0.15];
@@ -31,7 +31,7 @@ const FRONT: usize = 2;
 const LEFT: usize = 3;
 
 /// Makes a saloon or hatchback, about 4.3 m long and 1.5 m high.
-pub(super) fn car(random: &mut Random, lamps: Lamps) -> Solid {
+pub(super) fn car(random: &mut Random, lamps: bool) -> Solid {
     let paint = random.pick(&PAINTS);
     let (long, half) = (random.between(1.95, 2.25), random.between(0.84, 0.92));
     let tail = random.between(-0.97, -0.80) * long;
@@ -69,7 +69,7 @@ pub(super) fn car(random: &mut Random, lamps: Lamps) -> Solid {
 }
 
 /// Makes a tall panel van, about 5.2 m long and 2.4 m high, with a split rear door.
-pub(super) fn van(random: &mut Random, lamps: Lamps) -> Solid {
+pub(super) fn van(random: &mut Random, lamps: bool) -> Solid {
     let paint = random.pick(&[PAINTS[0], PAINTS[1], PAINTS[5], PAINTS[3]]);
     let (long, half) = (random.between(2.45, 2.75), random.between(0.96, 1.02));
     let roof = random.between(2.25, 2.50);
@@ -117,7 +117,7 @@ fn van_hull(body: &mut PartGroup, hull: &Block, paint: Rgb) {
 }
 
 /// Makes a lorry with a box body, about 8 m long and 3.5 m high.
-pub(super) fn truck(random: &mut Random, lamps: Lamps) -> Solid {
+pub(super) fn truck(random: &mut Random, lamps: bool) -> Solid {
     let (paint, load) = (random.pick(&PAINTS), random.pick(&CARGO));
     let high = random.between(3.3, 3.8);
     let cargo = Block { height: [1.00, high], rear: [-4.2; 2], front: [1.9; 2], half: [1.25, 1.25] };
@@ -173,13 +173,13 @@ fn shell(body: &mut PartGroup, block: &Block, paint: Rgb) {
 
 /// Adds the lamps, bumper and number plate of one end, [`REAR`] or [`FRONT`]; `band` is the height of the lamps
 /// on the panel, 0 to 1.
-fn fittings(body: &mut PartGroup, panel: &Quadrilateral, end: usize, band: [f32; 2], lamps: Lamps) {
+fn fittings(body: &mut PartGroup, panel: &Quadrilateral, end: usize, band: [f32; 2], lamps: bool) {
     let (albedo, glow) = if end == REAR {
         ([0.50, 0.04, 0.03], [0.30, 0.025, 0.015])
     } else {
         ([0.85, 0.85, 0.80], [0.42, 0.41, 0.37])
     };
-    let glow = if lamps == Lamps::On { glow } else { DARK };
+    let glow = if lamps { glow } else { DARK };
     // Bumper and number plate come first, since the lamps overlap the bumper.
     body.parts.push(panel.patch([0.0, 0.0, 1.0, 0.22], CHASSIS, DARK));
     body.parts.push(panel.patch([0.36, 0.24, 0.64, 0.42], [0.75; 3], DARK));

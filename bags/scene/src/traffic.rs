@@ -4,7 +4,6 @@
 //! comes back far ahead with another actor.
 
 use super::hash::{Random, hash, wave};
-use super::light::Lamps;
 use super::road_user::{car, cyclist, pedestrian, tree, truck, van};
 use super::solid::{Facing, Solid};
 use super::{Class, Preset};
@@ -75,7 +74,7 @@ const BORE: [TrafficLane; 5] = [
 ];
 
 /// Returns all actors of a frame from far to near.
-pub(super) fn actors(preset: Preset, seed: u32, frame: u32, lamps: Lamps) -> Vec<Actor> {
+pub(super) fn actors(preset: Preset, seed: u32, frame: u32, lamps: bool) -> Vec<Actor> {
     let lanes: &[TrafficLane] = if preset == Preset::Tunnel { &BORE } else { &STREET };
     let mut found: Vec<Actor> = lanes
         .iter()
@@ -92,7 +91,7 @@ pub(super) fn actors(preset: Preset, seed: u32, frame: u32, lamps: Lamps) -> Vec
 }
 
 /// Returns the actors of one lane.
-fn slots(lane: &TrafficLane, seed: u32, frame: u32, lamps: Lamps) -> Vec<Actor> {
+fn slots(lane: &TrafficLane, seed: u32, frame: u32, lamps: bool) -> Vec<Actor> {
     let count = ((REACH[1] - REACH[0]) / lane.gap).ceil() as u32;
     let cycle = count as f32 * lane.gap;
     let start = Random::new(seed, 0).unit() * lane.gap;
@@ -110,14 +109,14 @@ fn slots(lane: &TrafficLane, seed: u32, frame: u32, lamps: Lamps) -> Vec<Actor> 
     (0..count).filter_map(place).collect()
 }
 
-fn user(lane: &TrafficLane, random: &mut Random, z: f32, frame: u32, lamps: Lamps) -> Actor {
+fn user(lane: &TrafficLane, random: &mut Random, z: f32, frame: u32, lamps: bool) -> Actor {
     let time = frame as f32 / 26.0 + random.unit();
     // Actors are moved by less than half of the smallest gap, so two of a lane never overlap.
     let (x, z) = (lane.x + random.between(-0.25, 0.25), z + random.between(-0.8, 0.8));
     match lane.users {
         Users::Traffic => vehicle(random, x, z, lane.facing, lamps),
         // Parked cars have their lamps off in every preset.
-        Users::Parked => vehicle(random, x, z, lane.facing, Lamps::Off),
+        Users::Parked => vehicle(random, x, z, lane.facing, false),
         Users::Walkers => walker(random, x, z, lane.facing, time),
         Users::Riders => {
             let solid = cyclist(random, time).placed(x, z, lane.facing);
@@ -134,7 +133,7 @@ fn walker(random: &mut Random, x: f32, z: f32, facing: Facing, stride: f32) -> A
     Actor { class: Some(Class::Pedestrian), z, ground: [x, z, 0.35, 0.35], solid }
 }
 
-fn vehicle(random: &mut Random, x: f32, z: f32, facing: Facing, lamps: Lamps) -> Actor {
+fn vehicle(random: &mut Random, x: f32, z: f32, facing: Facing, lamps: bool) -> Actor {
     let class = random.pick(&[Class::Car, Class::Car, Class::Car, Class::Van, Class::Van, Class::Truck]);
     let (solid, half, long) = match class {
         Class::Van => (van(random, lamps), 1.0, 2.6),
@@ -145,7 +144,7 @@ fn vehicle(random: &mut Random, x: f32, z: f32, facing: Facing, lamps: Lamps) ->
 }
 
 /// Returns two vehicles in the camera's lane that drop back and pull ahead.
-fn leaders(seed: u32, frame: u32, lamps: Lamps) -> Vec<Actor> {
+fn leaders(seed: u32, frame: u32, lamps: bool) -> Vec<Actor> {
     let time = frame as f32;
     let follow = |id: u32, near: f32, sway: f32, period: f32| {
         let mut random = Random::new(seed, 900 + id);

@@ -66,7 +66,7 @@ impl BagFile {
         File::open(folder).and_then(|folder| folder.sync_all()).map_err(io)?;
         let mcap = options(compression)
             .create(BufWriter::new(file))
-            .map_err(|source| BagError::Write(path.clone(), source))?;
+            .map_err(|why| BagError::File(path.clone(), why.to_string()))?;
         let contents = FileContents { name, span: None, messages: 0 };
         let (channels, counts) = (Vec::new(), Vec::new());
         Ok(Self { path, mcap, disk, channels, counts, contents, closed: 0, pending: 0, unflushed: 0 })
@@ -98,10 +98,7 @@ impl BagFile {
         publish_time: u64,
         data: &[u8],
     ) -> Result<(), BagError> {
-        let known = self.channels.len();
-        let Some(&channel_id) = self.channels.get(topic) else {
-            return Err(BagError::UnknownTopic(topic, known));
-        };
+        let channel_id = *self.channels.get(topic).expect("a `TopicId` belongs to the bag that gave it");
         // Closed before the next message and not after the last one, so that no file ends with an empty chunk.
         if self.pending > CHUNK {
             self.close_chunk()?;
@@ -170,8 +167,8 @@ impl BagFile {
         Ok(self.contents)
     }
 
-    fn failed(&self, source: McapError) -> BagError {
-        BagError::Write(self.path.clone(), source)
+    fn failed(&self, why: McapError) -> BagError {
+        BagError::File(self.path.clone(), why.to_string())
     }
 }
 

@@ -11,7 +11,7 @@ pub(super) fn complete(path: &Path, mut topic: BagTopic, warnings: &mut Vec<BagW
     if let Some((package, name)) = topic.type_name.split_once('/').filter(|(_, name)| !name.contains('/')) {
         topic.type_name = format!("{package}/msg/{name}");
     }
-    let recorded = Some(topic.type_hash).filter(|hash| is_hash(hash));
+    let recorded = Some(std::mem::take(&mut topic.type_hash)).filter(|hash| is_hash(hash));
     let known = modulo_msgs::type_hash(&topic.type_name);
     if topic.schema.is_empty() {
         // A recorded hash may be that of another version of the type.
@@ -19,8 +19,9 @@ pub(super) fn complete(path: &Path, mut topic: BagTopic, warnings: &mut Vec<BagW
         if !ours.schema.is_empty() && recorded.as_ref().is_none_or(|hash| Some(hash) == known.as_ref()) {
             (topic.schema, topic.schema_encoding) = (ours.schema, ours.schema_encoding);
         } else if !topic.type_name.is_empty() {
-            let (topic, type_name) = (topic.name.clone(), topic.type_name.clone());
-            warnings.push(BagWarning::NoDefinition { path: path.to_owned(), topic, type_name });
+            let BagTopic { name, type_name, .. } = &topic;
+            let why = format!("topic '{name}': the bag does not define {type_name}, nor does this suite");
+            warnings.push(BagWarning::Remark(path.to_owned(), why));
         }
     }
     let text = String::from_utf8_lossy(&topic.schema);
@@ -29,8 +30,9 @@ pub(super) fn complete(path: &Path, mut topic: BagTopic, warnings: &mut Vec<BagW
     if let (Some(defined), Some(recorded)) = (&defined, &recorded)
         && defined != recorded
     {
-        let (topic, recorded, defined) = (topic.name.clone(), recorded.clone(), defined.clone());
-        warnings.push(BagWarning::OtherHash { path: path.to_owned(), topic, recorded, defined });
+        let hash = format!("topic '{}': the type hash {recorded} is recorded", topic.name);
+        let why = format!("{hash}, but its definition has {defined}, which is used");
+        warnings.push(BagWarning::Remark(path.to_owned(), why));
     }
     // A definition of another form, such as IDL, has no hash here; the suite knows the usual types.
     topic.type_hash = defined.or(recorded).or(known).unwrap_or_default();

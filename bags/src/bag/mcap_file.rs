@@ -15,7 +15,7 @@ use mcap::{McapError, Summary};
 use super::chunk::{self, MAX_CHUNK};
 use super::definition::complete;
 use super::scan::{Scan, UnchunkedMessage, crc_of, scan};
-use super::storage::{Cursor, FileSummary, Merge, MergeInput, Storage};
+use super::storage::{Cursor, FileSummary, Item, Merge, MergeInput, Storage};
 use super::{BagError, BagTopic, BagWarning, LeftOut, RawMessage, Selection, TopicCount, unpacked};
 use crate::FileError;
 
@@ -41,12 +41,12 @@ impl McapFile {
         let index = Index::read(&mut file, size).map_err(io)?;
         let begins = begins_as_mcap(&file, size).map_err(io)?;
         if !begins && index.is_none() {
-            return Err(BagError::NotBag(path.to_owned()));
+            let why = "not a bag, its first bytes are not those of MCAP or SQLite".to_owned();
+            return Err(BagError::File(path.to_owned(), why));
         }
         let Scan { summary, loose, mut warnings, .. } = walk(path, &file, size, index.as_ref())?;
         if !begins {
-            let why = "it is not that of an MCAP file".to_owned();
-            warnings.insert(0, BagWarning::Skipped { path: path.to_owned(), byte: 0, why });
+            warnings.insert(0, BagWarning::skipped(path, 0, "it is not that of an MCAP file"));
         }
         let topics = cdr_topics(path, &summary, &mut warnings);
         let summed = sum(&summary, &topics, size, warnings);
@@ -94,14 +94,19 @@ impl McapFile {
         Ok(items)
     }
 
+    /// Reads a selected message outside of chunks.
+    fn loose_message(&self, file: &File, wanted: &Wanted, loose: &UnchunkedMessage) -> Item {
+        let topic = wanted.topics.get(&loose.channel).expect("only wanted messages are kept");
+        let mut data = vec![0; loose.length];
+        file.read_exact_at(&mut data, loose.offset).map_err(|e| FileError::new(&self.path, e))?;
+        self.message(topic, loose.log_time, loose.publish_time, data)
+    }
+
     fn message(&self, topic: &Arc<BagTopic>, log_time: u64, publish_time: u64, data: Vec<u8>) -> Item {
         let data = unpacked(data).map_err(|why| LeftOut::one(&self.path, topic, why))?;
         Ok(RawMessage { topic: Arc::clone(topic), log_time, publish_time, data })
     }
 }
-
-/// A message, or the report of one that is left out.
-type Item = Result<RawMessage, BagError>;
 
 /// The selected messages.
 struct Wanted {
@@ -190,7 +195,7 @@ impl Storage for McapFile {
         &self.summary
     }
 
-    fn messages(self: Arc<Self>, selection: &Selection) -> Result<Option<Box<dyn Cursor>>, BagError> {
+    fn messages(self: Arc<Self>, selection: &Selection) -> Result<Option<Cursor>, BagError> {
         let topics = self.topics.iter().filter(|(_, topic)| selection.has(&topic.name));
         let topics: HashMap<_, _> = topics.map(|(id, topic)| (*id, Arc::clone(topic))).collect();
         if topics.is_empty() {
@@ -211,8 +216,8 @@ impl Storage for McapFile {
         let rest: Vec<_> = self.loose.iter().filter(is_wanted).copied().collect();
         if let Some(first) = rest.first() {
             let (index, start) = (Arc::clone(&self), first.log_time);
-            let loose = LooseMessages { index, file, wanted, rest: rest.into_iter() };
-            inputs.push(MergeInput { start, open: Box::new(move || Ok(Some(Box::new(loose)))) });
+            let messages = rest.into_iter().map(move |loose| index.loose_message(&file, &wanted, &loose));
+            inputs.push(MergeInput { start, open: Box::new(move || Ok(Some(Box::new(messages)))) });
         }
         Ok(Some(Box::new(Merge::of(inputs))))
     }
@@ -228,38 +233,13 @@ fn chunk_input(
     let (index, file, wanted) = (Arc::clone(index), Arc::clone(file), Arc::clone(wanted));
     let start = chunk.message_start_time;
     let open = move || match index.messages_of(&file, &chunk, &wanted) {
-        Ok(messages) => Ok(Some(Box::new(messages.into_iter()) as Box<dyn Cursor>)),
+        Ok(messages) => Ok(Some(Box::new(messages.into_iter()) as Cursor)),
         Err(why) => {
             let messages = chunk::count(&file, &chunk, |channel| wanted.topics.contains_key(&channel));
             Err(chunk::left_out(&index.path, chunk.chunk_start_offset, messages, &why).into())
         }
     };
     MergeInput { start, open: Box::new(open) }
-}
-
-impl Cursor for std::vec::IntoIter<Item> {
-    fn next(&mut self) -> Result<Option<RawMessage>, BagError> {
-        Iterator::next(self).transpose()
-    }
-}
-
-/// Selected messages outside of chunks.
-struct LooseMessages {
-    index: Arc<McapFile>,
-    file: Arc<File>,
-    wanted: Arc<Wanted>,
-    rest: std::vec::IntoIter<UnchunkedMessage>,
-}
-
-impl Cursor for LooseMessages {
-    fn next(&mut self) -> Result<Option<RawMessage>, BagError> {
-        let Some(loose) = self.rest.next() else { return Ok(None) };
-        let topic = self.wanted.topics.get(&loose.channel).expect("only wanted messages are kept");
-        let mut data = vec![0; loose.length];
-        let read = self.file.read_exact_at(&mut data, loose.offset);
-        read.map_err(|e| FileError::new(&self.index.path, e))?;
-        self.index.message(topic, loose.log_time, loose.publish_time, data).map(Some)
-    }
 }
 
 /// Returns the summary at the end of the file.

@@ -58,7 +58,7 @@ pub(super) fn read(path: &Path) -> Result<Metadata, BagError> {
     let metadata = parse(&text).map_err(|why| BagError::Metadata(path.to_owned(), why))?;
     let refuse = |what, found: &str, possible| {
         let why = format!("{what} '{found}' is not supported, possible is {possible}");
-        Err(BagError::Unsupported(path.to_owned(), why))
+        Err(BagError::File(path.to_owned(), why))
     };
     let is_by_message = metadata.compression_mode.eq_ignore_ascii_case("message");
     if is_by_message && !["", "zstd"].contains(&&*metadata.compression_format) {

@@ -105,9 +105,13 @@ fn open(path: &Path) -> Result<Arc<dyn Storage>, BagError> {
     Ok(if start.starts_with(b"SQLite format 3\0") {
         open_sqlite(path)?
     } else if start.starts_with(b"#ROSBAG V") {
-        return Err(BagError::Ros1(path.to_owned()));
+        let why = "this is a ROS 1 bag, of which `rosbags-convert --src";
+        let remedy =
+            "--dst FOLDER` (from the Python package `rosbags`) makes a ROS 2 bag that can be read here";
+        return Err(BagError::File(path.to_owned(), format!("{why} {} {remedy}", path.display())));
     } else if start.starts_with(&ZSTD) {
-        return Err(BagError::Compressed(path.to_owned()));
+        let why = format!("is compressed as a whole; unpack it with `zstd -d {}`", path.display());
+        return Err(BagError::File(path.to_owned(), why));
     } else {
         // Anything else is read as MCAP, whose reader names the error.
         Arc::new(mcap_file::McapFile::open(path)?)
@@ -143,7 +147,7 @@ fn open_sqlite(path: &Path) -> Result<Arc<dyn Storage>, BagError> {
 fn open_sqlite(path: &Path) -> Result<Arc<dyn Storage>, BagError> {
     let why = "this build does not read bags of SQLite; `modulo bag convert FILE FOLDER` of a build with the feature `sqlite` \
                makes a bag of MCAP, which can be read here";
-    Err(BagError::Unsupported(path.to_owned(), why.to_owned()))
+    Err(BagError::File(path.to_owned(), why.to_owned()))
 }
 
 /// Error: a bag cannot be read or written.
@@ -152,30 +156,12 @@ pub enum BagError {
     /// The system does not read or write a file.
     #[error(transparent)]
     Io(#[from] FileError),
-    /// The file is not a bag.
-    #[error("{file}: not a bag, its first bytes are not those of MCAP or SQLite", file = .0.display())]
-    NotBag(PathBuf),
-    /// The folder contains no bag.
-    #[error("{file}: no bag here, a metadata.yaml or a .mcap or .db3 file is needed", file = .0.display())]
-    NoBag(PathBuf),
-    /// The file is a bag of ROS 1.
-    #[error(
-        "{file}: this is a ROS 1 bag, of which `rosbags-convert --src {file} --dst FOLDER` (from the Python package \
-         `rosbags`) makes a ROS 2 bag that can be read here", file = .0.display()
-    )]
-    Ros1(PathBuf),
-    /// The whole file is compressed.
-    #[error("{file}: is compressed as a whole; unpack it with `zstd -d {file}`", file = .0.display())]
-    Compressed(PathBuf),
-    /// The metadata file describes a bag of a form that is not supported.
+    /// The file or the folder is no bag of a form that is read, or cannot be written. The text says why, with a remedy.
     #[error("{file}: {1}", file = .0.display())]
-    Unsupported(PathBuf, String),
+    File(PathBuf, String),
     /// The file is not a readable `metadata.yaml`.
     #[error("{file}: {1}", file = .0.display())]
     Metadata(PathBuf, String),
-    /// The file is damaged or was not closed. The last field names a remedy.
-    #[error("{file}: {1}; {2}", file = .0.display())]
-    Damaged(PathBuf, String, &'static str),
     /// Messages cannot be read; those after them can.
     #[error(transparent)]
     LeftOut(#[from] LeftOut),
@@ -198,12 +184,6 @@ pub enum BagError {
         /// The other type.
         given: String,
     },
-    /// The topic number was made by another bag. The second field is the number of topics of this bag.
-    #[error("topic number {0} is not of this bag, it has {1}")]
-    UnknownTopic(usize, usize),
-    /// The MCAP file could not be written.
-    #[error("{file}: {1}", file = .0.display())]
-    Write(PathBuf, #[source] mcap::McapError),
 }
 
 impl BagError {
@@ -243,88 +223,40 @@ impl LeftOut {
 /// Something that is missing in a bag that can still be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum BagWarning {
-    /// The folder has no `metadata.yaml`: its recorder was stopped before it wrote one.
-    #[error("{file}: no metadata.yaml, all files are read by their start time", file = .0.display())]
-    NoMetadata(PathBuf),
-    /// The file is not a readable `metadata.yaml`.
-    #[error("{file}: {1}; all files of its folder are read by their start time", file = .0.display())]
-    BadMetadata(PathBuf, String),
-    /// The file is complete, but has no index, or a damaged one.
-    #[error("{file}: no index that is whole, the whole file was scanned", file = .0.display())]
-    NoIndex(PathBuf),
-    /// `metadata.yaml` and the files contradict each other, and the files are right.
+    /// No message is lost: metadata or an index is missing or wrong, or a type has no definition or another hash.
     #[error("{file}: {1}", file = .0.display())]
-    Metadata(PathBuf, String),
+    Remark(PathBuf, String),
     /// A file of the bag is left out, for the reason of the text.
     #[error("{0}; the other files of the bag are read")]
     Part(String),
-    /// The file has changed since it was written, and nobody knows which messages are damaged or missing.
-    #[error("{file}: {1}; any of its messages may be damaged or missing", file = .0.display())]
-    Contradiction(PathBuf, String),
-    /// The file ends too early; everything up to the last complete chunk is read.
-    #[error("{}: cut at byte {byte} ({why}), or still being recorded; {messages} messages before it are read", path.display())]
-    Truncated {
-        /// The file.
-        path: PathBuf,
-        /// End of the last complete record.
-        byte: u64,
-        /// The error of the reader at this byte.
-        why: String,
-        /// Number of messages before this byte.
-        messages: u64,
-    },
-    /// A record had to be skipped.
-    #[error("{}: record at byte {byte} is skipped: {why}", path.display())]
-    Skipped {
-        /// The file.
-        path: PathBuf,
-        /// Start of the record.
-        byte: u64,
-        /// Description of the fault.
-        why: String,
-    },
+    /// A part of the file cannot be read, or may be damaged where nobody knows it.
+    #[error("{file}: {1}", file = .0.display())]
+    Damage(PathBuf, String),
     /// Messages are left out.
     #[error(transparent)]
     LeftOut(#[from] LeftOut),
-    /// The type of a topic is defined neither by the bag nor by the suite.
-    #[error("{}: topic '{topic}': the bag does not define {type_name}, nor does this suite", path.display())]
-    NoDefinition {
-        /// The file.
-        path: PathBuf,
-        /// Name of the topic.
-        topic: String,
-        /// Name of its type.
-        type_name: String,
-    },
-    /// The recorded hash of a type is not that of its definition.
-    #[error(
-        "{}: topic '{topic}': the type hash {recorded} is recorded, but its definition has {defined}, which is used",
-        path.display()
-    )]
-    OtherHash {
-        /// The file.
-        path: PathBuf,
-        /// Name of the topic.
-        topic: String,
-        /// The recorded hash.
-        recorded: String,
-        /// The hash of the definition.
-        defined: String,
-    },
 }
 
 impl BagWarning {
+    /// Returns the warning of a record at `byte` that had to be skipped.
+    fn skipped(path: &Path, byte: u64, why: &str) -> Self {
+        Self::Damage(path.to_owned(), format!("record at byte {byte} is skipped: {why}"))
+    }
+
+    /// Returns the warning of a file that has changed since it was written.
+    fn contradiction(path: &Path, why: &str) -> Self {
+        Self::Damage(path.to_owned(), format!("{why}; any of its messages may be damaged or missing"))
+    }
+
+    /// Returns the warning of a file that ends too early, behind `messages` complete messages.
+    fn truncated(path: &Path, byte: u64, why: &str, messages: u64) -> Self {
+        let rest = format!("or still being recorded; {messages} messages before it are read");
+        Self::Damage(path.to_owned(), format!("cut at byte {byte} ({why}), {rest}"))
+    }
+
     /// Returns whether recorded messages cannot be read.
     pub fn is_loss(&self) -> bool {
-        match self {
-            Self::Truncated { .. }
-            | Self::Skipped { .. }
-            | Self::LeftOut(_)
-            | Self::Part(_)
-            | Self::Contradiction(..) => true,
-            Self::NoMetadata(_) | Self::BadMetadata(..) | Self::NoIndex(_) | Self::Metadata(..) => false,
-            Self::NoDefinition { .. } | Self::OtherHash { .. } => false,
-        }
+        !matches!(self, Self::Remark(..))
     }
 
     /// Returns whether recorded messages cannot be read, of which nobody knows that they are all of one topic.

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use modulo_runtime::clock::utc;
 
 use super::metadata::{self, Metadata};
-use super::storage::{self, Cursor, Merge, MergeInput, Storage};
+use super::storage::{self, Merge, MergeInput, Storage};
 use super::{BagError, BagWarning, RawMessage, Selection, TopicCount};
 
 /// An open bag: its index is known, and no message has been read yet.
@@ -59,7 +59,7 @@ impl BagReader {
             }
         }
         if files.is_empty() {
-            return Err(unread.into_iter().next().unwrap_or_else(|| BagError::NoBag(path.to_owned())));
+            return Err(unread.into_iter().next().unwrap_or_else(|| no_bag(path)));
         }
         warnings.extend(unread.iter().map(|why| BagWarning::Part(why.to_string())));
         warnings.extend(files.iter().flat_map(|(_, file)| file.summary().warnings.iter().cloned()));
@@ -90,7 +90,7 @@ impl BagReader {
             contradictions.push(format!("its message_count is {stated}, its files have {count} messages"));
         }
         let path = self.path.join(metadata::FILE_NAME);
-        self.warnings.extend(contradictions.into_iter().map(|why| BagWarning::Metadata(path.clone(), why)));
+        self.warnings.extend(contradictions.into_iter().map(|why| BagWarning::Remark(path.clone(), why)));
     }
 
     /// Returns the path that was opened.
@@ -175,10 +175,10 @@ impl Iterator for Messages {
     fn next(&mut self) -> Option<Self::Item> {
         let next = self.merged.as_mut()?.next();
         // After any other error the position in the file is unknown.
-        if !matches!(next, Ok(Some(_)) | Err(BagError::LeftOut(_))) {
+        if !matches!(next, Some(Ok(_) | Err(BagError::LeftOut(_)))) {
             self.merged = None;
         }
-        next.transpose()
+        next
     }
 }
 
@@ -190,14 +190,25 @@ fn metadata_of(path: &Path, warnings: &mut Vec<BagWarning>) -> Result<Option<Met
     }
     match metadata::read(&path.join(metadata::FILE_NAME)) {
         Ok(metadata) => return Ok(Some(metadata)),
-        Err(BagError::Metadata(path, why)) => warnings.push(BagWarning::BadMetadata(path, why)),
+        Err(BagError::Metadata(path, why)) => warnings.push(unused_metadata(path, &why)),
         // Other errors of the system, such as a missing permission, are not taken for a missing file.
         Err(BagError::Io(why)) if why.source.kind() == std::io::ErrorKind::NotFound => {
-            warnings.push(BagWarning::NoMetadata(path.to_owned()));
+            let why = "no metadata.yaml, all files are read by their start time".to_owned();
+            warnings.push(BagWarning::Remark(path.to_owned(), why));
         }
         Err(other) => return Err(other),
     }
     Ok(None)
+}
+
+fn no_bag(path: &Path) -> BagError {
+    let why = "no bag here, a metadata.yaml or a .mcap or .db3 file is needed".to_owned();
+    BagError::File(path.to_owned(), why)
+}
+
+/// Returns the warning of the `metadata.yaml` at `path` that cannot be used.
+fn unused_metadata(path: PathBuf, why: &str) -> BagWarning {
+    BagWarning::Remark(path, format!("{why}; all files of its folder are read by their start time"))
 }
 
 /// Returns the files of the bag `folder` that `metadata` lists, each of them once.
@@ -215,11 +226,11 @@ fn listed(
             paths.push(path);
         } else {
             let why = format!("'{name}' is listed more than once, and read once");
-            warnings.push(BagWarning::Metadata(own.clone(), why));
+            warnings.push(BagWarning::Remark(own.clone(), why));
         }
     }
     if !present.is_empty() && !paths.iter().any(|path| path.exists()) {
-        warnings.push(BagWarning::BadMetadata(own, "no file that it lists is here".to_owned()));
+        warnings.push(unused_metadata(own, "no file that it lists is here"));
         return Ok(present);
     }
     for path in present.iter().filter(|path| !known.contains(&canonical(path))) {
@@ -260,12 +271,12 @@ impl fmt::Display for BagInfo<'_> {
         let (start, end) = bag.span().unwrap_or((0, 0));
         let duration = end.saturating_sub(start);
         writeln!(f, "Files:             {}", files.join("\n                   "))?;
-        writeln!(f, "Bag size:          {}", Bytes(bag.size()))?;
+        writeln!(f, "Bag size:          {}", size_text(bag.size()))?;
         writeln!(f, "Storage id:        {}", bag.storage_id())?;
         writeln!(f, "ROS Distro:        {}", bag.ros_distro().unwrap_or("unknown"))?;
         writeln!(f, "Duration:          {}.{:09}s", duration / NS, duration % NS)?;
-        writeln!(f, "Start:             {}", Utc(start))?;
-        writeln!(f, "End:               {}", Utc(end))?;
+        writeln!(f, "Start:             {}", date_text(start))?;
+        writeln!(f, "End:               {}", date_text(end))?;
         writeln!(f, "Messages:          {}", bag.message_count())?;
         write!(f, "Topic information:")?;
         for (i, TopicCount { topic, messages }) in bag.topics().iter().enumerate() {
@@ -280,26 +291,18 @@ impl fmt::Display for BagInfo<'_> {
     }
 }
 
-struct Bytes(u64);
-
-impl fmt::Display for Bytes {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let size = self.0 as f64;
-        match self.0 {
-            0..1024 => write!(f, "{} B", self.0),
-            1024..1_048_576 => write!(f, "{:.1} KiB", size / 1024.0),
-            1_048_576..1_073_741_824 => write!(f, "{:.1} MiB", size / 1_048_576.0),
-            _ => write!(f, "{:.1} GiB", size / 1_073_741_824.0),
-        }
+fn size_text(bytes: u64) -> String {
+    let size = bytes as f64;
+    match bytes {
+        0..1024 => format!("{bytes} B"),
+        1024..1_048_576 => format!("{:.1} KiB", size / 1024.0),
+        1_048_576..1_073_741_824 => format!("{:.1} MiB", size / 1_048_576.0),
+        _ => format!("{:.1} GiB", size / 1_073_741_824.0),
     }
 }
 
-/// Nanoseconds since the epoch as a date in UTC.
-struct Utc(u64);
-
-impl fmt::Display for Utc {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (seconds, rest) = (self.0 / NS, self.0 % NS);
-        write!(f, "{}.{rest:09} UTC ({seconds}.{rest:09})", utc(seconds))
-    }
+/// Returns nanoseconds since the epoch as a date in UTC.
+fn date_text(ns: u64) -> String {
+    let (seconds, rest) = (ns / NS, ns % NS);
+    format!("{}.{rest:09} UTC ({seconds}.{rest:09})", utc(seconds))
 }

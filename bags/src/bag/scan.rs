@@ -53,8 +53,7 @@ pub(super) fn scan(path: &Path, file: &File, size: u64, index: Option<&Summary>)
         && !scan.warnings.iter().any(BagWarning::is_loss)
         && crc_of(file, 0, end.offset).map_err(|e| FileError::new(path, e))? != saved
     {
-        let why = "the CRC of its data is wrong".to_owned();
-        scan.warnings.push(BagWarning::Contradiction(path.to_owned(), why));
+        scan.warnings.push(BagWarning::contradiction(path, "the CRC of its data is wrong"));
     }
     Ok(scan)
 }
@@ -157,7 +156,7 @@ impl<'a> Walk<'a> {
                 return Ok(WalkEnd { offset, why, crc, passed_unknown });
             };
             // The index knows where the next chunk begins, whatever is broken before it.
-            self.skip(why.unwrap_or_else(|| "an end of the data before their end".to_owned()));
+            self.skip(why.as_deref().unwrap_or("an end of the data before their end"));
             self.offset = next;
         }
     }
@@ -190,8 +189,8 @@ impl<'a> Walk<'a> {
         }
     }
 
-    fn skip(&mut self, why: String) {
-        self.warnings.push(BagWarning::Skipped { path: self.path.to_owned(), byte: self.offset, why });
+    fn skip(&mut self, why: &str) {
+        self.warnings.push(BagWarning::skipped(self.path, self.offset, why));
     }
 
     fn record(&mut self, opcode: u8, length: u64) {
@@ -201,7 +200,7 @@ impl<'a> Walk<'a> {
                 let left_out = chunk::left_out(self.path, self.offset, None, &why);
                 self.warnings.push(BagWarning::LeftOut(left_out));
             }
-            Err(why) => self.skip(chunk::text_of(&why)),
+            Err(why) => self.skip(&chunk::text_of(&why)),
         }
         // A record that is skipped still has its length, so the scan continues behind it.
         self.offset += RECORD_HEAD + length;
@@ -303,22 +302,21 @@ impl<'a> Walk<'a> {
     }
 
     fn finish(mut self, end: &WalkEnd) -> Scan {
-        let path = self.path.to_owned();
-        let messages = self.stats.message_count;
+        let (path, messages) = (self.path, self.stats.message_count);
         // The sort is stable, so messages of one time stay in the order of the file.
         self.loose.sort_by_key(|message| message.log_time);
         let mut warnings = self.warnings;
         let summary = match self.index {
             Some(index) => {
-                if let Some(why) = end.why.clone() {
-                    warnings.push(BagWarning::Skipped { path, byte: end.offset, why });
-                }
+                let skipped = end.why.as_ref().map(|why| BagWarning::skipped(path, end.offset, why));
+                warnings.extend(skipped);
                 index.clone()
             }
             None => {
-                warnings.push(match end.why.clone() {
-                    Some(why) => BagWarning::Truncated { path, byte: end.offset, why, messages },
-                    None => BagWarning::NoIndex(path),
+                let why = "no index that is whole, the whole file was scanned".to_owned();
+                warnings.push(match &end.why {
+                    Some(why) => BagWarning::truncated(path, end.offset, why, messages),
+                    None => BagWarning::Remark(path.to_owned(), why),
                 });
                 let channels = self.channels.iter().filter_map(|&id| Some((id, self.known.get(id)?)));
                 let channels = channels.map(|(id, channel)| (id, Arc::clone(&channel))).collect();

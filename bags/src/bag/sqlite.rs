@@ -2,21 +2,18 @@
 //!
 //! SQLite has no checksums. What is missing is found by the lengths and the structure of the file; a payload that was changed is not.
 
-use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::collections::{BTreeMap, HashMap};
 use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use rusqlite::types::ValueRef;
-use rusqlite::{Connection, ErrorCode, OpenFlags, Row, Statement};
+use rusqlite::{Connection, ErrorCode, OpenFlags, Row};
 
 use super::definition::complete;
-use super::storage::{Cursor, FileSummary, Storage};
+use super::storage::{Cursor, FileSummary, Item, Storage};
 use super::{BagError, BagTopic, BagWarning, LeftOut, RawMessage, Selection, TopicCount, unpacked};
 use crate::FileError;
-
-/// Messages that are read at once.
-const BATCH: usize = 8;
 
 /// The index of one file.
 #[derive(Debug)]
@@ -51,9 +48,8 @@ impl SqliteFile {
         });
         let (places, topics) = read.map_err(|e| broken(path, &e))?;
         if stated > size {
-            let (path, why) = (path.to_owned(), format!("of {stated} bytes"));
-            let messages = places.len() as u64;
-            warnings.insert(0, BagWarning::Truncated { path, byte: size, why, messages });
+            let why = format!("of {stated} bytes");
+            warnings.insert(0, BagWarning::truncated(path, size, &why, places.len() as u64));
         }
         let span = places.first().zip(places.last()).map(|(first, last)| (time(first.time), time(last.time)));
         let (ids, topics) = topics.into_iter().unzip();
@@ -103,7 +99,7 @@ fn broken(path: &Path, why: &rusqlite::Error) -> BagError {
     } else {
         "`sqlite3 FILE .recover` may save what is in a broken file"
     };
-    BagError::Damaged(path.to_owned(), why.to_string(), remedy)
+    BagError::File(path.to_owned(), format!("{why}; {remedy}"))
 }
 
 /// Returns a time. Times are stored as signed numbers; all of them are after the epoch.
@@ -138,7 +134,7 @@ fn places(
     if warnings.is_empty()
         && let Err(why) = compare(file, &places)
     {
-        warnings.push(BagWarning::Contradiction(path.to_owned(), why));
+        warnings.push(BagWarning::contradiction(path, &why));
     }
     Ok(places)
 }
@@ -249,7 +245,7 @@ impl Storage for SqliteFile {
         &self.summary
     }
 
-    fn messages(self: Arc<Self>, selection: &Selection) -> Result<Option<Box<dyn Cursor>>, BagError> {
+    fn messages(self: Arc<Self>, selection: &Selection) -> Result<Option<Cursor>, BagError> {
         let wanted = self.ids.iter().zip(&self.summary.topics);
         let wanted = wanted.filter(|(_, counted)| selection.has(&counted.topic.name));
         let wanted: HashMap<_, _> = wanted.map(|(id, counted)| (*id, Arc::clone(&counted.topic))).collect();
@@ -259,7 +255,7 @@ impl Storage for SqliteFile {
         let start = selection.start_ns.unwrap_or(0);
         let next = self.places.partition_point(|place| time(place.time) < start);
         let file = connect(&self.path).map_err(|e| broken(&self.path, &e))?;
-        Ok(Some(Box::new(SqliteMessages { index: self, file, wanted, next, batch: VecDeque::new() })))
+        Ok(Some(Box::new(SqliteMessages { index: self, file, wanted, next })))
     }
 }
 
@@ -270,39 +266,29 @@ struct SqliteMessages {
     wanted: HashMap<i64, Arc<BagTopic>>,
     /// Index of the next message to read.
     next: usize,
-    batch: VecDeque<Result<RawMessage, LeftOut>>,
 }
 
-impl SqliteMessages {
-    /// Reads the next messages. A statement borrows its connection, so it cannot stay open between two calls.
-    fn read_batch(&mut self) -> rusqlite::Result<()> {
-        let mut query = self.file.prepare("SELECT data FROM messages WHERE id = ?1")?;
-        while let Some(place) = self.index.places.get(self.next).filter(|_| self.batch.len() < BATCH) {
+impl Iterator for SqliteMessages {
+    type Item = Item;
+
+    fn next(&mut self) -> Option<Item> {
+        let (place, topic) = loop {
+            let place = self.index.places.get(self.next)?;
             self.next += 1;
-            let Some(topic) = self.wanted.get(&place.topic) else { continue };
-            let log_time = time(place.time);
-            let read = payload(&mut query, place.id).map(|data| {
-                let topic = Arc::clone(topic);
-                RawMessage { topic, log_time, publish_time: log_time, data }
-            });
-            self.batch.push_back(read.map_err(|why| LeftOut::one(&self.index.path, topic, why)));
-        }
-        Ok(())
-    }
-}
-
-impl Cursor for SqliteMessages {
-    fn next(&mut self) -> Result<Option<RawMessage>, BagError> {
-        if self.batch.is_empty() {
-            self.read_batch().map_err(|e| broken(&self.index.path, &e))?;
-        }
-        Ok(self.batch.pop_front().transpose()?)
+            if let Some(topic) = self.wanted.get(&place.topic) {
+                break (place, topic);
+            }
+        };
+        let log_time = time(place.time);
+        let message = |data| RawMessage { topic: Arc::clone(topic), log_time, publish_time: log_time, data };
+        let read = payload(&self.file, place.id).map(message);
+        Some(read.map_err(|why| LeftOut::one(&self.index.path, topic, why).into()))
     }
 }
 
 /// Reads the payload of message number `id`.
-fn payload(query: &mut Statement<'_>, id: i64) -> Result<Vec<u8>, String> {
-    let read = query.query_row([id], |row| {
+fn payload(file: &Connection, id: i64) -> Result<Vec<u8>, String> {
+    let read = file.query_row("SELECT data FROM messages WHERE id = ?1", [id], |row| {
         Ok(match row.get_ref(0)? {
             ValueRef::Blob(bytes) | ValueRef::Text(bytes) => bytes.to_vec(),
             ValueRef::Null | ValueRef::Integer(_) | ValueRef::Real(_) => Vec::new(),

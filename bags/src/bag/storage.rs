@@ -53,13 +53,14 @@ pub(super) trait Storage: Debug + Send + Sync {
     fn summary(&self) -> &FileSummary;
 
     /// Returns the selected messages; `None` when no topic is selected.
-    fn messages(self: Arc<Self>, selection: &Selection) -> Result<Option<Box<dyn Cursor>>, BagError>;
+    fn messages(self: Arc<Self>, selection: &Selection) -> Result<Option<Cursor>, BagError>;
 }
 
+/// A message, or the report of one that is left out; any other error ends the messages.
+pub(super) type Item = Result<RawMessage, BagError>;
+
 /// Messages in log-time order.
-pub(super) trait Cursor: Send {
-    fn next(&mut self) -> Result<Option<RawMessage>, BagError>;
-}
+pub(super) type Cursor = Box<dyn Iterator<Item = Item> + Send>;
 
 /// Returns whether `path` is called as a file of a bag is, compressed or not.
 pub(super) fn is_storage(path: &Path) -> bool {
@@ -88,7 +89,7 @@ pub(super) fn files_in(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
 }
 
 /// Opens an input; `None` when no message of it is selected.
-type OpenInput = Box<dyn FnOnce() -> Result<Option<Box<dyn Cursor>>, BagError> + Send>;
+type OpenInput = Box<dyn FnOnce() -> Result<Option<Cursor>, BagError> + Send>;
 
 /// An input that is not open yet.
 pub(super) struct MergeInput {
@@ -103,8 +104,8 @@ struct OpenedInput {
     /// Log time of `head`.
     time: u64,
     /// A message, or [`BagError::LeftOut`], behind which there are others.
-    head: Result<RawMessage, BagError>,
-    rest: Box<dyn Cursor>,
+    head: Item,
+    rest: Cursor,
 }
 
 /// The messages of several inputs, such as files, in one order of time. An input is opened only when its first message
@@ -133,8 +134,8 @@ impl Merge {
     }
 
     /// Keeps the input `rest` open at `index`, unless it is over.
-    fn advance(&mut self, index: usize, mut rest: Box<dyn Cursor>) {
-        match rest.next().transpose() {
+    fn advance(&mut self, index: usize, mut rest: Cursor) {
+        match rest.next() {
             Some(Ok(message)) => {
                 self.open.insert(index, OpenedInput { time: message.log_time, head: Ok(message), rest });
             }
@@ -156,19 +157,23 @@ impl Merge {
     }
 }
 
-impl Cursor for Merge {
-    fn next(&mut self) -> Result<Option<RawMessage>, BagError> {
+impl Iterator for Merge {
+    type Item = Item;
+
+    fn next(&mut self) -> Option<Item> {
         while self.broken.is_none() && self.must_open() {
-            let Some(input) = self.closed.pop() else { break };
-            let Some(rest) = (input.open)()? else { continue };
-            self.advance(self.open.len(), rest);
+            match (self.closed.pop()?.open)() {
+                Ok(Some(rest)) => self.advance(self.open.len(), rest),
+                Ok(None) => {}
+                Err(why) => return Some(Err(why)),
+            }
         }
         if let Some(why) = self.broken.take() {
-            return Err(why);
+            return Some(Err(why));
         }
-        let Some(index) = self.earliest() else { return Ok(None) };
+        let index = self.earliest()?;
         let OpenedInput { head, rest, .. } = self.open.remove(index);
         self.advance(index, rest);
-        head.map(Some)
+        Some(head)
     }
 }

@@ -178,7 +178,7 @@ fn image_topic(bag: &BagReader, wanted: Option<&str>) -> Result<TopicCount, Sour
     };
     // The topic may be in the part that is missing.
     bag.warnings().iter().filter(|w| w.is_loss_of_any_topic()).for_each(|w| topics += &format!("; {w}"));
-    Err(SourceError::Topic { path: bag.path().to_owned(), found, topics })
+    Err(SourceError::of(bag.path(), &format!("{found}; image topics here: {topics}")))
 }
 
 /// Reads all labels of the bag by stamp; they are small beside the images. Those that cannot be read are `losses`.

@@ -13,7 +13,7 @@ use modulo_images::open_regular;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::folder::{FolderSource, LabelledSource, Labels, stem, warn_without_image};
+use super::folder::{FolderSource, LabelledSource, Labels, no_image, stem, warn_without_image};
 use super::{CROWD, GroundTruth, SourceError, SourceOptions};
 use crate::{FileError, stays_inside};
 
@@ -129,7 +129,7 @@ impl CocoSource {
         let mut text = Vec::new();
         let read = open_regular(annotations).and_then(|mut file| file.read_to_end(&mut text));
         read.map_err(|why| FileError::new(annotations, why))?;
-        let bad = |line, why: String| SourceError::Label { path: annotations.to_owned(), line, why };
+        let bad = |line, why: String| SourceError::label(annotations, line, &why);
         let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&text);
         let file: File = serde_json::from_slice(text).map_err(|why| bad(why.line(), why.to_string()))?;
         // Checked before any path is joined: an annotation file may come from anywhere.
@@ -142,7 +142,7 @@ impl CocoSource {
             None => folder_of(annotations, &file.images)?,
         };
         if file.images.is_empty() {
-            return Err(SourceError::Empty(annotations.to_owned()));
+            return Err(no_image(annotations));
         }
         let paths: Vec<PathBuf> = file.images.iter().map(|image| folder.join(&image.file_name)).collect();
         let mut labels =
@@ -206,7 +206,7 @@ impl Labels for CocoLabels {
                     "{name} is listed with {w} x {h} px, but has {width} x {height} px as it is shown, so that its boxes are not those of its \
                      pixels; label it anew"
                 );
-                Err(SourceError::Label { path: self.path.clone(), line: 1, why })
+                Err(SourceError::label(&self.path, 1, &why))
             }
         }
     }
@@ -258,7 +258,7 @@ fn folder_of(annotations: &Path, images: &[ImageEntry]) -> Result<PathBuf, Sourc
     folders
         .into_iter()
         .find(has_any)
-        .ok_or_else(|| SourceError::Absent(beside.join(&first.file_name), needed))
+        .ok_or_else(|| SourceError::absent(&beside.join(&first.file_name), needed))
 }
 
 #[cfg(test)]

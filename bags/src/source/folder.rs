@@ -182,7 +182,7 @@ pub(crate) fn list_images(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
     }
     // The path decides between names that differ only in leading zeros.
     images.sort_by_cached_key(|path| (path.file_name().map(natural), path.clone()));
-    if images.is_empty() { Err(SourceError::Empty(folder.to_owned())) } else { Ok(images) }
+    if images.is_empty() { Err(no_image(folder)) } else { Ok(images) }
 }
 
 /// Returns a key that sorts names with numbers by their value: `2.png` before `10.png`.
@@ -205,7 +205,18 @@ pub(crate) fn stem(path: &Path) -> String {
 
 fn one_image(path: &Path) -> Result<PathBuf, SourceError> {
     check_file(path)?;
-    if is_image(path) { Ok(path.to_owned()) } else { Err(SourceError::Extension(path.to_owned())) }
+    if is_image(path) {
+        return Ok(path.to_owned());
+    }
+    let possible =
+        "not an image, possible are png, jpg, jpeg, exr, hdr, .mcap and .db3; a video is read with";
+    let why = format!("{possible} 'video:' before its path, such as video:{}", path.display());
+    Err(SourceError::of(path, &why))
+}
+
+/// Returns the error of a folder or list without a single image.
+pub(super) fn no_image(path: &Path) -> SourceError {
+    SourceError::of(path, "no image in this folder, at least one png, jpg, jpeg, exr or hdr is needed")
 }
 
 /// Returns whether `path` is called as an image is, and is not a folder.
@@ -232,6 +243,17 @@ const LARGEST_LABELS: u64 = 256 << 20;
 pub(super) fn read_text(path: &Path) -> Result<String, FileError> {
     let text = input::read_text(path, LARGEST_LABELS).map_err(|why| FileError::new(path, why))?;
     Ok(text.strip_prefix('\u{feff}').map_or_else(|| text.clone(), str::to_owned))
+}
+
+/// Reads each line of a text of labels that is not blank with `parse`.
+pub(super) fn read_lines<T>(
+    path: &Path,
+    parse: impl Fn(&str) -> Result<T, String>,
+) -> Result<Vec<T>, SourceError> {
+    let text = read_text(path)?;
+    // Numbered before blank lines are left out, so that errors name the line of the file.
+    let lines = (1..).zip(text.lines()).filter(|(_, text)| !text.trim().is_empty());
+    lines.map(|(line, text)| parse(text).map_err(|why| SourceError::label(path, line, &why))).collect()
 }
 
 /// Refuses a pipe or a device.

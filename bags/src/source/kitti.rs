@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use modulo_core::BBox;
 
 use super::folder::{
-    FolderSource, LabelledSource, Labels, list_images, read_text, stem, texts_without_image,
+    FolderSource, LabelledSource, Labels, list_images, read_lines, stem, texts_without_image,
     warn_without_image,
 };
 use super::{GroundTruth, SourceError, SourceOptions};
@@ -55,7 +55,7 @@ impl KittiFolder {
         let Some((images, labels)) = layout(path) else {
             let Some(file) = tracking_file(path) else {
                 let needed = "a KITTI folder has its images in image_2 or image_02";
-                return Err(SourceError::Absent(path.join(LAYOUTS[0].0), needed));
+                return Err(SourceError::absent(&path.join(LAYOUTS[0].0), needed));
             };
             let labels = LabelFiles::Drive(read_drive(&file)?);
             return Ok(Self { images: list_images(path)?, labels, listed: false });
@@ -91,7 +91,7 @@ impl KittiFolder {
             LabelFiles::Folders(folders) => {
                 let name = format!("{}.txt", stem(image));
                 let file = folders.iter().map(|folder| folder.join(&name)).find(|file| file.is_file());
-                file.map(|file| read_labels(&file)).transpose()
+                file.map(|file| read_lines(&file, parse_label)).transpose()
             }
             LabelFiles::Drive(frames) => {
                 let number = stem(image).parse().ok();
@@ -160,24 +160,15 @@ fn tracking_file(path: &Path) -> Option<PathBuf> {
 }
 
 fn read_drive(path: &Path) -> Result<BTreeMap<u64, Vec<GroundTruth>>, SourceError> {
-    let text = read_text(path)?;
+    let parse = |text: &str| {
+        let frame = whole("frame", text.split_whitespace().next().unwrap_or_default())?;
+        Ok((frame, parse_label(text)?))
+    };
     let mut frames: BTreeMap<u64, Vec<GroundTruth>> = BTreeMap::new();
-    for (line, text) in (1..).zip(text.lines()).filter(|(_, text)| !text.trim().is_empty()) {
-        let bad = |why| SourceError::Label { path: path.to_owned(), line, why };
-        let frame = whole("frame", text.split_whitespace().next().unwrap_or_default()).map_err(bad)?;
-        frames.entry(frame).or_default().push(parse_label(text).map_err(bad)?);
+    for (frame, label) in read_lines(path, parse)? {
+        frames.entry(frame).or_default().push(label);
     }
     Ok(frames)
-}
-
-fn read_labels(path: &Path) -> Result<Vec<GroundTruth>, SourceError> {
-    let text = read_text(path)?;
-    let lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
-    lines
-        .map(|(i, line)| {
-            parse_label(line).map_err(|why| SourceError::Label { path: path.to_owned(), line: i + 1, why })
-        })
-        .collect()
 }
 
 fn parse_label(line: &str) -> Result<GroundTruth, String> {
@@ -244,27 +235,21 @@ impl FrameList {
     /// # Errors
     /// [`SourceError`] when the file cannot be read or names no frame.
     pub fn read(path: &Path) -> Result<Self, SourceError> {
-        let text = read_text(path)?;
-        let (mut frames, mut drives) = (Vec::new(), BTreeMap::new());
-        for (line, text) in (1..).zip(text.lines()) {
+        let parse = |text: &str| {
             // Comments may also follow an entry.
             let entry = text.split_once('#').map_or(text, |(entry, _comment)| entry);
             match entry.split_whitespace().collect::<Vec<_>>()[..] {
-                [] => {}
-                [frame] => frames.push(frame.to_owned()),
-                [frame, drive] => {
-                    frames.push(frame.to_owned());
-                    drives.insert(frame.to_owned(), drive.to_owned());
-                }
-                _ => {
-                    let why = format!("'{text}' found, FRAME or FRAME DRIVE needed");
-                    return Err(SourceError::Label { path: path.to_owned(), line, why });
-                }
+                [] => Ok(None),
+                [frame] => Ok(Some((frame.to_owned(), None))),
+                [frame, drive] => Ok(Some((frame.to_owned(), Some(drive.to_owned())))),
+                _ => Err(format!("'{text}' found, FRAME or FRAME DRIVE needed")),
             }
-        }
+        };
+        let entries: Vec<_> = read_lines(path, parse)?.into_iter().flatten().collect();
+        let frames: Vec<_> = entries.iter().map(|(frame, _)| frame.clone()).collect();
+        let drives = entries.into_iter().filter_map(|(frame, drive)| Some((frame, drive?))).collect();
         if frames.is_empty() {
-            let why = "the list is empty, at least one frame is needed".to_owned();
-            return Err(SourceError::Label { path: path.to_owned(), line: 1, why });
+            return Err(SourceError::label(path, 1, "the list is empty, at least one frame is needed"));
         }
         Ok(Self { name: path.display().to_string(), frames, drives })
     }

@@ -11,7 +11,7 @@ mod scene;
 mod video;
 mod yolo;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use modulo_core::{BBox, Detection, Transfer};
@@ -37,82 +37,58 @@ use crate::bag::BagError;
 /// Error: a frame could not be read. The message names the file, the fault and the possible values.
 #[derive(Debug, thiserror::Error)]
 pub enum SourceError {
-    /// The path does not exist.
-    #[error(
-        "{file}: no such path; possible are scene://PRESET, an image (png, jpg, jpeg, exr, hdr), a folder of images, a video, \
-         a KITTI folder (image_2 or image_02 inside), a .mcap or .db3 file or a bag folder, and as source of a \
-         camera rtsp://, http:// or https:// with a stream, /dev/videoN, and topic:NAME, such as topic:/camera/image_raw, for the \
-         images that another node publishes", file = .0.display()
-    )]
-    Missing(PathBuf),
     /// A camera or a stream, where frames of a recording are needed.
     #[error(
         "{0}: is live, and only the node modulo_camera reads live sources; record its images with modulo launch and modulo bag \
          record, and give the bag"
     )]
     Live(LiveAddress),
-    /// A URL with a scheme that is not read.
-    #[error(
-        "{0}: scene, rtsp, rtsps, http and https are the schemes that are read; bring images of another origin in by a node of ROS \
-         2, and give the camera source topic:NAME, such as topic:/image_raw"
-    )]
-    Scheme(String),
     /// A video that cannot be read.
     #[error(transparent)]
     Video(#[from] VideoError),
-    /// A file or folder of a data set does not exist. The text says what is needed.
-    #[error("{file}: no such file or folder; {1}", file = .0.display())]
-    Absent(PathBuf, &'static str),
     /// An address that is no scene.
     #[error(transparent)]
     Scene(#[from] modulo_scene::SpecError),
-    /// A folder without a single image.
-    #[error("{file}: no image in this folder, at least one png, jpg, jpeg, exr or hdr is needed", file = .0.display())]
-    Empty(PathBuf),
-    /// A file that is not an image by its name.
-    #[error(
-        "{file}: not an image, possible are png, jpg, jpeg, exr, hdr, .mcap and .db3; a video is read with 'video:' before its path, \
-         such as video:{file}", file = .0.display()
-    )]
-    Extension(PathBuf),
     /// The system does not read a file.
     #[error(transparent)]
     Io(#[from] FileError),
     /// An image that cannot be had.
     #[error(transparent)]
     Image(#[from] ImageError),
-    /// A label line that cannot be read.
-    #[error("{}:{line}: {why}", path.display())]
-    Label {
-        /// Path of the label file.
-        path: PathBuf,
-        /// Number of the line, from 1.
-        line: usize,
-        /// The text found and the text needed.
-        why: String,
-    },
-    /// A topic is asked for of a source that has none.
-    #[error("source_topic '{topic}': {spec} is no bag and has no topics; leave source_topic empty", spec = without_secrets(spec))]
-    NoTopics {
-        /// The source.
-        spec: String,
-        /// The requested topic.
-        topic: String,
-    },
-    /// The bag has not exactly one image topic, or not the one asked for.
-    #[error("{}: {found}; image topics here: {topics}", path.display())]
-    Topic {
-        /// Path of the bag.
-        path: PathBuf,
-        /// The requested topic.
-        found: String,
-        /// Image topics of the bag.
-        topics: String,
-    },
+    /// A source that is missing, is none of those that are read, or has labels that cannot be read. The text names it, the fault and
+    /// the possible values.
+    #[error("{0}")]
+    Unreadable(String),
     /// A bag that cannot be read.
     #[error(transparent)]
     Bag(#[from] BagError),
 }
+
+impl SourceError {
+    /// Returns the error of a file or folder.
+    fn of(path: &Path, why: &str) -> Self {
+        Self::Unreadable(format!("{}: {why}", path.display()))
+    }
+
+    /// Returns the error of a file or folder of a data set that does not exist; `needed` says what is needed.
+    fn absent(path: &Path, needed: &str) -> Self {
+        Self::of(path, &format!("no such file or folder; {needed}"))
+    }
+
+    /// Returns the error of a file with labels, in its line number `line`, from 1.
+    fn label(path: &Path, line: usize, why: &str) -> Self {
+        Self::Unreadable(format!("{}:{line}: {why}", path.display()))
+    }
+}
+
+/// What [`open`] reads.
+const POSSIBLE: &str = "scene://PRESET, an image (png, jpg, jpeg, exr, hdr), a folder of images, a video, a KITTI folder (image_2 or \
+                        image_02 inside), a .mcap or .db3 file or a bag folder, and as source of a camera rtsp://, http:// or \
+                        https:// with a stream, /dev/videoN, and topic:NAME, such as topic:/camera/image_raw, for the images that \
+                        another node publishes";
+/// The schemes that [`open`] reads.
+const SCHEMES: &str = "scene, rtsp, rtsps, http and https are the schemes that are read; bring images of another origin in by a node \
+                       of ROS 2, and give the camera source topic:NAME, such as topic:/image_raw";
 
 /// One recorded frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -218,7 +194,9 @@ pub const FRAME_ID: &str = "camera_optical";
 pub fn open(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, SourceError> {
     let is_bag = || !spec.contains("://") && crate::bag::is_bag(Path::new(spec));
     if let Some(topic) = options.topic.clone().filter(|_| !is_bag()) {
-        return Err(SourceError::NoTopics { spec: spec.to_owned(), topic });
+        let why = "is no bag and has no topics; leave source_topic empty";
+        let spec = without_secrets(spec);
+        return Err(SourceError::Unreadable(format!("source_topic '{topic}': {spec} {why}")));
     }
     if spec.starts_with("scene://") {
         return Ok(Box::new(SceneSource::open(spec)?));
@@ -226,12 +204,14 @@ pub fn open(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, Sour
     match VideoAddress::of(spec)? {
         Some(VideoAddress::File(path)) => return Ok(Box::new(VideoSource::open(&path, options)?)),
         Some(VideoAddress::Live(address)) => return Err(SourceError::Live(address)),
-        None if spec.contains("://") => return Err(SourceError::Scheme(without_secrets(spec).into_owned())),
+        None if spec.contains("://") => {
+            return Err(SourceError::Unreadable(format!("{}: {SCHEMES}", without_secrets(spec))));
+        }
         None => {}
     }
     let path = Path::new(spec);
     if !path.exists() {
-        return Err(SourceError::Missing(path.to_owned()));
+        return Err(SourceError::of(path, &format!("no such path; possible are {POSSIBLE}")));
     }
     // Bags come first, because the folder of a bag may hold images and anything else.
     if crate::bag::is_bag(path) {

@@ -11,7 +11,8 @@ use modulo_core::BBox;
 use modulo_runtime::yaml::{self, Content, Item};
 
 use super::folder::{
-    FolderSource, LabelledSource, Labels, list_images, read_text, texts_without_image, warn_without_image,
+    FolderSource, LabelledSource, Labels, list_images, read_lines, read_text, texts_without_image,
+    warn_without_image,
 };
 use super::kitti::{number, whole};
 use super::{GroundTruth, SourceError, SourceOptions};
@@ -41,10 +42,7 @@ impl YoloSource {
     /// [`SourceError`] when there is no image, or the names cannot be read.
     pub fn open(folder: &Path, options: &SourceOptions) -> Result<Self, SourceError> {
         if !folder.is_dir() {
-            return Err(SourceError::Absent(
-                folder.to_owned(),
-                "a folder of images with YOLO labels is needed",
-            ));
+            return Err(SourceError::absent(folder, "a folder of images with YOLO labels is needed"));
         }
         let inside = folder.join("images");
         let images = if inside.is_dir() { &inside } else { folder };
@@ -60,16 +58,11 @@ impl Labels for YoloLabels {
         (height, width): (usize, usize),
     ) -> Result<Option<Vec<GroundTruth>>, SourceError> {
         let Some(path) = label_files(image).into_iter().find(|path| path.is_file()) else { return Ok(None) };
-        let text = read_text(&path)?;
-        // Numbered before blank lines are left out, so that errors name the line of the file.
-        let lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty());
-        let label = |(line, text): (usize, &str)| {
-            let bad = |why| SourceError::Label { path: path.clone(), line, why };
-            let (class, bbox) = parse(text, (width as f32, height as f32), self.key_points).map_err(bad)?;
-            let class = self.name(class).map_err(bad)?;
-            Ok(GroundTruth { bbox, class, truncated: -1.0, occluded: -1 })
+        let label = |text: &str| {
+            let (class, bbox) = parse(text, (width as f32, height as f32), self.key_points)?;
+            Ok(GroundTruth { bbox, class: self.name(class)?, truncated: -1.0, occluded: -1 })
         };
-        lines.map(label).collect::<Result<_, _>>().map(Some)
+        read_lines(&path, label).map(Some)
     }
 
     fn without_image(&self, images: &[PathBuf]) -> Vec<String> {
@@ -94,8 +87,8 @@ impl YoloLabels {
             let names = text.lines().map(|line| line.trim().to_owned()).enumerate().collect();
             return Ok(Self { names, key_points: None });
         }
-        let bad = |why: String| SourceError::Label { path: path.clone(), line: 1, why };
-        listed(&text).map_err(|why| bad(format!("no readable `names`: {why}")))
+        let bad = |why| SourceError::label(&path, 1, &format!("no readable `names`: {why}"));
+        listed(&text).map_err(bad)
     }
 
     /// Returns the name of class `number`, or the number itself if the data set names no class.

@@ -146,7 +146,8 @@ fn what_is_no_bag_says_so() {
     assert!(error.contains("metadata.yaml"), "{error}");
     let text = folder.path().join("text.mcap");
     std::fs::write(&text, "this is a text and no recording").expect("written");
-    assert!(matches!(BagReader::open(&text), Err(BagError::NotBag(_))));
+    let why = BagReader::open(&text).expect_err("a text").to_string();
+    assert!(why.contains("not a bag"), "{why}");
 }
 
 /// Readers since ROS 2 Iron find a topic only by the hash of its type, which Humble and the Python package `mcap` do not record.
@@ -190,13 +191,12 @@ fn a_type_gets_the_hash_of_its_definition() {
         topics.iter().map(|(topic, hash)| (topic.name.clone(), (*hash).to_owned())).collect();
     assert_eq!(hashes(&read), expected);
     assert!(read.topics().iter().all(|counted| counted.topic.type_name.split('/').count() == 3));
-    let warned = |warning: &BagWarning| match warning {
-        BagWarning::OtherHash { topic, recorded, defined, .. } => {
-            assert_eq!((recorded, defined), (&other, &image.type_hash));
-            topic.clone()
-        }
-        BagWarning::NoDefinition { topic, .. } => topic.clone(),
-        other => panic!("{other}"),
+    let warned = |warning: &BagWarning| {
+        let text = warning.to_string();
+        let is_hash =
+            text.contains(&format!("hash {other} is recorded, but its definition has {}", image.type_hash));
+        assert!(is_hash || text.contains("the bag does not define"), "{text}");
+        text.split('\'').nth(1).expect("the name of a topic").to_owned()
     };
     let mut warned: Vec<String> = read.warnings().iter().map(warned).collect();
     warned.sort();

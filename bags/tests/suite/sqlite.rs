@@ -84,7 +84,7 @@ fn every_version_is_read() {
         assert_eq!(a.type_hash, hash);
         assert_eq!(b.schema, if version >= 4 { "int8 a" } else { "" }.as_bytes());
         let warns = |f: fn(&BagWarning) -> bool| bag.warnings().iter().filter(|w| f(w)).count();
-        assert_eq!(warns(|w| matches!(w, BagWarning::NoDefinition { .. })), usize::from(version < 4));
+        assert_eq!(warns(|w| w.to_string().contains("does not define")), usize::from(version < 4));
         assert_eq!(warns(|w| matches!(w, BagWarning::LeftOut(left) if left.messages == Some(20))), 1);
 
         let some = Selection { topics: Some(vec!["/b".into()]), start_ns: Some(1_030_000_003) };
@@ -186,9 +186,8 @@ fn a_time_that_was_changed_is_told() {
         changed[place + 3] ^= 1;
         std::fs::write(&path, changed).expect("written");
         let bag = BagReader::open(&path).expect("a bag");
-        let [expected @ BagWarning::Contradiction(..)] = bag.warnings() else {
-            panic!("{:?}", bag.warnings())
-        };
+        let [expected] = bag.warnings() else { panic!("{:?}", bag.warnings()) };
+        assert!(expected.to_string().contains("may be damaged or missing"), "{expected}");
         assert!(expected.is_loss() && expected.to_string().contains("times"), "{expected}");
     }
 }

@@ -30,19 +30,13 @@ pub enum ImageError {
     /// The operating system cannot read the file.
     #[error("{file}: {1}", file = .0.display())]
     Io(PathBuf, #[source] std::io::Error),
-    /// The content cannot be decoded. The texts are the name of the image and the reason.
+    /// The content cannot be decoded, or has codes of 16 bits that look like those of a converter of 12 bits or less. The texts are the
+    /// name of the image and the reason.
     #[error("{0}: {1}")]
     Undecodable(String, String),
     /// The white point is not a radiance.
     #[error("white = {0}: must be a finite number, 0 (automatic) or above")]
     White(f32),
-    /// Codes of 16 bits that look like those of a converter of 12 bits or less. The values are the name of the image and
-    /// its largest code.
-    #[error(
-        "{0}: is an image of 16 bits, but its largest code is {1}, as from a converter of at most 12 bits; give the \
-         code of full scale as white, such as 4096 for 12 bits, or 65536 for a dark image of 16 bits"
-    )]
-    FewBits(String, u16),
 }
 
 /// File name extensions of images, in lower case.
@@ -140,19 +134,23 @@ pub fn sample_depth(mut image: impl BufRead + Seek) -> Option<SampleDepth> {
 pub fn decode(bytes: &[u8], origin: &str) -> Result<Frame, ImageError> {
     let bad = |why: String| ImageError::Undecodable(origin.to_owned(), why);
     let picture = picture(bytes).map_err(bad)?;
-    let (height, width) = (picture.height() as usize, picture.width() as usize);
-    let frame = match picture {
-        DynamicImage::ImageLuma8(i) => Frame::from_u8(samples((height, width, 1), 1, i.into_raw())),
-        DynamicImage::ImageLumaA8(i) => Frame::from_u8(samples((height, width, 1), 2, i.into_raw())),
-        DynamicImage::ImageRgb8(i) => Frame::from_u8(samples((height, width, 3), 3, i.into_raw())),
-        DynamicImage::ImageRgba8(i) => Frame::from_u8(samples((height, width, 3), 4, i.into_raw())),
-        DynamicImage::ImageLuma16(i) => Frame::from_u16(samples((height, width, 1), 1, i.into_raw())),
-        DynamicImage::ImageLumaA16(i) => Frame::from_u16(samples((height, width, 1), 2, i.into_raw())),
-        DynamicImage::ImageRgb16(i) => Frame::from_u16(samples((height, width, 3), 3, i.into_raw())),
-        DynamicImage::ImageRgba16(i) => Frame::from_u16(samples((height, width, 3), 4, i.into_raw())),
-        DynamicImage::ImageRgb32F(i) => Frame::from_f32(samples((height, width, 3), 3, i.into_raw())),
-        DynamicImage::ImageRgba32F(i) => Frame::from_f32(samples((height, width, 3), 4, i.into_raw())),
-        other => return Err(bad(format!("colour type {:?} is not supported", other.color()))),
+    let size = (picture.height() as usize, picture.width() as usize);
+    // The conversions drop alpha, and change nothing else.
+    let frame = match picture.color() {
+        ColorType::L8 | ColorType::La8 => Frame::from_u8(samples(size, 1, picture.into_luma8().into_raw())),
+        ColorType::Rgb8 | ColorType::Rgba8 => {
+            Frame::from_u8(samples(size, 3, picture.into_rgb8().into_raw()))
+        }
+        ColorType::L16 | ColorType::La16 => {
+            Frame::from_u16(samples(size, 1, picture.into_luma16().into_raw()))
+        }
+        ColorType::Rgb16 | ColorType::Rgba16 => {
+            Frame::from_u16(samples(size, 3, picture.into_rgb16().into_raw()))
+        }
+        ColorType::Rgb32F | ColorType::Rgba32F => {
+            Frame::from_f32(samples(size, 3, picture.into_rgb32f().into_raw()))
+        }
+        other => return Err(bad(format!("colour type {other:?} is not supported"))),
     };
     frame.map_err(|e| bad(e.to_string()))
 }
@@ -184,12 +182,10 @@ fn upright(reader: ImageReader<Cursor<&[u8]>>) -> Result<DynamicImage, image::Im
     Ok(image)
 }
 
-/// Returns the pixels, `H x W x C`, of an image with so many `channels`: alpha, the last one of them, is dropped.
-fn samples<T: Copy>(shape: (usize, usize, usize), channels: usize, mut samples: Vec<T>) -> Array3<T> {
-    if channels > shape.2 {
-        samples = samples.chunks_exact(channels).flat_map(|pixel| &pixel[..shape.2]).copied().collect();
-    }
-    Array3::from_shape_vec(shape, samples).expect("the decoder gives as many samples as its size needs")
+/// Returns the pixels, `H x W x C`, of an image of (height, width).
+fn samples<T>((height, width): (usize, usize), channels: usize, samples: Vec<T>) -> Array3<T> {
+    Array3::from_shape_vec((height, width, channels), samples)
+        .expect("the decoder gives as many samples as its size needs")
 }
 
 /// Error of a frame that could not be written.

@@ -92,7 +92,7 @@ impl White {
     /// largest code stands for clipped radiance and stays.
     ///
     /// # Errors
-    /// [`ImageError::FewBits`] for 16 bits without a given white point whose largest code is in 256 to 4095, unless an
+    /// [`ImageError::Undecodable`] for 16 bits without a given white point whose largest code is in 256 to 4095, unless an
     /// earlier frame had a larger one.
     pub fn radiance(
         &mut self,
@@ -111,7 +111,13 @@ impl White {
                     // Read as 16 bits, such an image would be so dark that no alpha of use wraps it: every figure would
                     // be perfect and mean nothing. A nearly black image fits both readings, so it says nothing.
                     if !self.wide && largest > u16::from(u8::MAX) {
-                        return Err(ImageError::FewBits(origin.to_string(), largest));
+                        return Err(ImageError::Undecodable(
+                            origin.to_string(),
+                            format!(
+                                "is an image of 16 bits, but its largest code is {largest}, as from a converter of at most 12 bits; \
+                                 give the code of full scale as white, such as 4096 for 12 bits, or 65536 for a dark image of 16 bits"
+                            ),
+                        ));
                     }
                     dithered(codes, f32::from(u16::MAX)) / 65536.0
                 }

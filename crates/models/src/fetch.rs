@@ -1,7 +1,7 @@
 use std::fs::{self, File, Permissions};
 use std::io::{self, Read, Write};
 use std::os::unix::fs::PermissionsExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Duration;
 
 use sha2::{Digest, Sha256};
@@ -37,43 +37,10 @@ pub enum Fetched {
     AlreadyThere,
 }
 
-/// Error: the file could not be fetched.
+/// Error: the file could not be fetched. The text says why, with a remedy where there is one.
 #[derive(Debug, thiserror::Error)]
-pub enum FetchError {
-    /// The text is not the URL of a file on an HTTP server.
-    #[error("url '{0}': must be http://HOST/... or https://HOST/...")]
-    Url(String),
-    /// The text is not a sha256.
-    #[error("sha256 '{0}': must be 64 hex digits")]
-    Sha256(String),
-    /// The server of a URL, which would fill a file, could not be reached.
-    #[error(
-        "cannot reach {0}: {2}; download it on another machine and copy it to {file}, or set a mirror with --url",
-        file = .1.display()
-    )]
-    Offline(String, PathBuf, ureq::Error),
-    /// The server of a URL answered with a status other than 200.
-    #[error("{0}: the server answered {1}, needed is 200; set another address with --url")]
-    Status(String, u16),
-    /// The download of a URL ended after so many bytes.
-    #[error("{0}: the connection broke after {1} bytes: {2}; run the command again")]
-    Cut(String, u64, String),
-    /// The file at a URL has so many bytes, but must have the length in words.
-    #[error("{0}: has {1} bytes, allowed is {2}")]
-    Size(String, u64, String),
-    /// The file at a URL has this sha256, but must have that one.
-    #[error("{0}: sha256 is {1}, expected is {2}; the downloaded file was removed")]
-    Wrong(String, String, String),
-    /// A file exists already with this sha256, but must have that one.
-    #[error(
-        "{file}: exists already with sha256 {1}, expected is {2}; move it away or choose another folder",
-        file = .0.display()
-    )]
-    Occupied(PathBuf, String, String),
-    /// A file could not be read or written.
-    #[error("{file}: {1}", file = .0.display())]
-    File(PathBuf, io::Error),
-}
+#[error("{0}")]
+pub struct FetchError(String);
 
 /// Downloads a file, or finds that it exists already. `progress` is called with the bytes received so far and, if it is
 /// known, the length of the file.
@@ -86,33 +53,41 @@ pub enum FetchError {
 pub fn fetch(request: &FetchRequest<'_>, progress: &dyn Fn(u64, Option<u64>)) -> Result<Fetched, FetchError> {
     let expected = request.sha256.to_ascii_lowercase();
     if expected.len() != 64 || !expected.bytes().all(|digit| digit.is_ascii_hexdigit()) {
-        return Err(FetchError::Sha256(request.sha256.to_owned()));
+        return Err(FetchError(format!("sha256 '{}': must be 64 hex digits", request.sha256)));
     }
     // An existing file is compared before the server is asked, so that a fetched model needs no network any more.
-    let disk = |why| FetchError::File(request.file.to_owned(), why);
+    let file = request.file.display();
+    let disk = |why: io::Error| FetchError(format!("{file}: {why}"));
     match sha256_of(request.file) {
         Ok(found) if found == expected => return Ok(Fetched::AlreadyThere),
-        Ok(found) => return Err(FetchError::Occupied(request.file.to_owned(), found, expected)),
+        Ok(found) => {
+            return Err(FetchError(format!(
+                "{file}: exists already with sha256 {found}, expected is {expected}; move it away or choose another folder"
+            )));
+        }
         Err(why) if why.kind() == io::ErrorKind::NotFound => {}
         Err(why) => return Err(disk(why)),
     }
-    let uri: Uri = request.url.parse().map_err(|_| FetchError::Url(request.url.to_owned()))?;
-    let host = uri.host().filter(|_| matches!(uri.scheme_str(), Some("http" | "https")));
-    let agent = agent(host.ok_or_else(|| FetchError::Url(request.url.to_owned()))?, STALL);
+    let uri = request.url.parse::<Uri>().ok();
+    let uri = uri.filter(|uri| matches!(uri.scheme_str(), Some("http" | "https")));
+    let url = request.url;
+    let no_url = || FetchError(format!("url '{url}': must be http://HOST/... or https://HOST/..."));
+    let agent = agent(uri.as_ref().and_then(Uri::host).ok_or_else(no_url)?, STALL);
     let folder = request.file.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
     fs::create_dir_all(folder).map_err(disk)?;
     // A temporary file is readable for its owner only. The model gets the mode of any new file, so that the umask
     // decides. It lies in the folder of the target, because a file can only be renamed within one file system.
     let mode = Permissions::from_mode(0o666);
-    let mut file = tempfile::Builder::new().permissions(mode).tempfile_in(folder).map_err(disk)?;
-    let found = request.download(&agent, &mut file, progress)?;
+    let mut fetched = tempfile::Builder::new().permissions(mode).tempfile_in(folder).map_err(disk)?;
+    let found = request.download(&agent, &mut fetched, progress)?;
     if found != expected {
-        return Err(FetchError::Wrong(request.url.to_owned(), found, expected));
+        let why = format!("sha256 is {found}, expected is {expected}; the downloaded file was removed");
+        return Err(FetchError(format!("{url}: {why}")));
     }
     // Without the synchronisation a power failure could leave a file of the right name without its content. Another
     // process may have written the target in the meantime: it is never overwritten.
-    file.as_file().sync_all().map_err(disk)?;
-    file.persist_noclobber(request.file).map_err(|why| disk(why.error))?;
+    fetched.as_file().sync_all().map_err(disk)?;
+    fetched.persist_noclobber(request.file).map_err(|why| disk(why.error))?;
     Ok(Fetched::Downloaded)
 }
 
@@ -124,11 +99,17 @@ impl FetchRequest<'_> {
         file: &mut NamedTempFile,
         progress: &dyn Fn(u64, Option<u64>),
     ) -> Result<String, FetchError> {
-        let url = || self.url.to_owned();
-        let offline = |why| FetchError::Offline(url(), self.file.to_owned(), why);
-        let response = agent.get(self.url).call().map_err(offline)?;
+        let (url, name) = (self.url, self.file.display());
+        let remedy =
+            format!("download it on another machine and copy it to {name}, or set a mirror with --url");
+        let offline = |why| FetchError(format!("cannot reach {url}: {why}; {remedy}"));
+        let cut = |got: u64, why: String| {
+            FetchError(format!("{url}: the connection broke after {got} bytes: {why}; run the command again"))
+        };
+        let response = agent.get(url).call().map_err(offline)?;
         if response.status() != 200 {
-            return Err(FetchError::Status(url(), response.status().as_u16()));
+            let why = format!("the server answered {}, needed is 200", response.status().as_u16());
+            return Err(FetchError(format!("{url}: {why}; set another address with --url")));
         }
         // The announced length is compared before the download. It can be missing, and it can be wrong, so that the
         // received bytes are counted as well: a server must not be able to fill the disk.
@@ -137,19 +118,19 @@ impl FetchRequest<'_> {
         let mut body = response.into_body().into_reader();
         let (mut hash, mut got, mut buffer) = (Sha256::new(), 0, vec![0; 1 << 16]);
         loop {
-            let read = body.read(&mut buffer).map_err(|why| FetchError::Cut(url(), got, why.to_string()))?;
+            let read = body.read(&mut buffer).map_err(|why| cut(got, why.to_string()))?;
             if read == 0 {
                 break;
             }
             got += read as u64;
             self.check_length(got, false)?;
             hash.update(&buffer[..read]);
-            file.write_all(&buffer[..read]).map_err(|why| FetchError::File(self.file.to_owned(), why))?;
+            file.write_all(&buffer[..read]).map_err(|why| FetchError(format!("{name}: {why}")))?;
             progress(got, total.or(self.bytes));
         }
         // A closed connection looks like the end of the file. Only the length shows that bytes are missing.
         match total.or(self.bytes) {
-            Some(total) if got < total => Err(FetchError::Cut(url(), got, format!("{total} were announced"))),
+            Some(total) if got < total => Err(cut(got, format!("{total} were announced"))),
             _ => Ok(hex(&hash.finalize())),
         }
     }
@@ -161,7 +142,7 @@ impl FetchRequest<'_> {
             None if bytes > LIMIT => format!("at most {LIMIT}"),
             _ => return Ok(()),
         };
-        Err(FetchError::Size(self.url.to_owned(), bytes, allowed))
+        Err(FetchError(format!("{}: has {bytes} bytes, allowed is {allowed}", self.url)))
     }
 }
 

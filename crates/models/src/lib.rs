@@ -50,12 +50,12 @@ impl Official {
     /// is not known.
     ///
     /// # Errors
-    /// [`OfficialError::Unpinned`] when no sha256 is known.
+    /// [`OfficialError`] when no sha256 is known.
     pub fn pinned<'a>(&self, given: Option<&'a str>) -> Result<(Option<u64>, &'a str), OfficialError> {
         match (given, self.sha256) {
             (Some(given), _) => Ok((None, given)),
             (None, Some(known)) => Ok((self.bytes, known)),
-            (None, None) => Err(OfficialError::Unpinned(self.name)),
+            (None, None) => Err(OfficialError(self.name.to_owned(), UNPINNED.to_owned())),
         }
     }
 }
@@ -78,31 +78,24 @@ pub const OFFICIAL: &[Official] = &[
     Official::unknown("yolov10x"),
 ];
 
-/// Error of an official export that is not fetched.
+/// Error of an official export that is not fetched: no export has its name, or its sha256 is not known.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum OfficialError {
-    /// No export has this name.
-    #[error("model '{0}': must be one of {names}", names = names())]
-    Unknown(String),
-    /// The sha256 of the export is not known.
-    #[error(
-        "model '{0}': its sha256 is not known to this program, so a damaged or exchanged file could not be \
-         told from the right one; give --sha256 HEX of a copy that you trust"
-    )]
-    Unpinned(&'static str),
-}
+#[error("model '{0}': {1}")]
+pub struct OfficialError(String, String);
 
-fn names() -> String {
-    OFFICIAL.iter().map(|model| model.name).collect::<Vec<_>>().join(", ")
-}
+const UNPINNED: &str = "its sha256 is not known to this program, so a damaged or exchanged file could not be told from the right one; \
+                        give --sha256 HEX of a copy that you trust";
 
 /// Finds the export with the name `name`.
 ///
 /// # Errors
-/// [`OfficialError::Unknown`] with all names, if there is no such export.
+/// [`OfficialError`] with all names, if there is no such export.
 pub fn official(name: &str) -> Result<&'static Official, OfficialError> {
     let found = OFFICIAL.iter().find(|model| model.name == name);
-    found.ok_or_else(|| OfficialError::Unknown(name.to_owned()))
+    found.ok_or_else(|| {
+        let names: Vec<_> = OFFICIAL.iter().map(|model| model.name).collect();
+        OfficialError(name.to_owned(), format!("must be one of {}", names.join(", ")))
+    })
 }
 
 #[cfg(test)]

@@ -123,8 +123,6 @@ impl Damage {
 pub(crate) struct Reports {
     /// The first one; later ones often follow from it.
     pub first: Option<String>,
-    /// Their number.
-    pub count: u64,
 }
 
 impl Reports {
@@ -139,7 +137,6 @@ impl Reports {
         let is_error = matches!(level, "[error" | "[fatal");
         if is_error {
             self.first.get_or_insert_with(|| without_secrets(message.trim()).into_owned());
-            self.count += 1;
         }
         (message, is_error)
     }
@@ -404,7 +401,7 @@ mod tests {
         reports.take("[mov @ 0x55] [warning] [error] no");
         reports.take("[rtsp @ 0x55] [error] method DESCRIBE failed: 401");
         reports.take("[error] rtsp://a:secret@cam/1: Unauthorized");
-        assert_eq!((reports.first.as_deref(), reports.count), (Some("method DESCRIBE failed: 401"), 2));
+        assert_eq!(reports.first.as_deref(), Some("method DESCRIBE failed: 401"));
         let mut reports = Reports::default();
         reports.take("[fatal] rtsp://a:secret@cam/1: Unauthorized");
         assert_eq!(reports.first.as_deref(), Some("rtsp://***@cam/1: Unauthorized"));

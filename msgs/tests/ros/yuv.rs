@@ -1,6 +1,5 @@
 //! Images with luma and chroma against OpenCV.
 
-use modulo_msgs::image::ImageMessageError;
 use modulo_msgs::sensor_msgs::Image;
 use proptest::prelude::*;
 
@@ -53,11 +52,13 @@ fn pixels_without_chroma_and_missing_bytes_are_refused() {
     for (image, _) in golden() {
         let Image { height, width, step, ref data, .. } = image;
         let short = Image { data: data[..data.len() - 1].to_vec(), ..image.clone() };
-        let (expected, got) = (data.len() as u64, data.len() - 1);
-        assert_eq!(short.to_frame(), Err(ImageMessageError::Short { expected, got }), "{}", image.encoding);
+        let why = short.to_frame().expect_err("short").to_string();
+        let expected = format!("data has {} bytes, {} expected", data.len() - 1, data.len());
+        assert!(why.contains(&expected), "{}: {why}", image.encoding);
         let row = if image.encoding.starts_with("nv") { width } else { 2 * width };
         let narrow = Image { step: row - 1, ..image.clone() };
-        assert_eq!(narrow.to_frame(), Err(ImageMessageError::Step { step: row - 1, row: row.into() }));
+        let why = narrow.to_frame().expect_err("narrow").to_string();
+        assert!(why.contains(&format!("step is {} bytes, a row needs at least {row}", row - 1)), "{why}");
         for (height, width, is_read) in [
             (height, width - 1, image.encoding == "nv24"),
             (height - 1, width, !matches!(image.encoding.as_str(), "nv12" | "nv21")),

@@ -27,7 +27,7 @@ pub use engine::{
     onnxruntime_places,
 };
 pub use measure::{ModelInfo, Speed, describe, measure};
-pub use model::{DEMO, ShapeError, embedded};
+pub use model::{DEMO, embedded};
 pub use node::{Detector, outputs};
 pub use parameter::DetectorParameters;
 

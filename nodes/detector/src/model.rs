@@ -9,6 +9,8 @@ use std::path::Path;
 
 use modulo_runtime::input::read_text;
 
+use crate::engine::EngineError;
+
 /// Value of the parameter `model` for the embedded model; a file of that name is `./demo`.
 pub const DEMO: &str = "demo";
 
@@ -22,38 +24,27 @@ const NAMES: &str = "a text file with one name a line, or none";
 const OUTPUT: &str = "an output [1, N, 6] of float32 (x1, y1, x2, y2, score, class: \
                       an end-to-end export such as YOLOv10's, without non-maximum suppression outside)";
 
-/// Type of a tensor's elements.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum ElementType {
-    /// 32-bit float.
-    F32,
-    /// Anything else, by name.
-    Other(String),
-}
+/// The type of the elements of a tensor that is read: 32-bit float.
+pub const FLOAT32: &str = "float32";
 
 /// An input or output of a model.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TensorSpec {
     /// Its name in the graph.
     pub name: String,
-    /// Type of the elements.
-    pub element: ElementType,
+    /// Name of the type of its elements, such as [`FLOAT32`].
+    pub element: String,
     /// Sides, `None` for a free one; `None` as a whole when the file does not contain the shape.
     pub shape: Option<Vec<Option<usize>>>,
 }
 
 impl fmt::Display for TensorSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let element = match &self.element {
-            ElementType::F32 => "float32",
-            ElementType::Other(name) => name,
-        };
-        let Some(shape) = &self.shape else {
-            return write!(f, "'{}' of {element} without a shape", self.name);
-        };
+        let Self { name, element, shape } = self;
+        let Some(shape) = shape else { return write!(f, "'{name}' of {element} without a shape") };
         let side = |side: &Option<usize>| side.map_or("?".to_owned(), |side| side.to_string());
         let sides: Vec<_> = shape.iter().map(side).collect();
-        write!(f, "'{}' [{}] of {element}", self.name, sides.join(", "))
+        write!(f, "'{name}' [{}] of {element}", sides.join(", "))
     }
 }
 
@@ -65,15 +56,6 @@ pub struct Signature {
     pub outputs: Vec<TensorSpec>,
     /// Metadata property `names`, a Python dict as text.
     pub names: Option<String>,
-}
-
-/// Error: a model is not a detector that this node can read.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("model '{model}': {found}, needed is {needed}")]
-pub struct ShapeError {
-    model: String,
-    found: String,
-    needed: &'static str,
 }
 
 /// Names and sizes of a model that this node can read.
@@ -94,9 +76,11 @@ impl ModelLayout {
     /// names.
     ///
     /// # Errors
-    /// [`ShapeError`] with the found and the needed shape, or with a file of names that cannot be read.
-    pub fn of(model: &Path, signature: &Signature) -> Result<Self, ShapeError> {
-        let refuse = |found, needed| ShapeError { model: model.display().to_string(), found, needed };
+    /// [`EngineError`] with the found and the needed shape, or with a file of names that cannot be read.
+    pub fn of(model: &Path, signature: &Signature) -> Result<Self, EngineError> {
+        let refuse = |found: String, needed| {
+            EngineError(format!("model '{}': {found}, needed is {needed}", model.display()))
+        };
         let (input, size) = image_input(&signature.inputs)
             .ok_or_else(|| refuse(format!("input is {}", list(&signature.inputs)), INPUT))?;
         let output = signature
@@ -116,8 +100,9 @@ impl ModelLayout {
 
 /// Returns the name of the only input, and the size that it fixes, if any.
 fn image_input(inputs: &[TensorSpec]) -> Option<(&str, Option<(usize, usize)>)> {
-    let [TensorSpec { name, element: ElementType::F32, shape: Some(shape) }] = inputs else { return None };
+    let [TensorSpec { name, element, shape: Some(shape) }] = inputs else { return None };
     match shape[..] {
+        _ if element != FLOAT32 => None,
         [Some(1) | None, Some(3) | None, Some(height), Some(width)] if height > 0 && width > 0 => {
             Some((name, Some((height, width))))
         }
@@ -134,7 +119,7 @@ fn gives_rows(port: &TensorSpec) -> bool {
         Some(_) => false,
         None => true,
     };
-    possible && port.element == ElementType::F32
+    possible && port.element == FLOAT32
 }
 
 fn list(ports: &[TensorSpec]) -> String {

@@ -181,21 +181,21 @@ impl Loaded {
         parameters: &DetectorParameters,
         size: (usize, usize),
     ) -> Result<Self, ParameterError> {
+        let values = |of: &DetectorParameters| {
+            let DetectorParameters { model, engine, device, input_size, threads, .. } = of.clone();
+            [model, engine.to_string(), device, input_size, threads.to_string()]
+        };
         Self::new(parameters, size).map_err(|why| match why {
             DetectorError::Parameter(why) => why,
-            DetectorError::Engine(why) if parameters.model != last.model => {
-                ParameterError::new("model", &parameters.model, why.to_string())
+            DetectorError::Engine(why) => {
+                let named = ["model", "engine", "device", "input_size", "threads"]
+                    .into_iter()
+                    .zip(values(parameters));
+                let mut changed = named.zip(values(last)).filter(|((_, next), last)| next != last);
+                let first = changed.next().map(|(named, _)| named);
+                let (name, value) = first.expect("a model is loaded again where one of them has changed");
+                ParameterError::new(name, value, why.to_string())
             }
-            DetectorError::Engine(why) if parameters.engine != last.engine => {
-                ParameterError::new("engine", parameters.engine, why.to_string())
-            }
-            DetectorError::Engine(why) if parameters.device != last.device => {
-                ParameterError::new("device", &parameters.device, why.to_string())
-            }
-            DetectorError::Engine(why) if parameters.input_size != last.input_size => {
-                ParameterError::new("input_size", &parameters.input_size, why.to_string())
-            }
-            DetectorError::Engine(why) => ParameterError::new("threads", parameters.threads, why.to_string()),
         })
     }
 

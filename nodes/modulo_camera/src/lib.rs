@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use modulo_bags::source;
-use modulo_bags::source::{FRAME_ID, GroundTruth, Source, SourceFrame, SourceOptions, to_detections};
+use modulo_bags::source::{FRAME_ID, Source, SourceFrame, SourceOptions, to_detections};
 use modulo_core::Frame;
 use modulo_core::sensor::{Exposure, Sensor};
 use modulo_images::White;
@@ -172,17 +172,15 @@ impl ModuloCamera {
         let header = self.header(stamp, &frame.frame_id);
         // Published before the images: an evaluation of a frame has its ground truth by then.
         if let Some(truth) = frame.ground_truth.as_deref().filter(|_| cx.wanted(GROUND_TRUTH)) {
-            cx.emit(GROUND_TRUTH, ground_truth(truth, &header));
+            cx.emit(GROUND_TRUTH, Message::Detections(Arc::new(to_detections(truth, &header))));
         }
         let sensed = self.sense(self.frames_read - 1, &frame.radiance, &header, cx);
         let CameraInput::Frames(reader) = &mut self.input else { return Ok(()) };
         sensed.map_err(|why| reader.refuse(format!("frame {}: {why}", frame.name)))?;
-        reader.accept();
+        reader.given = true;
         Ok(())
     }
-}
 
-impl ModuloCamera {
     /// Sends the newest frame of a live camera, if there is a new one.
     fn step_live(&mut self, cx: &mut Context<'_>) -> Result<(), StepError> {
         let CameraInput::Live(video) = &self.input else { return Ok(()) };
@@ -195,10 +193,6 @@ impl ModuloCamera {
         let sensed = radiance.and_then(|radiance| self.sense(self.frames_read - 1, &radiance, &header, cx));
         sensed.map_err(StepError::Skip)
     }
-}
-
-fn ground_truth(truth: &[GroundTruth], header: &Header) -> Message {
-    Message::Detections(Arc::new(to_detections(truth, header)))
 }
 
 /// Returns the topics that a camera publishes.
@@ -420,11 +414,6 @@ impl FrameReader {
             }
         }
         next.transpose().map_err(|why| self.refuse(why.to_string()))
-    }
-
-    /// Books that the last frame was good.
-    fn accept(&mut self) {
-        self.given = true;
     }
 
     /// Notes the fault of the last frame, and returns the error that skips it.

@@ -16,7 +16,6 @@ use tokio::task::spawn_blocking;
 use crate::Viewer;
 use crate::feed::PLAYER;
 use crate::protocol::{Event, GraphView, PageRequest, ParameterView, PlayerCall};
-use crate::streams::Pace;
 use crate::watch::{Audience, LOOK, Watch};
 
 /// Requests of a browser that wait for the services of nodes.
@@ -94,9 +93,7 @@ impl Client {
                 let mut inbox = self.watch.inbox();
                 topics.iter().for_each(|topic| inbox.streams.drawn(topic));
             }
-            PageRequest::Together(together) => {
-                self.watch.inbox().pace = if together { Pace::Together } else { Pace::Newest };
-            }
+            PageRequest::Together(together) => self.watch.inbox().together = together,
             PageRequest::Pixel { u, v } => {
                 let samples = self.watch.inbox().streams.pixel(u, v);
                 return send(socket, &Event::Pixel { u, v, samples }).await;

@@ -99,15 +99,13 @@ impl Feed {
 impl Heard {
     /// Reads a message. One that cannot be read is left out: its reader in the suite counts it.
     fn read(type_name: &str, sample: RawSample) -> Option<Self> {
-        match MessageKind::from_type_name(type_name)? {
-            MessageKind::Image => Some(Self::Image(sample.payload)),
-            kind @ (MessageKind::Detections | MessageKind::Diagnostics) => {
-                match Message::decode(kind, &sample.payload).ok()? {
-                    Message::Detections(boxes) => Some(Self::Boxes(boxes)),
-                    Message::Diagnostics(array) => Some(Self::Statuses(array)),
-                    _ => None,
-                }
-            }
+        let kind = MessageKind::from_type_name(type_name)?;
+        if kind == MessageKind::Image {
+            return Some(Self::Image(sample.payload));
+        }
+        match Message::decode(kind, &sample.payload).ok()? {
+            Message::Detections(boxes) => Some(Self::Boxes(boxes)),
+            Message::Diagnostics(array) => Some(Self::Statuses(array)),
             _ => None,
         }
     }
@@ -122,15 +120,9 @@ pub(crate) struct Statuses {
 }
 
 impl Statuses {
-    /// Takes the statuses of `array`; names beyond the first 256 are left out.
-    pub fn note(&mut self, array: &DiagnosticArray) {
-        for status in &array.status {
-            self.note_as(&status.name, status);
-        }
-    }
-
-    /// Takes a status under another name than its own, which several publishers may share.
-    pub fn note_as(&mut self, name: &str, status: &DiagnosticStatus) {
+    /// Takes a status under its own name, or under another one where several publishers share that; names beyond the first 256 are left
+    /// out.
+    pub fn note(&mut self, name: &str, status: &DiagnosticStatus) {
         if self.by_name.len() < STATUSES || self.by_name.contains_key(name) {
             self.by_name.insert(name.to_owned(), StatusView { name: name.to_owned(), ..status.into() });
             self.fresh.insert(name.to_owned());
@@ -246,7 +238,7 @@ mod tests {
         let mut statuses = Statuses::default();
         let status = DiagnosticStatus { name: "sensor".into(), ..DiagnosticStatus::default() };
         for topic in ["/front/sensor_info", "/rear/sensor_info"] {
-            statuses.note_as(topic, &status);
+            statuses.note(topic, &status);
         }
         let names: Vec<String> = statuses.take_fresh().into_iter().map(|status| status.name).collect();
         assert_eq!(names, ["/front/sensor_info", "/rear/sensor_info"]);

@@ -13,11 +13,11 @@ use foxglove::websocket::{
     SetParametersResponder,
 };
 use foxglove::{Channel, Context, FoxgloveError, WebSocketServer, WebSocketServerHandle};
-use modulo_middleware::parameter::client::{ClientError, ParameterClient};
+use modulo_middleware::parameter::client::ParameterClient;
 use modulo_runtime::Value;
 use modulo_runtime::name::is_hidden_node;
 use modulo_runtime::parameter::ros::from_ros;
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::sync::Semaphore;
 use tokio::task::spawn_blocking;
 
 use crate::feed::Session;
@@ -32,6 +32,8 @@ const REQUESTS: usize = 8;
 const BUSY: &str = "too many requests for parameters wait for the nodes; ask again";
 /// The parameter to which a client gives the token before it may set any other one.
 const TOKEN: &str = "token";
+const NO_TOKEN: &str = "give the token that `modulo view` has printed, by setting the parameter `token`; only then others can \
+                        be set";
 /// Boxes and the background of their labels.
 const CYAN: Color = Color { r: 0.0, g: 0.9, b: 0.9, a: 1.0 };
 const BLACK: Color = Color { r: 0.0, g: 0.0, b: 0.0, a: 1.0 };
@@ -202,11 +204,6 @@ struct ParameterProxy {
 }
 
 impl ParameterProxy {
-    /// Returns a place for one more request; `None` when too many wait for nodes already.
-    fn place(&self) -> Option<OwnedSemaphorePermit> {
-        self.places.clone().try_acquire_owned().ok()
-    }
-
     fn new(session: Arc<Session>, token: String) -> Self {
         Self {
             session,
@@ -259,7 +256,7 @@ impl ParameterProxy {
     }
 
     /// Sets one parameter, or takes the token.
-    fn set(&self, client: &AnyClient, name: &str, value: &ParameterValue) -> Result<(), SetError> {
+    fn set(&self, client: &AnyClient, name: &str, value: &ParameterValue) -> Result<(), String> {
         let text = match value {
             ParameterValue::String(text) => text.clone(),
             other => serde_json::to_string(other).expect("numbers, booleans and lists of them are JSON"),
@@ -267,7 +264,7 @@ impl ParameterProxy {
         let mut trusted = self.trusted.lock().unwrap_or_else(PoisonError::into_inner);
         if name == TOKEN {
             if text != self.token {
-                return Err(SetError::WrongToken);
+                return Err("is not the token that `modulo view` has printed".to_owned());
             }
             if !trusted.contains(&client.id()) {
                 trusted.push(client.id());
@@ -275,11 +272,14 @@ impl ParameterProxy {
             return Ok(());
         }
         if !trusted.contains(&client.id()) {
-            return Err(SetError::NoToken);
+            return Err(NO_TOKEN.to_owned());
         }
         drop(trusted);
-        let (node, name) = name.split_once('.').ok_or_else(|| SetError::Name(name.to_owned()))?;
-        Ok(ParameterClient::new(&self.session.transport, node).set(name, &text)?)
+        let Some((node, name)) = name.split_once('.') else {
+            return Err(format!("'{name}' is not the name of a parameter, such as /detector.input"));
+        };
+        let set = ParameterClient::new(&self.session.transport, node).set(name, &text);
+        set.map_err(|why| why.to_string())
     }
 }
 
@@ -292,7 +292,7 @@ impl ParameterHandler for Handler {
         responder: GetParametersResponder,
     ) {
         let parameters = self.0.clone();
-        let Some(place) = parameters.place() else {
+        let Ok(place) = parameters.places.clone().try_acquire_owned() else {
             client.send_warning(BUSY);
             return responder.respond(Vec::new());
         };
@@ -312,7 +312,7 @@ impl ParameterHandler for Handler {
         responder: SetParametersResponder,
     ) {
         let parameters = self.0.clone();
-        let Some(place) = parameters.place() else {
+        let Ok(place) = parameters.places.clone().try_acquire_owned() else {
             client.send_error(BUSY);
             return responder.respond(Vec::new());
         };
@@ -340,21 +340,6 @@ impl ParameterHandler for Handler {
 
 /// [`ParameterProxy`] for the threads that wait for nodes.
 struct Handler(Arc<ParameterProxy>);
-
-/// Error: a client cannot set a parameter.
-#[derive(Debug, thiserror::Error)]
-enum SetError {
-    #[error(
-        "give the token that `modulo view` has printed, by setting the parameter `{TOKEN}`; only then others can be set"
-    )]
-    NoToken,
-    #[error("is not the token that `modulo view` has printed")]
-    WrongToken,
-    #[error("'{0}' is not the name of a parameter, such as /detector.input")]
-    Name(String),
-    #[error(transparent)]
-    Node(#[from] ClientError),
-}
 
 /// Returns `value` in the types of the protocol.
 fn parameter(name: String, value: Value) -> Parameter {

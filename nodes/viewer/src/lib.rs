@@ -77,26 +77,9 @@ pub struct ViewAddresses {
 /// Error: the viewer cannot run.
 #[derive(Debug, thiserror::Error)]
 pub enum ViewError {
-    /// The address cannot be listened on.
-    #[error("{0}: {1}; choose another one with --address or --port")]
-    Listen(SocketAddr, io::Error),
-    /// The address for Foxglove cannot be listened on.
-    #[error("Foxglove on {0}: {1}; choose another port with --foxglove PORT")]
-    Foxglove(SocketAddr, String),
-    /// The crate is built without the feature `foxglove`.
-    #[error("this build does not serve Foxglove: it lacks the feature `foxglove`")]
-    NoFoxglove,
-    /// The operating system gives no random numbers for the token.
-    #[error("no random numbers for the token: {0}; give one with --token")]
-    Random(SysError),
-    /// The recording cannot be written.
-    #[error("{}: {why}; the recording is lost", file.display())]
-    Record {
-        /// The file.
-        file: PathBuf,
-        /// The reason.
-        why: io::Error,
-    },
+    /// An address cannot be listened on, there is no token, or the recording cannot be written. The text has a remedy.
+    #[error("{0}")]
+    Setup(String),
     /// The server failed.
     #[error("web server: {0}")]
     Serve(#[from] io::Error),
@@ -117,8 +100,14 @@ pub fn run(
     stop: &Stop,
     ready: impl FnOnce(&ViewAddresses),
 ) -> Result<usize, ViewError> {
-    let token = options.token.clone().map_or_else(random_token, Ok).map_err(ViewError::Random)?;
-    let in_use = |why| ViewError::Listen(options.address, why);
+    let no_random = |why: SysError| {
+        ViewError::Setup(format!("no random numbers for the token: {why}; give one with --token"))
+    };
+    let token = options.token.clone().map_or_else(random_token, Ok).map_err(no_random)?;
+    let address = options.address;
+    let in_use = |why: io::Error| {
+        ViewError::Setup(format!("{address}: {why}; choose another one with --address or --port"))
+    };
     let listener = TcpListener::bind(options.address).map_err(in_use)?;
     let address = listener.local_addr().map_err(in_use)?;
     let page = format!("http://{address}/?token={token}");
@@ -139,14 +128,16 @@ pub fn run(
             tokio::spawn(record::record(session.clone(), recording.clone()));
         }
         ready(&addresses);
-        serve(Viewer::new(session, token), listener, stop).await
+        let seats = Arc::new(Semaphore::new(BROWSERS));
+        serve(Arc::new(Viewer { session, token, seats }), listener, stop).await
     })?;
     // A call that still waits for its node must not hold up the end.
     runtime.shutdown_background();
     let Some(file) = &options.record else { return Ok(0) };
     let recording = recording.lock().unwrap_or_else(PoisonError::into_inner);
     let written = std::fs::write(file, recording.page());
-    written.map_err(|why| ViewError::Record { file: file.clone(), why })?;
+    let name = file.display();
+    written.map_err(|why| ViewError::Setup(format!("{name}: {why}; the recording is lost")))?;
     Ok(recording.too_large)
 }
 
@@ -154,7 +145,8 @@ pub fn run(
 #[cfg(feature = "foxglove")]
 async fn serve_foxglove(session: Arc<Session>, address: SocketAddr, token: String) -> Result<u16, ViewError> {
     let server = foxglove::FoxgloveServer::start(session, address, token).await;
-    let server = server.map_err(|why| ViewError::Foxglove(address, why.to_string()))?;
+    let remedy = "choose another port with --foxglove PORT";
+    let server = server.map_err(|why| ViewError::Setup(format!("Foxglove on {address}: {why}; {remedy}")))?;
     let port = server.port();
     tokio::spawn(server.serve());
     Ok(port)
@@ -162,7 +154,8 @@ async fn serve_foxglove(session: Arc<Session>, address: SocketAddr, token: Strin
 
 #[cfg(not(feature = "foxglove"))]
 async fn serve_foxglove(_: Arc<Session>, _: SocketAddr, _: String) -> Result<u16, ViewError> {
-    Err(ViewError::NoFoxglove)
+    let why = "this build does not serve Foxglove: it lacks the feature `foxglove`";
+    Err(ViewError::Setup(why.to_owned()))
 }
 
 /// Returns 128 random bits in hexadecimal digits.
@@ -185,12 +178,6 @@ pub(crate) struct Viewer {
     pub session: Arc<Session>,
     token: String,
     seats: Arc<Semaphore>,
-}
-
-impl Viewer {
-    pub fn new(session: Arc<Session>, token: String) -> Arc<Self> {
-        Arc::new(Self { session, token, seats: Arc::new(Semaphore::new(BROWSERS)) })
-    }
 }
 
 /// Serves the page until `stop` is asked for an end.

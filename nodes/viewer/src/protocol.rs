@@ -214,13 +214,6 @@ impl From<&DiagnosticStatus> for StatusView {
     }
 }
 
-impl StatusView {
-    /// Returns the first value whose key is `key`.
-    pub fn value(&self, key: &str) -> Option<&str> {
-        self.values.iter().find(|(name, _)| name == key).map(|(_, value)| value.as_str())
-    }
-}
-
 /// A parameter with what a control for it needs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ParameterView {
@@ -243,21 +236,15 @@ pub struct ParameterView {
 }
 
 impl ParameterView {
-    /// Asks a node for its parameters called `names`.
-    ///
-    /// # Errors
-    /// [`ClientError`] when the node does not answer.
-    pub fn read(client: &ParameterClient<'_>, names: &[String]) -> Result<Vec<Self>, ClientError> {
-        let (values, descriptors) = (client.values(names)?, client.descriptors(names)?);
-        Ok(descriptors.iter().zip(&values).map(|(descriptor, value)| Self::new(descriptor, value)).collect())
-    }
-
     /// Asks a node for all its parameters, in the order of their names.
     ///
     /// # Errors
     /// [`ClientError`] when the node does not answer.
     pub fn read_all(client: &ParameterClient<'_>) -> Result<Vec<Self>, ClientError> {
-        let mut parameters = Self::read(client, &client.names()?)?;
+        let names = client.names()?;
+        let (values, descriptors) = (client.values(&names)?, client.descriptors(&names)?);
+        let views = descriptors.iter().zip(&values).map(|(descriptor, value)| Self::new(descriptor, value));
+        let mut parameters: Vec<_> = views.collect();
         parameters.sort_by(|a, b| a.name.cmp(&b.name));
         Ok(parameters)
     }

@@ -15,16 +15,6 @@ use crate::cameras::namespace;
 use crate::feed::{MessageOrigin, input_topic};
 use crate::protocol::{DetectorView, GraphView, PixelView};
 
-/// Which images are shown at the same time.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Pace {
-    /// Those of a camera of one stamp. All topics of a camera wait for its slowest one.
-    #[default]
-    Together,
-    /// The newest one of each topic. No topic waits for another one.
-    Newest,
-}
-
 /// Images of one topic that wait for their boxes: two seconds at 30 Hz.
 const KEPT: usize = 60;
 /// Their bytes.
@@ -173,15 +163,15 @@ impl Streams {
         }
     }
 
-    /// Returns the images that can be sent now: with [`Pace::Together`] those of one camera and one stamp, else a single one. An image
-    /// that detectors answer is held back until their boxes are there, so that boxes are drawn on the image that they were found in.
+    /// Returns the images that can be sent now: `together` those of one camera and one stamp, for which all topics of the camera wait,
+    /// else the newest one of a topic. An image that detectors answer is held back until their boxes are there, so that boxes are drawn on the image that they were found in.
     ///
     /// Nothing is waited for longer than a second, and what was not there after it is not waited for again before it has come: a
     /// replay that is paused for long, and then plays a single message, loses neither a topic nor the boxes.
-    pub fn next(&mut self, graph: &GraphView, pace: Pace, now_ns: u64) -> Vec<NextImage> {
+    pub fn next(&mut self, graph: &GraphView, together: bool, now_ns: u64) -> Vec<NextImage> {
         let mut groups: BTreeMap<&str, Vec<&String>> = BTreeMap::new();
         for topic in self.topics.keys() {
-            let group = if pace == Pace::Together { graph.camera(topic) } else { topic };
+            let group = if together { graph.camera(topic) } else { topic };
             groups.entry(group).or_default().push(topic);
         }
         // A group whose images were sent is busy until they are drawn, so that each one has its turn.
@@ -386,12 +376,12 @@ mod tests {
 
     /// The next image of a client that shows the newest image of each topic.
     fn one(streams: &mut Streams, graph: &GraphView, now_ns: u64) -> Option<NextImage> {
-        streams.next(graph, Pace::Newest, now_ns).pop()
+        streams.next(graph, false, now_ns).pop()
     }
 
     /// Topics, stamps and numbers of boxes of the next moment.
     fn moment(streams: &mut Streams, graph: &GraphView, now_ns: u64) -> Vec<(String, u64, usize)> {
-        let next = streams.next(graph, Pace::Together, now_ns).into_iter();
+        let next = streams.next(graph, true, now_ns).into_iter();
         let view = |image: NextImage| {
             let topic = image.topic.clone();
             let (ns, boxes) = stamp(Some(image)).expect("there is one");

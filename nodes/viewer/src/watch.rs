@@ -18,7 +18,7 @@ use crate::cameras::{FirstStreams, namespace};
 use crate::feed::{Feed, Heard, MessageOrigin, Session, Statuses, state_topic};
 use crate::protocol::{BoxView, Event, GraphView, ImageHeader, MomentHeader, Notice, Step, moment_message};
 use crate::shown::ShownImage;
-use crate::streams::{NextImage, Pace, Streams};
+use crate::streams::{NextImage, Streams};
 
 /// Interval at which the graph and the statuses are looked at.
 pub(crate) const LOOK: Duration = Duration::from_millis(500);
@@ -47,7 +47,8 @@ pub(crate) struct Watch {
 #[derive(Default)]
 pub(crate) struct Inbox {
     pub streams: Streams,
-    pub pace: Pace,
+    /// Whether the images of one stamp are shown at the same time, or the newest one of each topic.
+    pub together: bool,
     pub statuses: Statuses,
     notices: VecDeque<Notice>,
     lost_notices: usize,
@@ -84,8 +85,7 @@ impl Moment {
 
 impl Watch {
     pub fn new(session: Arc<Session>, audience: Audience) -> Arc<Self> {
-        let pace = if audience == Audience::Page { Pace::Together } else { Pace::Newest };
-        let inbox = Inbox { pace, ..Inbox::default() };
+        let inbox = Inbox { together: audience == Audience::Page, ..Inbox::default() };
         Arc::new(Self { session, audience, inbox: Mutex::new(inbox), news: Notify::new() })
     }
 
@@ -154,12 +154,12 @@ impl Watch {
     /// Returns the next images that are due; `None` if there are none.
     pub async fn next(&self, graph: &GraphView) -> Option<Moment> {
         let now = self.session.clock.ticks_ns();
-        let (next, pace) = {
+        let (next, together) = {
             let mut inbox = self.inbox();
-            let pace = inbox.pace;
-            let next = inbox.streams.next(graph, pace, now);
+            let together = inbox.together;
+            let next = inbox.streams.next(graph, together, now);
             let with_sensor = |image| (inbox.sensor_of(&image), image);
-            (next.into_iter().map(with_sensor).collect::<Vec<_>>(), pace)
+            (next.into_iter().map(with_sensor).collect::<Vec<_>>(), together)
         };
         let camera = graph.camera(&next.first()?.1.topic).to_owned();
         let audience = self.audience;
@@ -179,7 +179,7 @@ impl Watch {
             }
         }
         let at_ms = self.session.clock.now_ns() as f64 / 1e6;
-        Some(Moment { at_ms, together: pace == Pace::Together, camera, images, errors })
+        Some(Moment { at_ms, together, camera, images, errors })
     }
 }
 
@@ -201,24 +201,17 @@ impl Inbox {
             return self.streams.state(&origin.node, array);
         }
         let is_sensor = sensor_info::is_topic(&origin.topic);
-        let step = if is_sensor {
+        if is_sensor {
             // A description that cannot be read is counted by its readers in the suite.
             let _ = self.sensors.entry(namespace(&origin.topic).to_owned()).or_default().note(array);
-            Some(Step::Sensed)
+            self.note(watch, origin, array.header.stamp, Step::Sensed);
         } else if origin.topic.rsplit('/').next() == Some(RECOVERY_TOPIC) {
-            Some(Step::Unwrapped { trusted: array.value("trusted").map(|trusted| trusted == "true") })
-        } else {
-            None
-        };
-        if let Some(step) = step {
-            self.note(watch, origin, array.header.stamp, step);
+            let trusted = array.value("trusted").map(|trusted| trusted == "true");
+            self.note(watch, origin, array.header.stamp, Step::Unwrapped { trusted });
         }
-        if is_sensor {
-            // The page takes the sensor of the camera whose stream it shows.
-            array.status.iter().for_each(|status| self.statuses.note_as(&origin.topic, status));
-            return;
-        }
-        self.statuses.note(array);
+        // The page takes the sensor of the camera whose stream it shows.
+        let topic = is_sensor.then_some(&*origin.topic);
+        array.status.iter().for_each(|status| self.statuses.note(topic.unwrap_or(&status.name), status));
     }
 
     /// Keeps a notice for a page; the oldest one is left out when too many wait.

@@ -13,7 +13,7 @@ use std::str::FromStr;
 
 use ndarray::{Array2, ArrayView4};
 
-use crate::model::{ModelLayout, ShapeError, embedded};
+use crate::model::{ModelLayout, embedded};
 use onnxruntime::Provider;
 
 /// A loaded model, ready to run.
@@ -22,7 +22,7 @@ pub trait Engine: Send {
     /// score, class in input pixels.
     ///
     /// # Errors
-    /// [`EngineError::Run`] when the model cannot work on this input.
+    /// [`EngineError`] when the model cannot work on this input.
     fn run(&mut self, input: ArrayView4<'_, f32>) -> Result<Array2<f32>, EngineError>;
 }
 
@@ -120,76 +120,19 @@ impl EngineOptions {
     }
 }
 
-/// Error: a model does not run.
+/// Error: a model does not run, or is no detector that this node can read. The text says why, with a remedy where there is one.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum EngineError {
-    /// ONNX Runtime was asked for and is not there.
-    #[error(
-        "engine 'ort': no ONNX Runtime library found; looked at {0}; \
-         install one (pip install onnxruntime) and set ORT_DYLIB_PATH to its libonnxruntime.so, \
-         or set engine to rten"
-    )]
-    NoLibrary(String),
-    /// The file is not there, not readable or not a model of this engine.
-    #[error("model '{model}': {engine} cannot load it: {why}")]
-    Load {
-        /// Path of the model.
-        model: String,
-        /// The engine that tried.
-        engine: &'static str,
-        /// The error of the engine.
-        why: String,
-    },
-    /// The file is a model, but not a detector that this node can read.
-    #[error(transparent)]
-    Shape(#[from] ShapeError),
-    /// The engine does not run on this device.
-    #[error(
-        "engine {engine} runs on the processor only, not on {device}; set engine to ort, or device to cpu"
-    )]
-    ProcessorOnly {
-        /// The engine.
-        engine: EngineChoice,
-        /// The device that was asked for.
-        device: EngineDevice,
-    },
-    /// A part of ONNX Runtime is not there, or cannot work on this machine.
-    #[error(
-        "engine {engine} on {device} is not possible with the library {library}: {why}; \
-         install one that can (tools/install_onnxruntime.py --help), or set engine to ort and device to cpu"
-    )]
-    Provider {
-        /// The engine.
-        engine: &'static str,
-        /// The device that was asked for.
-        device: EngineDevice,
-        /// Path of the library.
-        library: String,
-        /// The error of the library.
-        why: String,
-    },
-    /// The model failed on an input.
-    #[error("{engine} failed on a {height} x {width} input: {why}")]
-    Run {
-        /// Name of the engine.
-        engine: &'static str,
-        /// Number of rows of the input.
-        height: usize,
-        /// Number of columns of the input.
-        width: usize,
-        /// The error of the engine.
-        why: String,
-    },
-}
+#[error("{0}")]
+pub struct EngineError(pub(crate) String);
 
 impl EngineError {
     fn load(model: &Path, engine: &'static str, why: impl fmt::Display) -> Self {
-        Self::Load { model: model.display().to_string(), engine, why: one_line(why) }
+        Self(format!("model '{}': {engine} cannot load it: {}", model.display(), one_line(why)))
     }
 
     fn run(engine: &'static str, input: ArrayView4<'_, f32>, why: impl fmt::Display) -> Self {
         let (_, _, height, width) = input.dim();
-        Self::Run { engine, height, width, why: one_line(why) }
+        Self(format!("{engine} failed on a {height} x {width} input: {}", one_line(why)))
     }
 }
 
@@ -215,7 +158,7 @@ pub struct OpenedEngine {
 /// Returns the path of the ONNX Runtime library that `auto` takes.
 ///
 /// # Errors
-/// [`EngineError::NoLibrary`]: `auto` takes rten.
+/// [`EngineError`] when there is none: `auto` takes rten.
 pub fn onnxruntime_library() -> Result<String, EngineError> {
     onnxruntime::library().map(|found| found.place)
 }
@@ -229,7 +172,7 @@ pub fn onnxruntime_places() -> Vec<PathBuf> {
 /// model.
 ///
 /// # Errors
-/// [`EngineError::Load`] when one of them cannot be read.
+/// [`EngineError`] when one of them cannot be read.
 pub fn model_parts(model: &Path) -> Result<Vec<(PathBuf, Vec<u8>)>, EngineError> {
     match embedded(model) {
         Some(bytes) => Ok(vec![(model.to_owned(), bytes.to_vec())]),
@@ -267,7 +210,8 @@ pub fn open(model: &Path, options: EngineOptions) -> Result<OpenedEngine, Engine
         (EngineChoice::OpenVino, EngineDevice::Cpu) => Provider::OpenVino,
         (EngineChoice::OpenVinoF32, EngineDevice::Cpu) => Provider::OpenVinoF32,
         (EngineChoice::Rten | EngineChoice::OpenVino | EngineChoice::OpenVinoF32, _) => {
-            return Err(EngineError::ProcessorOnly { engine, device });
+            let why = format!("engine {engine} runs on the processor only, not on {device}");
+            return Err(EngineError(format!("{why}; set engine to ort, or device to cpu")));
         }
         (_, EngineDevice::Cpu) => Provider::Cpu,
         (_, EngineDevice::Cuda(number)) => Provider::Cuda(number),

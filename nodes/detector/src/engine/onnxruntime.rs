@@ -15,7 +15,7 @@ use ort::value::{Outlet, TensorElementType, TensorRef, ValueType};
 
 use super::weights::{self, ModelFile};
 use super::{Engine, EngineDevice, EngineError};
-use crate::model::{ElementType, ModelLayout, Signature, TensorSpec, embedded};
+use crate::model::{FLOAT32, ModelLayout, Signature, TensorSpec, embedded};
 
 /// The word for this engine.
 pub const NAME: &str = "ort";
@@ -38,7 +38,7 @@ static LOADED: Mutex<Option<Library>> = Mutex::new(None);
 /// Returns the library that is loaded already, or the first one found.
 ///
 /// # Errors
-/// [`EngineError::NoLibrary`] with all places and the fault of each.
+/// [`EngineError`] with all places and the fault of each.
 pub fn library() -> Result<Library, EngineError> {
     let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(library) = loaded.as_ref() {
@@ -54,7 +54,9 @@ pub fn library() -> Result<Library, EngineError> {
             Err(why) => looked.push(format!("{} ({why})", place.display())),
         }
     }
-    Err(EngineError::NoLibrary(looked.join(", ")))
+    let remedy = "install one (pip install onnxruntime) and set ORT_DYLIB_PATH to its libonnxruntime.so, or set engine to rten";
+    let looked = looked.join(", ");
+    Err(EngineError(format!("engine 'ort': no ONNX Runtime library found; looked at {looked}; {remedy}")))
 }
 
 fn load(place: &Path) -> Result<Environment, String> {
@@ -115,8 +117,8 @@ impl OnnxRuntime {
     /// Loads `model` with all graph optimisations.
     ///
     /// # Errors
-    /// [`EngineError::Load`], [`EngineError::Shape`], or [`EngineError::Provider`] when `library` has no such provider or the
-    /// machine no such device.
+    /// [`EngineError`] of a file that is no model for this node, and when `library` has no such provider or the machine no such
+    /// device.
     pub fn load(
         model: &Path,
         provider: Provider,
@@ -169,8 +171,14 @@ fn with_provider(
             register(&ep::TensorRT::default().with_device_id(number.into()).with_fp16(true), &mut builder)
         }
     };
-    let (engine, device, library) = (provider.engine(), provider.device(), library.place.clone());
-    registered.map_err(|why| EngineError::Provider { engine, device, library, why }).map(|()| builder)
+    let (engine, device, library) = (provider.engine(), provider.device(), &library.place);
+    let remedy =
+        "install one that can (tools/install_onnxruntime.py --help), or set engine to ort and device to cpu";
+    let failed = |why| {
+        let what = format!("engine {engine} on {device} is not possible with the library {library}");
+        EngineError(format!("{what}: {why}; {remedy}"))
+    };
+    registered.map_err(failed).map(|()| builder)
 }
 
 /// Registers a provider, which is never replaced by another one in silence.
@@ -213,12 +221,12 @@ fn port(outlet: &Outlet) -> TensorSpec {
         ValueType::Tensor { ty, shape, .. } => TensorSpec {
             name,
             element: match ty {
-                TensorElementType::Float32 => ElementType::F32,
-                other => ElementType::Other(other.to_string()),
+                TensorElementType::Float32 => FLOAT32.to_owned(),
+                other => other.to_string(),
             },
             shape: Some(shape.iter().map(|&side| usize::try_from(side).ok()).collect()),
         },
-        _ => TensorSpec { name, element: ElementType::Other("no tensor".to_owned()), shape: None },
+        _ => TensorSpec { name, element: "no tensor".to_owned(), shape: None },
     }
 }
 

@@ -8,7 +8,7 @@ use ndarray::{Array2, ArrayView4};
 use rten::{DataType, Dimension, Model, NodeId, RunOptions, ThreadPool, ValueType, ValueView};
 
 use super::{Engine, EngineError, weights};
-use crate::model::{ElementType, ModelLayout, Signature, TensorSpec, embedded};
+use crate::model::{FLOAT32, ModelLayout, Signature, TensorSpec, embedded};
 
 /// The word for this engine.
 pub const NAME: &str = "rten";
@@ -25,7 +25,7 @@ impl Rten {
     /// Loads `model`, an ONNX file.
     ///
     /// # Errors
-    /// [`EngineError::Load`] or [`EngineError::Shape`].
+    /// [`EngineError`] of a file that is no model for this node.
     pub fn load(path: &Path, threads: NonZeroUsize) -> Result<(Self, ModelLayout), EngineError> {
         let failed = |why: String| EngineError::load(path, NAME, why);
         let bytes = match embedded(path) {
@@ -60,9 +60,9 @@ fn port(model: &Model, id: NodeId) -> TensorSpec {
     TensorSpec {
         name: info.as_ref().and_then(|info| info.name()).unwrap_or_default().to_owned(),
         element: match info.as_ref().and_then(|info| info.dtype()) {
-            Some(ValueType::Tensor(DataType::Float)) => ElementType::F32,
-            Some(other) => ElementType::Other(format!("{other:?}").to_lowercase()),
-            None => ElementType::Other("no type".to_owned()),
+            Some(ValueType::Tensor(DataType::Float)) => FLOAT32.to_owned(),
+            Some(other) => format!("{other:?}").to_lowercase(),
+            None => "no type".to_owned(),
         },
         shape: info.and_then(|info| info.shape()).map(|shape| shape.into_iter().map(side).collect()),
     }
