@@ -70,7 +70,7 @@ fn front(choices: Vec<Choice<'_>>) -> Vec<Choice<'_>> {
         })
     };
     let kept: Vec<Choice<'_>> = choices.iter().filter(|choice| !needless(choice)).copied().collect();
-    let candidates: Vec<Candidate> = kept.iter().map(|c| Candidate { cost: c.ms, gain: c.ap50 }).collect();
+    let candidates: Vec<Candidate> = kept.iter().map(|choice| (choice.ms, choice.ap50)).collect();
     pareto_front(&candidates).into_iter().map(|index| kept[index]).collect()
 }
 
@@ -102,30 +102,24 @@ impl Choice<'_> {
 }
 
 /// Cost and gain of a choice.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Candidate {
-    /// Lower is better.
-    pub(crate) cost: f64,
-    /// Higher is better.
-    pub(crate) gain: f64,
-}
+pub(crate) type Candidate = (f64, f64);
 
 /// Indices of the candidates on the front, by rising cost: each has a higher gain than all that cost no more. Of equal
 /// candidates the first is taken. A candidate that is not finite is left out.
 pub(crate) fn pareto_front(candidates: &[Candidate]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..candidates.len()).collect();
-    order.retain(|&i| candidates[i].cost.is_finite() && candidates[i].gain.is_finite());
+    order.retain(|&i| candidates[i].0.is_finite() && candidates[i].1.is_finite());
     // After sorting by cost, a candidate is on the front if its gain exceeds those of all candidates before it. Of
     // equal costs the higher gain comes first, so that the lower one does not enter. The sort is stable: of equal
     // candidates, the first stays the first.
     order.sort_by(|&a, &b| {
-        let (a, b) = (candidates[a], candidates[b]);
-        a.cost.total_cmp(&b.cost).then(b.gain.total_cmp(&a.gain))
+        let ((cost, gain), (other_cost, other_gain)) = (candidates[a], candidates[b]);
+        cost.total_cmp(&other_cost).then(other_gain.total_cmp(&gain))
     });
     let mut most = f64::NEG_INFINITY;
     order.retain(|&i| {
-        let better = candidates[i].gain > most;
-        most = most.max(candidates[i].gain);
+        let better = candidates[i].1 > most;
+        most = most.max(candidates[i].1);
         better
     });
     order
@@ -143,25 +137,21 @@ mod tests {
             pairs in prop::collection::vec((0u8..8, 0u8..8), 0..20),
         ) {
             let candidates: Vec<Candidate> =
-                pairs.iter().map(|&(cost, gain)| Candidate { cost: cost.into(), gain: gain.into() }).collect();
+                pairs.iter().map(|&(cost, gain)| (cost.into(), gain.into())).collect();
             let found = pareto_front(&candidates);
             for (i, one) in candidates.iter().enumerate() {
                 let beaten = candidates.iter().enumerate().any(|(j, other)| {
-                    let no_worse = other.cost <= one.cost && other.gain >= one.gain;
+                    let no_worse = other.0 <= one.0 && other.1 >= one.1;
                     no_worse && (other != one || j < i)
                 });
                 prop_assert_eq!(found.contains(&i), !beaten, "{:?} of {:?}", one, &candidates);
             }
-            prop_assert!(found.windows(2).all(|w| candidates[w[0]].cost < candidates[w[1]].cost));
+            prop_assert!(found.windows(2).all(|w| candidates[w[0]].0 < candidates[w[1]].0));
         }
     }
 
     #[test]
     fn what_is_not_a_number_is_not_on_it() {
-        let candidate = |cost, gain| Candidate { cost, gain };
-        assert_eq!(
-            pareto_front(&[candidate(f64::NAN, 1.0), candidate(1.0, f64::NAN), candidate(2.0, 0.0)]),
-            [2]
-        );
+        assert_eq!(pareto_front(&[(f64::NAN, 1.0), (1.0, f64::NAN), (2.0, 0.0)]), [2]);
     }
 }

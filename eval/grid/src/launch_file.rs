@@ -30,8 +30,8 @@ pub struct Evaluation {
     pub streams: BTreeMap<String, Vec<EvaluatedFrame>>,
     /// The objects that [`Evaluation::results`] counts.
     pub difficulty: Difficulty,
-    /// The place of each camera among its frames, by its name.
-    progress: BTreeMap<String, Progress>,
+    /// The frames that each camera has sent, over all its sources, by its name.
+    timelines: BTreeMap<String, Timeline>,
 }
 
 /// A frame of a stream.
@@ -41,13 +41,6 @@ pub struct EvaluatedFrame {
     pub found: Option<Vec<Detection>>,
     /// The objects; `None` for a frame without labels.
     pub truth: Option<Vec<GroundTruth>>,
-}
-
-/// The frames that a camera has sent, over all its sources.
-#[derive(Clone, Debug, Default, PartialEq)]
-struct Progress {
-    frames: u64,
-    timeline: Timeline,
 }
 
 /// The result of a stream.
@@ -114,7 +107,7 @@ impl Evaluation {
         let mut running: Vec<&CameraPlan> = plan.cameras.iter().collect();
         // The time of the chain goes on over all sources, as in one long run. The camera whose frame is due first comes first.
         let due = |evaluation: &Self, camera: &CameraPlan| {
-            let frames = evaluation.progress.get(&camera.name).map_or(0, |progress| progress.frames);
+            let frames = evaluation.timelines.get(&camera.name).map_or(0, |timeline| timeline.frames);
             frames.saturating_mul(nanos(camera.interval))
         };
         while let Some(next) = (0..running.len()).min_by_key(|&index| due(self, running[index])) {
@@ -128,10 +121,9 @@ impl Evaluation {
             if out.is_empty() && before.is_some() && chain.position(camera.member) == before {
                 continue;
             }
-            let progress = self.progress.entry(camera.name.clone()).or_default();
-            progress.timeline.place(&mut out, camera.interval);
-            let number = progress.frames;
-            progress.frames += 1;
+            let timeline = self.timelines.entry(camera.name.clone()).or_default();
+            let number = timeline.frames;
+            timeline.place(&mut out, camera.interval);
             self.add_frame(&out, camera);
             recordings.add(plan, (camera, number), &out, next + 1 == running.len());
             if tell(chain).is_break() {
@@ -152,7 +144,7 @@ impl Evaluation {
 
     /// Returns the number of frames of all cameras.
     pub fn frames(&self) -> u64 {
-        self.progress.values().map(|progress| progress.frames).sum()
+        self.timelines.values().map(|timeline| timeline.frames).sum()
     }
 
     /// Whether no detector has given an answer.

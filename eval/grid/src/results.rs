@@ -317,28 +317,21 @@ pub struct Cell {
 mod psnr {
     use serde::de::Error;
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
-
-    #[derive(Serialize, Deserialize)]
-    #[serde(untagged)]
-    enum Psnr {
-        Finite(f64),
-        Word(String),
-    }
+    use serde_json::Value;
 
     pub fn serialize<S: Serializer>(value: &Option<f64>, to: S) -> Result<S::Ok, S::Error> {
-        let infinite = |value: f64| value == f64::INFINITY;
-        let word = |value| if infinite(value) { Psnr::Word("inf".to_owned()) } else { Psnr::Finite(value) };
-        value.map(word).serialize(to)
+        if *value == Some(f64::INFINITY) { to.serialize_str("inf") } else { value.serialize(to) }
     }
 
     pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
-        match Option::<Psnr>::deserialize(from)? {
-            None => Ok(None),
-            Some(Psnr::Finite(value)) => Ok(Some(value)),
-            Some(Psnr::Word(word)) if word == "inf" => Ok(Some(f64::INFINITY)),
-            Some(Psnr::Word(word)) => {
-                Err(D::Error::custom(format!("a PSNR is '{word}', but must be a number or inf")))
-            }
+        match Value::deserialize(from)? {
+            Value::Null => Ok(None),
+            Value::String(word) if word == "inf" => Ok(Some(f64::INFINITY)),
+            other => other.as_f64().map(Some).ok_or_else(|| {
+                let word = other.to_string();
+                let word = word.trim_matches('"');
+                D::Error::custom(format!("a PSNR is '{word}', but must be a number or inf"))
+            }),
         }
     }
 }

@@ -32,43 +32,28 @@ pub use report::StabilityOutcome;
 ///
 /// # Errors
 /// [`BenchError`] if `out` cannot be written. A broken expectation is not an error: see [`StabilityOutcome`].
-pub fn run(out: &Path, progress: impl FnMut(BenchEvent<'_>)) -> Result<StabilityOutcome, BenchError> {
+pub fn run(out: &Path, mut progress: impl FnMut(BenchEvent<'_>)) -> Result<StabilityOutcome, BenchError> {
     for folder in ["pictures", "figures"] {
         make_folder(&out.join(folder))?;
     }
-    let report = examine_all(Some(out), progress)?;
+    let cases = cases();
+    let mut scenes = Vec::new();
+    for (done, case) in cases.iter().copied().enumerate() {
+        progress(BenchEvent::Step { done, total: cases.len(), next: case.name() });
+        scenes.push(examine(case, out)?);
+    }
+    let report = StabilityReport::new(scenes, rejections::rejections());
     write_json(&out.join("results.json"), &report)?;
     write(&out.join("index.html"), page::html(&report).as_bytes())?;
     Ok(report.outcome)
 }
 
-/// Runs all methods on all scenes without writing a file.
-///
-/// # Errors
-/// [`BenchError`] if a method refuses a scene.
-pub fn measure(progress: impl FnMut(BenchEvent<'_>)) -> Result<StabilityOutcome, BenchError> {
-    Ok(examine_all(None, progress)?.outcome)
-}
-
-fn examine_all(
-    folder: Option<&Path>,
-    mut progress: impl FnMut(BenchEvent<'_>),
-) -> Result<StabilityReport, BenchError> {
-    let cases = cases();
-    let mut scenes = Vec::new();
-    for (done, case) in cases.iter().copied().enumerate() {
-        progress(BenchEvent::Step { done, total: cases.len(), next: case.name() });
-        scenes.push(examine(case, folder)?);
-    }
-    Ok(StabilityReport::new(scenes, rejections::rejections()))
-}
-
-/// Runs every method on `case`, and writes its pictures into `folder`, if there is one.
-fn examine(case: &'static Case, folder: Option<&Path>) -> Result<SceneRow, BenchError> {
+/// Runs every method on `case`, and writes its pictures into `folder`.
+fn examine(case: &'static Case, folder: &Path) -> Result<SceneRow, BenchError> {
     let exposure = case.expose()?;
     // All methods get the same exposure, with the same noise.
     let y = exposure.modulo();
-    let pictures = folder.map(|out| ScenePictures::new(out, case.name(), &exposure, &y)).transpose()?;
+    let pictures = ScenePictures::new(folder, case.name(), &exposure, &y)?;
     let mut trials = Vec::new();
     // Pictures of a mosaic have colours; its modulo image is shown as it is.
     for mut method in case.methods() {
@@ -88,10 +73,7 @@ fn examine(case: &'static Case, folder: Option<&Path>) -> Result<SceneRow, Bench
             trusted: report.trust.claim(),
             signal: report.quality.map(named),
             verdict,
-            picture: pictures
-                .as_ref()
-                .map(|pictures| pictures.add(method, &in_colour(x, &exposure)))
-                .transpose()?,
+            picture: pictures.add(method, &in_colour(x, &exposure))?,
         });
     }
     Ok(SceneRow { scene: case, shape: y.dim(), trials })

@@ -177,7 +177,7 @@ fn tile(shape: PictureShape, trial: &Trial) -> Markup {
         Judgement::Better => "better",
         Judgement::Broken(_) => "broken",
     };
-    figure(trial.picture.as_deref().unwrap_or(""), shape, caption, class)
+    figure(&trial.picture, shape, caption, class)
 }
 
 fn figure(path: &str, (height, width, _): PictureShape, caption: Markup, class: &str) -> Markup {

@@ -62,7 +62,7 @@ pub struct Trial {
     pub signal: Option<BTreeMap<&'static str, f32>>,
     pub verdict: Judgement,
     /// Path of the picture within the folder of the run.
-    pub picture: Option<String>,
+    pub picture: String,
 }
 
 /// An input that must be refused.

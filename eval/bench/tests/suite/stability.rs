@@ -2,14 +2,15 @@
 
 use std::collections::HashSet;
 
-use modulo_bench::stability::{Case, cases, measure, run};
+use modulo_bench::stability::{Case, cases, run};
 use modulo_core::Recovered;
 use modulo_core::unwrap::{METHODS, Options, by_name};
 use ndarray::{Array3, Axis, Slice};
 
 #[test]
 fn nothing_is_worse_than_expected() {
-    let outcome = measure(|_| {}).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let outcome = run(folder.path(), |_| {}).unwrap();
     outcome.better.iter().for_each(|line| println!("better than expected: {line}"));
     println!(
         "{} held; {} of {} recovered results vouched for",

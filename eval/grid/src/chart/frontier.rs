@@ -43,18 +43,18 @@ fn frontier_panel(cells: &[&Cell], group: &str) -> ChartPanel {
     let front: Vec<&(&Cell, Candidate)> = front.into_iter().map(|index| real[index]).collect();
     let several = models(cells).len() > 1;
     let mut series: Vec<Series> = Vec::new();
-    for (cell, candidate) in &scored {
+    for (cell, (cost, gain)) in &scored {
         let kept = !is_choice(cell) || !real.iter().any(|(other, _)| beats(other, cell, group));
         let name = labels::stream(&cell.point);
         let model = labels::model(&cell.point);
         let point = DataPoint {
-            x: candidate.cost,
-            y: candidate.gain,
+            x: *cost,
+            y: *gain,
             interval: cell.interval95.get(&format!("ap50.{group}")).copied(),
             hover: format!(
                 "{name}, {model}: {} ms, AP50 of {group} {} %",
-                number(candidate.cost, 1),
-                number(100.0 * candidate.gain, 1)
+                number(*cost, 1),
+                number(100.0 * gain, 1)
             ),
             label: if several { model } else { name.clone() },
             emphasis: if kept { Emphasis::Normal } else { Emphasis::Faded },
@@ -73,7 +73,7 @@ fn frontier_panel(cells: &[&Cell], group: &str) -> ChartPanel {
 }
 
 fn candidate(cell: &Cell, group: &str) -> Option<Candidate> {
-    Some(Candidate { cost: labels::frame_ms(cell)?, gain: (*cell.ap50.get(group)?)? })
+    Some((labels::frame_ms(cell)?, (*cell.ap50.get(group)?)?))
 }
 
 /// Whether a cell is more accurate than another one measured in the same pass, beyond the 95 % intervals of both, and not
@@ -96,7 +96,7 @@ fn is_choice(cell: &Cell) -> bool {
 fn steps(front: &[&(&Cell, Candidate)]) -> Vec<DataPoint> {
     let at = |x: f64, y: f64| DataPoint { x, y, ..DataPoint::default() };
     let mut points: Vec<DataPoint> = Vec::new();
-    for (_, Candidate { cost, gain }) in front {
+    for (_, (cost, gain)) in front {
         // Between two choices, the best gain is that of the faster one, so that the line goes right before it goes up.
         if let Some(last) = points.last().map(|point| point.y) {
             points.push(at(*cost, last));

@@ -6,7 +6,7 @@ use modulo_core::{BBox, Detection, Frame};
 use modulo_draw::{LabelledBox, Picture, class_colour, distinct};
 use modulo_runtime::{Clock, StreamScale};
 
-use super::frames::{Frames, FramesWithNeighbours, Neighbours};
+use super::frames::{Frames, FramesWithNeighbours};
 use super::pipeline::{self, Nodes};
 use super::runner::CellRunner;
 use super::{GridError, Request};
@@ -55,7 +55,7 @@ fn detect(
     let mut runner = CellRunner::new(request, nodes, timer);
     let truths = frames.truths.clone();
     let mut pictures = Vec::new();
-    for frame in FramesWithNeighbours::new(frames, Neighbours::Dropped)? {
+    for frame in FramesWithNeighbours::new(frames, false)? {
         if wanted.is_empty() {
             break;
         }

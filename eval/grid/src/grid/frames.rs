@@ -198,29 +198,20 @@ pub struct FrameWithNeighbours {
     pub around: Option<[Array3<f32>; 2]>,
 }
 
-/// Whether the neighbours are read as well.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Neighbours {
-    /// Every frame comes with its neighbours.
-    Kept,
-    /// Frames come without neighbours.
-    Dropped,
-}
-
 /// Iterates over the frames that are scored, in their order.
 pub struct FramesWithNeighbours<'a> {
     frames: &'a mut Frames,
-    neighbours: Neighbours,
+    with_neighbours: bool,
     /// Drive and radiance of the frame before.
     before: Option<(usize, Array3<f32>)>,
     ahead: Option<Raw>,
 }
 
 impl<'a> FramesWithNeighbours<'a> {
-    /// Starts at the first frame.
-    pub fn new(frames: &'a mut Frames, neighbours: Neighbours) -> Result<Self, SourceError> {
+    /// Starts at the first frame. Each frame comes with its neighbours or without them.
+    pub fn new(frames: &'a mut Frames, with_neighbours: bool) -> Result<Self, SourceError> {
         frames.rewind()?;
-        Ok(Self { frames, neighbours, before: None, ahead: None })
+        Ok(Self { frames, with_neighbours, before: None, ahead: None })
     }
 
     fn around(&self, raw: &Raw) -> Option<[Array3<f32>; 2]> {
@@ -244,7 +235,7 @@ impl Iterator for FramesWithNeighbours<'_> {
             let raw = self.ahead.take().or_else(|| self.frames.raw())?;
             let mut around = None;
             // One frame is read ahead. It is kept in `ahead`, because a source is read only forwards.
-            if self.neighbours == Neighbours::Kept {
+            if self.with_neighbours {
                 self.ahead = self.frames.raw();
                 around = self.around(&raw);
                 self.before = raw.frame.as_ref().ok().map(|frame| (raw.drive, frame.radiance.clone()));

@@ -7,9 +7,9 @@ use modulo_runtime::Clock;
 
 use super::detect::{DetectionCache, DetectorWorker, Found};
 use super::frames::{Frames, FramesWithNeighbours};
-use super::pipeline::{DetectorInput, FramePipeline, Nodes, RecoveryQuality, multi_exposure};
+use super::pipeline::{DetectorInput, FramePipeline, Nodes, RecoveryQuality};
 use super::{GridError, Request, pipeline};
-use crate::results::Point;
+use crate::results::{Point, Stream};
 
 /// The result of one frame of one cell.
 #[derive(Clone, Debug, Default)]
@@ -49,7 +49,7 @@ impl<'a> CellRunner<'a> {
         let all = Mutex::new(vec![FrameResult::default(); frames.len()]);
         // A worker reads its next frame while the others compute, so that few frames are in memory: a frame has twelve
         // bytes a pixel.
-        let frames = Mutex::new(FramesWithNeighbours::new(frames, multi_exposure::neighbours(point.stream))?);
+        let frames = Mutex::new(FramesWithNeighbours::new(frames, point.stream == Stream::MultiExposure)?);
         let open = |worker| Ok((pipeline::open(self.request, self.timer, point, true)?, worker));
         let workers = self.workers.iter_mut().map(open).collect::<Result<Vec<_>, GridError>>()?;
         let cache = &self.cache;

@@ -14,12 +14,12 @@ use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
 
 use super::detect::DetectorWorker;
-use super::frames::{FrameWithNeighbours, Frames, FramesWithNeighbours, Neighbours};
-use super::pipeline::{self, FramePipeline, Nodes, Stages, multi_exposure};
+use super::frames::{FrameWithNeighbours, Frames, FramesWithNeighbours};
+use super::pipeline::{self, FramePipeline, Nodes, Stages};
 use super::{GridError, GridEvent, GridOptions, Request};
 use crate::labels::{self, SENSE};
 use crate::metric::latency;
-use crate::results::{Cell, Device, FrameTime, Results};
+use crate::results::{Cell, Device, FrameTime, Results, Stream};
 use crate::store;
 
 /// Number of frames of a cell whose processor time is measured, too. They are processed a second time for it.
@@ -102,8 +102,7 @@ fn measure_group(
 ) -> Result<(), GridError> {
     let GridOptions { threads, time_frames, .. } = request.options;
     let mut detector = DetectorWorker::open(request, nodes, clock, &cells[0].point, threads)?;
-    let moving = cells.iter().any(|cell| multi_exposure::neighbours(cell.point.stream) == Neighbours::Kept);
-    let neighbours = if moving { Neighbours::Kept } else { Neighbours::Dropped };
+    let with_neighbours = cells.iter().any(|cell| cell.point.stream == Stream::MultiExposure);
     let mut timed = Vec::with_capacity(cells.len());
     for cell in cells {
         let pipeline = pipeline::open(request, clock, &cell.point, false)?;
@@ -111,7 +110,7 @@ fn measure_group(
     }
     let (mut sizes, mut index) = (BTreeSet::new(), 0);
     for _ in 0..time_frames.div_ceil(frames.len()) {
-        for frame in FramesWithNeighbours::new(frames, neighbours)?.take(time_frames - index) {
+        for frame in FramesWithNeighbours::new(frames, with_neighbours)?.take(time_frames - index) {
             let frame = frame?;
             // The first frame of a size makes buffers and plans, which later frames of this size reuse.
             if sizes.insert(frame.frame.radiance.dim()) {

@@ -1,4 +1,4 @@
-//! [`Timeline`]: time stamps that go on over several sources.
+//! [`Timeline`]: the frames of a camera, whose time stamps go on over several sources.
 
 use std::time::Duration;
 
@@ -9,6 +9,8 @@ use modulo_runtime::lockstep::OnTopic;
 /// Moves the time stamps of several sources so that each frame is later than the one before it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Timeline {
+    /// Number of frames so far.
+    pub frames: u64,
     /// Time stamp of the last frame, ns.
     last: Option<u64>,
     /// Time that is added to the stamps of the current source, ns.
@@ -16,11 +18,12 @@ pub(super) struct Timeline {
 }
 
 impl Timeline {
-    /// Moves the stamps of the messages of a frame to `interval` after the frame before, if they are not later than that
+    /// Counts a frame, and moves the stamps of its messages to `interval` after the frame before, if they are not later than that
     /// frame. Sources were recorded independently, and a repeated source starts again at its first stamp, but labels and
     /// images are matched by their stamps: no two frames may share a stamp. All later frames of the source are moved by
     /// the same time, so that the intervals within a source do not change.
     pub(super) fn place(&mut self, out: &mut [OnTopic], interval: Duration) {
+        self.frames += 1;
         let Some((_, first)) = out.first() else { return };
         // All messages of a frame carry the stamp of its image.
         let stamp = first.stamp().as_ns();

@@ -106,6 +106,14 @@ pub fn node_name(name: &str) -> NodeName {
     NodeName { name: name.to_owned(), namespace: "/".to_owned(), remaps: Vec::new() }
 }
 
+/// Runs a step, and adds its duration to `stages`.
+fn timed<T>(timer: &dyn Clock, stages: &mut Stages, name: &'static str, step: impl FnOnce() -> T) -> T {
+    let start = timer.ticks_ns();
+    let done = step();
+    stages.push((name, timer.ticks_ns().saturating_sub(start)));
+    done
+}
+
 fn unstamped(frame: Frame) -> Arc<StampedFrame> {
     Arc::new(StampedFrame { header: Header::default(), frame })
 }
@@ -133,6 +141,20 @@ impl Truth {
             input.recovery = quality(&truth);
         }
         Ok(())
+    }
+
+    /// The input of a detector with an image that has no wrap counts, and with its quality unless nothing is compared.
+    fn compared(
+        &self,
+        config: PipelineConfig<'_>,
+        scene: (&Array3<f32>, u64),
+        image: Frame,
+        stages: Stages,
+    ) -> Result<DetectorInput, GridError> {
+        let image = unstamped(image);
+        let mut input = DetectorInput { image: Some(image.clone()), stages, ..DetectorInput::default() };
+        self.compare(config, scene, &mut input, |truth| RecoveryQuality::of_merged(&image.frame, truth))?;
+        Ok(input)
     }
 }
 

@@ -4,22 +4,16 @@
 //! The captures are three consecutive frames of the drive with the longest exposure last; the middle one is the frame
 //! that is scored. Moving objects leave ghosts: the captures are not aligned.
 
-use modulo_core::{Bracket, Range, Sensor, SensorConfig, Transfer, tone};
+use modulo_core::{Bracket, Range, Sensor, SensorConfig, SensorError, Transfer, tone};
 use ndarray::Array3;
 
-use super::{DetectorInput, FrameWithNeighbours, PipelineConfig, RecoveryQuality, Truth, unstamped};
+use super::{DetectorInput, FrameWithNeighbours, PipelineConfig, Stages, Truth, timed};
 use crate::GridError;
-use crate::grid::frames::Neighbours;
 use crate::grid::{Data, Request};
 use crate::results::{Point, Protocol, Stream};
 
 /// Number of captures that are merged.
 pub const CAPTURES: usize = 3;
-
-/// Whether the frames of a stream need the frames before and after them.
-pub fn neighbours(stream: Stream) -> Neighbours {
-    if stream == Stream::MultiExposure { Neighbours::Kept } else { Neighbours::Dropped }
-}
 
 /// Refuses merged captures under the protocol of the paper, and of moving scenes where the frames of the data are not
 /// consecutive.
@@ -78,28 +72,16 @@ impl<'a> MultiExposurePipeline<'a> {
         };
         let PipelineConfig { timer, seed, .. } = self.config;
         let seed = seed.wrapping_add(*number as u64);
-        let start = timer.ticks_ns();
-        let mut captures = Vec::with_capacity(CAPTURES);
-        for (index, (sensor, scene)) in self.sensors.iter().zip(scenes).enumerate() {
+        let capture = |(index, (sensor, scene)): (u64, (&Sensor, &Array3<f32>))| {
             // Each capture has its own noise. The upper bits keep its seed apart from those of the following frames.
-            let seed = seed.wrapping_add((index as u64) << 48);
-            captures.push(sensor.expose(scene.view(), seed)?.saturated());
-        }
-        let sensed = timer.ticks_ns();
-        let x = self.bracket.merge(&captures)?;
-        let merged = timer.ticks_ns();
-        let image = tone::picture(&x, self.range, self.transfer).map_err(modulo_core::SensorError::from)?;
-        let toned = timer.ticks_ns();
-        let stages = vec![
-            ("sense", sensed.saturating_sub(start)),
-            ("merge", merged.saturating_sub(sensed)),
-            ("tone", toned.saturating_sub(merged)),
-        ];
-        let image = unstamped(image);
-        let mut input = DetectorInput { image: Some(image.clone()), stages, ..DetectorInput::default() };
-        self.truth.compare(self.config, (now, seed), &mut input, |truth| {
-            RecoveryQuality::of_merged(&image.frame, truth)
+            Ok(sensor.expose(scene.view(), seed.wrapping_add(index << 48))?.saturated())
+        };
+        let mut stages = Stages::new();
+        let captures = timed(timer, &mut stages, "sense", || {
+            (0..).zip(self.sensors.iter().zip(scenes)).map(capture).collect::<Result<Vec<_>, SensorError>>()
         })?;
-        Ok(input)
+        let x = timed(timer, &mut stages, "merge", || self.bracket.merge(&captures))?;
+        let image = timed(timer, &mut stages, "tone", || tone::picture(&x, self.range, self.transfer));
+        self.truth.compared(self.config, (now, seed), image.map_err(SensorError::from)?, stages)
     }
 }

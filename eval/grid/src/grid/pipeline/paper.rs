@@ -9,7 +9,7 @@ use modulo_core::{Frame, Psf, Sensor, UnwrapError, optics, tone};
 use modulo_runtime::Clock;
 use ndarray::Array3;
 
-use super::{DetectorInput, PipelineConfig, RecoveryQuality, Stages, Truth, unstamped};
+use super::{DetectorInput, PipelineConfig, Stages, Truth, timed, unstamped};
 use crate::GridError;
 use crate::results::{Point, Stream};
 
@@ -41,21 +41,14 @@ impl<'a> PublishedSpudPipeline<'a> {
     pub fn run(&mut self, number: usize, frame: &SourceFrame) -> Result<DetectorInput, GridError> {
         let PipelineConfig { timer, seed, .. } = self.config;
         let seed = seed.wrapping_add(number as u64);
-        let start = timer.ticks_ns();
-        let exposure = self.sensor.expose(frame.radiance.view(), seed)?;
-        let peak = self.sensor.range().peak();
-        let y = exposure.x().mapv(|x| x % peak);
-        let sensed = timer.ticks_ns();
-        let image = unstamped(bytes(&published(&mut self.spud, &y, self.sensor.range())?)?);
-        let unwrapped = timer.ticks_ns();
-        let stages =
-            vec![("sense", sensed.saturating_sub(start)), ("unwrap", unwrapped.saturating_sub(sensed))];
-        let mut input = DetectorInput { image: Some(image.clone()), stages, ..DetectorInput::default() };
-        // The result has an arbitrary offset and scale, and therefore no wrap counts.
-        self.truth.compare(self.config, (&frame.radiance, seed), &mut input, |truth| {
-            RecoveryQuality::of_merged(&image.frame, truth)
+        let (mut stages, range) = (Stages::new(), self.sensor.range());
+        let y = timed(timer, &mut stages, "sense", || {
+            let exposure = self.sensor.expose(frame.radiance.view(), seed)?;
+            Ok::<_, GridError>(exposure.x().mapv(|x| x % range.peak()))
         })?;
-        Ok(input)
+        let image = timed(timer, &mut stages, "unwrap", || bytes(&published(&mut self.spud, &y, range)?))?;
+        // The result has an arbitrary offset and scale, and therefore no wrap counts.
+        self.truth.compared(self.config, (&frame.radiance, seed), image, stages)
     }
 }
 
@@ -90,9 +83,8 @@ impl<'a> PaperPipeline<'a> {
 
     /// Processes one frame.
     pub fn run(&mut self, frame: &SourceFrame) -> Result<DetectorInput, GridError> {
-        let mut stages = Stages::new();
-        let start = self.timer.ticks_ns();
-        let mut image = match self.stream {
+        let (mut stages, timer) = (Stages::new(), self.timer);
+        let image = timed(timer, &mut stages, "sense", || match self.stream {
             // The original frame in codes of 8 bits, without a lens.
             Stream::Ideal => codes(frame),
             Stream::Saturated => self.exposed(frame).mapv(|v| v.clamp(0.0, 1.0) * 255.0),
@@ -100,15 +92,12 @@ impl<'a> PaperPipeline<'a> {
             Stream::MultiExposure | Stream::MultiExposureStill => {
                 unreachable!("merged captures are refused under the protocol of the paper")
             }
+        });
+        let image = match self.stream {
+            Stream::Recovered => timed(timer, &mut stages, "unwrap", || self.recovered(&image))?,
+            Stream::Modulo => image.mapv(|v| v * 255.0),
+            _ => image,
         };
-        stages.push(("sense", self.timer.ticks_ns().saturating_sub(start)));
-        if self.stream == Stream::Recovered {
-            let start = self.timer.ticks_ns();
-            image = self.recovered(&image)?;
-            stages.push(("unwrap", self.timer.ticks_ns().saturating_sub(start)));
-        } else if self.stream == Stream::Modulo {
-            image.mapv_inplace(|v| v * 255.0);
-        }
         Ok(DetectorInput { image: Some(unstamped(bytes(&image)?)), stages, ..DetectorInput::default() })
     }
 
