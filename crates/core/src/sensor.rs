@@ -249,9 +249,8 @@ impl Sensor {
     pub fn expose(&self, radiance: ArrayView3<'_, f32>, seed: u64) -> Result<Exposure, SensorError> {
         let dim @ (height, width, channels) = radiance.dim();
         self.check_radiance(dim)?;
-        let (limit, white) = (self.range.limit(), self.range.white());
         // `floor(x / 2^b)` must never reach `ceil(alpha)`, so x stays strictly below the limit even after rounding.
-        let most = largest_below(limit);
+        let (most, white) = (largest_below(self.range.limit()), self.range.white());
         let (mut random, mut fault) = (Pcg64Mcg::seed_from_u64(seed), None);
         let mut pattern = Pcg64Mcg::seed_from_u64(PATTERN_SEED);
         let mut lens = RowFilter::new(dim, &self.taps, Border::HalfSample);
@@ -261,12 +260,8 @@ impl Sensor {
         // All steps row by row, since a row stays in the cache and an image does not.
         for row in 0..height {
             let read = |row: usize, to: &mut [f32]| {
-                if let Some(index) = read_row(radiance.index_axis(Axis(0), row), to) {
+                if let Some(index) = self.read_row(radiance.index_axis(Axis(0), row), to) {
                     fault.get_or_insert((row * to.len() + index, to[index]));
-                }
-                // The field stop lies in front of the lens.
-                for (pixel, share) in to.chunks_exact_mut(channels).zip(&self.shade) {
-                    pixel.iter_mut().for_each(|value| *value *= share);
                 }
             };
             match self.layout.mosaic {
@@ -290,6 +285,27 @@ impl Sensor {
         }
         let x = Array3::from_shape_vec((height, width, seen), x).expect("x has the rows of this shape");
         Ok(Exposure { x, range: self.range, transfer: self.transfer, layout: self.layout })
+    }
+
+    /// Copies a row of radiance (W x C) into `to`, clamped to `[0, 1)` and shaded by the field stop, which lies in front of the lens: a value above
+    /// full scale would otherwise leak into its neighbours in the blur. Returns the index of the first value that is not finite; then the row is
+    /// copied as it is.
+    fn read_row(&self, radiance: ArrayView2<'_, f32>, to: &mut [f32]) -> Option<usize> {
+        let channels = radiance.dim().1;
+        // The order of the samples is that of the noise, so that a seed gives the same image for every memory layout.
+        match radiance.to_slice() {
+            Some(row) => to.copy_from_slice(row),
+            None => to.iter_mut().zip(radiance).for_each(|(to, &value)| *to = value),
+        }
+        // One pass without a branch; the position is looked for only when there is one.
+        if !widest!(to.iter().fold(true, |finite, value| finite & value.is_finite())) {
+            return to.iter().position(|value| !value.is_finite());
+        }
+        widest!(to.iter_mut().for_each(|value| *value = value.clamp(0.0, BELOW_ONE)));
+        for (pixel, share) in to.chunks_exact_mut(channels).zip(&self.shade) {
+            pixel.iter_mut().for_each(|value| *value *= share);
+        }
+        None
     }
 
     /// Returns an error for radiance of a shape that this sensor cannot see.
@@ -343,22 +359,6 @@ impl Sensor {
 /// straight line to 1 in the first column that is not shaded.
 fn shade(columns: usize, black: usize) -> Vec<f32> {
     (1..=columns).map(|n| n.saturating_sub(black) as f32 / (columns - black + 1) as f32).collect()
-}
-
-/// Copies a row of radiance (W x C) into `to`, clamped to `[0, 1)`: a value above full scale would otherwise leak into its
-/// neighbours in the blur. Returns the index of the first value that is not finite, which is copied as it is.
-fn read_row(radiance: ArrayView2<'_, f32>, to: &mut [f32]) -> Option<usize> {
-    // The order of the samples is that of the noise, so that a seed gives the same image for every memory layout.
-    match radiance.to_slice() {
-        Some(row) => to.copy_from_slice(row),
-        None => to.iter_mut().zip(radiance).for_each(|(to, &value)| *to = value),
-    }
-    // One pass without a branch; the position is looked for only when there is one.
-    if !widest!(to.iter().fold(true, |finite, value| finite & value.is_finite())) {
-        return to.iter().position(|value| !value.is_finite());
-    }
-    widest!(to.iter_mut().for_each(|value| *value = value.clamp(0.0, BELOW_ONE)));
-    None
 }
 
 /// Returns the largest `f32` strictly below `limit` (> 0), or 0.

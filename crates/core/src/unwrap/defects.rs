@@ -274,17 +274,9 @@ impl Grid {
             let [a, b, c, d] =
                 corners.map(|(down, right)| &rows[(top + down) % 3][right * channels..][..loops]);
             // Most rows have no steep loop, nor have most parts of the others, which one pass in vectors tells.
-            if !widest!(has_steep(a, b, c, d)) {
-                continue;
-            }
-            for from in (0..loops).step_by(PART) {
-                let part = from..loops.min(from + PART);
-                let [a, b, c, d] = [a, b, c, d].map(|corner| &corner[part.clone()]);
-                if !widest!(has_steep(a, b, c, d)) {
-                    continue;
-                }
-                for l in (0..part.len()).filter(|&l| is_steep(a[l], b[l], c[l], d[l])) {
-                    let first = top * stride + from + l;
+            if widest!(has_steep(a, b, c, d)) {
+                for at in steep_loops([a, b, c, d]) {
+                    let first = top * stride + at;
                     found.extend(corners.map(|(down, right)| first + down * stride + right * channels));
                 }
             }
@@ -405,6 +397,17 @@ impl Grid {
 #[inline(always)]
 fn is_steep<W: Word>(a: W, b: W, c: W, d: W) -> bool {
     exceeds(biased(b.minus(a), d.minus(c)), STEEP)
+}
+
+/// Returns the indices of the steep loops with these corners.
+fn steep_loops<W: Word>(corners: [&[W]; 4]) -> impl Iterator<Item = usize> {
+    let loops = corners[0].len();
+    let parts = (0..loops)
+        .step_by(PART)
+        .map(move |from| (from, corners.map(|codes| &codes[from..loops.min(from + PART)])));
+    parts.filter(|(_, [a, b, c, d])| widest!(has_steep(a, b, c, d))).flat_map(|(from, [a, b, c, d])| {
+        (0..a.len()).filter(move |&l| is_steep(a[l], b[l], c[l], d[l])).map(move |l| from + l)
+    })
 }
 
 /// Returns whether one of the loops with these corners is steep.

@@ -365,3 +365,64 @@ impl Predictor {
         Self { of, weight: if rest > 0.0 { (sums[3][3] / rest) as f32 } else { 1.0 } }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn range() -> Range {
+        Range::new(8, 4.0).unwrap()
+    }
+
+    /// Whole codes of a smooth scene within the range.
+    fn scene(dim: (usize, usize, usize)) -> Array3<f32> {
+        Array3::from_shape_fn(dim, |(i, j, c)| {
+            let slopes = (i as f32 / 9.0 + c as f32).sin() + (j as f32 / 12.0 - c as f32).cos();
+            (512.0 + 200.0 * slopes).floor()
+        })
+    }
+
+    /// The scene with counts that are wrong by one in two blocks: inside the image and at its corner.
+    fn divided(scene: &Array3<f32>) -> Array3<f32> {
+        let mut x = scene.clone();
+        for (rows, columns, peaks) in [(20..34, 30..55, 1.0), (45..60, 0..20, -1.0)] {
+            x.slice_mut(ndarray::s![rows, columns, ..]).mapv_inplace(|x| x + 256.0 * peaks);
+        }
+        x
+    }
+
+    #[test]
+    fn the_largest_part_grows_over_the_rest_exactly() {
+        for channels in [1, 3] {
+            let scene = scene((60, 80, channels));
+            let mut growth = Growth::default();
+            for mut x in [divided(&scene), scene.clone()] {
+                assert!(growth.read(&x, range()), "{channels} channels");
+                growth.grow(&mut x, range());
+                assert_eq!(x, scene, "{channels} channels");
+            }
+        }
+    }
+
+    #[test]
+    fn an_image_without_a_large_part_or_a_slope_has_nothing_to_grow_from() {
+        let mut growth = Growth::default();
+        for channels in [1, 3] {
+            let dim = (60, 80, channels);
+            let squares = Array3::from_shape_fn(dim, |(i, j, _)| 512.0 * ((i / 3 + j / 3) % 2) as f32);
+            assert!(!growth.read(&squares, range()), "no part has a fifth of the pixels");
+            assert!(!growth.read(&Array3::from_elem(dim, 300.0), range()), "a flat image tells nothing");
+            assert!(!growth.read(&scene((1, 1, channels)), range()), "a pixel has no neighbour");
+        }
+    }
+
+    #[test]
+    fn a_predictor_continues_a_slope() {
+        let x = scene((60, 80, 1));
+        let mut growth = Growth::default();
+        assert!(growth.read(&x, range()));
+        let [first, .., last] = growth.predictors;
+        assert_eq!((first[0].of, first[0].weight), ([0.0; 3], 1.0), "the nearest pixel alone is the measure");
+        assert!(last[2].weight > last[0].weight.max(first[2].weight), "more neighbours predict better");
+    }
+}

@@ -241,16 +241,11 @@ impl Regions {
             }
             for here in first..runs.len() {
                 let run = runs[here].clone();
-                while above < first && runs[above].end + columns <= run.start {
-                    above += 1;
-                }
+                above +=
+                    runs[above..first].iter().take_while(|upper| upper.end + columns <= run.start).count();
                 // The last of them may also touch the next run.
                 for upper in (above..first).take_while(|&upper| runs[upper].start + columns < run.end) {
-                    let roots = [upper, here].map(|run| root(earlier, run));
-                    // The ways to the first run are shortened, too.
-                    for run in [roots[0], roots[1], upper, here] {
-                        earlier[run] = roots[0].min(roots[1]);
-                    }
+                    unite(earlier, upper, here);
                 }
             }
             above = first;
@@ -268,6 +263,15 @@ fn bar(barred: &mut [bool], before: &[f32], here: &[f32], after: &[f32], limit: 
     widest!(for (((barred, before), here), after) in barred.iter_mut().zip(before).zip(here).zip(after) {
         *barred |= (before + after - here - here).abs() > limit;
     });
+}
+
+/// Makes one region of those of two runs.
+fn unite(earlier: &mut [usize], upper: usize, here: usize) {
+    let roots = [upper, here].map(|run| root(earlier, run));
+    // The ways to the first run are shortened, too.
+    for run in [roots[0], roots[1], upper, here] {
+        earlier[run] = roots[0].min(roots[1]);
+    }
 }
 
 /// Returns the first run of the region of `run`.

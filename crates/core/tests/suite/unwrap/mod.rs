@@ -7,6 +7,7 @@ use modulo_core::{Frame, Range, Recovered, SamplePosition, UnwrapError};
 use ndarray::{Array3, Axis, s};
 use proptest::prelude::*;
 
+mod circles;
 mod trees;
 
 /// Returns the modulo image of `x` in 16-bit samples.
