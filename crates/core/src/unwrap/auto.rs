@@ -1,7 +1,7 @@
 //! Auto: candidates from cheap to dear, of which one score chooses, and whether the result can be trusted.
 //!
-//! The candidates are `lines`, `gradient_tree` (unless the noise is strong), `smoothed_tree`, and [`growth`](super::growth) of the last
-//! result; `spud` instead of growth for an image that cannot be predicted. The first one is the result whose second differences do not contradict it: at most
+//! The candidates are `lines`, `gradient_tree` (unless the noise is strong), `smoothed_tree` (if there is noise), and [`growth`](super::growth) of
+//! the last result; `spud` instead of growth for an image that cannot be predicted. The first one is the result whose second differences do not contradict it: at most
 //! [`TrustLimits::jumps`] of them are above one peak. `lines` also needs a y without steep loops. If no candidate is accepted, the
 //! one that bends least is the result ([`jumps::bends`]).
 //!
@@ -45,6 +45,9 @@ pub(super) const FEWEST_BITS: u8 = 4;
 /// With more noise than this, in peaks, a smoothed image is recovered better than the image itself. Read noise of 0.12 peaks is measured
 /// as 0.10 to 0.12, sharp scenes at alpha 8 without noise as up to 0.07.
 pub(super) const STRONG_NOISE: f32 = 0.09;
+
+/// With at most this much noise, in peaks, smoothed codes are those of the image.
+const NO_NOISE: f32 = 0.02;
 
 /// The largest share of clamped counts with which `lines` is accepted.
 const FEW_CLAMPED: f32 = 3e-4;
@@ -174,11 +177,13 @@ impl Auto {
     ) -> Result<bool, UnwrapError> {
         let mut least = f64::MAX;
         let noise = self.smoothed_tree.read(y, range)?;
-        for candidate in [Candidate::Tree, Candidate::SmoothedTree, Candidate::Growth] {
-            // A tree on codes with strong noise is slow and wrong.
-            if candidate == Candidate::Tree && noise > STRONG_NOISE {
-                continue;
-            }
+        // A tree on codes with strong noise is slow and wrong.
+        let candidates = [
+            (Candidate::Tree, noise <= STRONG_NOISE),
+            (Candidate::SmoothedTree, noise > NO_NOISE),
+            (Candidate::Growth, true),
+        ];
+        for (candidate, _) in candidates.into_iter().filter(|(_, is_useful)| *is_useful) {
             let jumps = self.try_one(candidate, y, range)?;
             if self.accepts(jumps) {
                 std::mem::swap(out, &mut self.other);
@@ -202,7 +207,7 @@ impl Auto {
             Candidate::Tree => gradient_tree.unwrap_within(y, range, *few, other)?,
             Candidate::SmoothedTree => smoothed_tree.unwrap(gradient_tree, y.dim(), range, *few, other),
             Candidate::Growth => {
-                if !smoothed_tree.grow(range, other) {
+                if !smoothed_tree.grow(range, *few, other) {
                     spud.unwrap(y, range, other)?;
                 }
             }
@@ -213,9 +218,12 @@ impl Auto {
         }
         // Nor must regions that are wrong.
         let mut other = std::mem::take(&mut self.other);
-        let placed = self.place(y, range, &mut other);
+        self.place(y, range, &mut other)?;
+        if candidate == Candidate::Tree {
+            self.smoothed_tree.take(&other);
+        }
         self.other = other;
-        placed.map(|()| jumps::share(&self.other.x, range))
+        Ok(jumps::share(&self.other.x, range))
     }
 
     /// Writes the result of `lines` for the image that it has scanned. Where counts leave the range, alpha may be a little

@@ -17,6 +17,7 @@
 use ndarray::Array3;
 
 use super::Range;
+use super::congruence::base_level;
 use super::jumps::Regions;
 
 /// The least weight of the best predictor with which a frame can be predicted. Strong noise and the contours of a perfect lens have less.
@@ -42,6 +43,9 @@ pub(super) struct Growth {
     /// The known pixels, with a margin around the image.
     known: Vec<bool>,
     queue: Queue,
+    /// The counts of a channel of the part, and how many samples have each, as buffers.
+    counts: Vec<i32>,
+    levels: Vec<usize>,
     /// By the known pixels along a side after the nearest, 0 to 2, and by those across it, 0 to 2.
     predictors: [[Predictor; 3]; 3],
 }
@@ -194,15 +198,32 @@ impl Growth {
         weight >= LEAST_WEIGHT && size as f64 >= LEAST_SHARE * (height * width) as f64
     }
 
-    /// Grows the part of `x` that was read over the rest.
-    pub fn grow(&mut self, x: &mut Array3<f32>, range: Range) {
+    /// Grows the part of `x` that was read over the rest. The part first gets an absolute offset of its own, since that of `x` is one of regions
+    /// that may be wrong; a share of `outliers` of the part may be below its least count.
+    pub fn grow(&mut self, x: &mut Array3<f32>, range: Range, outliers: f64) {
         let (_, width, channels) = x.dim();
         let layout = Layout { width };
         let samples = x.as_slice_mut().expect("prepare has made the layout standard");
+        for channel in 0..channels {
+            self.lower(samples, channel, channels, range, outliers);
+        }
         match channels {
             1 => self.spread(samples.as_chunks_mut::<1>().0, layout, range),
             _ => self.spread(samples.as_chunks_mut::<3>().0, layout, range),
         }
+    }
+
+    /// Lowers a channel of the part, if all its counts may be smaller.
+    fn lower(&mut self, x: &mut [f32], channel: usize, channels: usize, range: Range, outliers: f64) {
+        let part: Vec<_> = self.regions.largest().collect();
+        let places = || part.iter().cloned().flatten().map(|at| at * channels + channel);
+        self.counts.clear();
+        self.counts.extend(places().map(|at| (x[at] / range.peak()) as i32));
+        if self.counts.is_empty() {
+            return;
+        }
+        let least = base_level(&self.counts, range, outliers, &mut self.levels);
+        places().zip(&self.counts).for_each(|(at, &count)| x[at] -= count.min(least) as f32 * range.peak());
     }
 
     fn spread<const C: usize>(&mut self, x: &mut [[f32; C]], layout: Layout, range: Range) {
@@ -391,6 +412,18 @@ mod tests {
         x
     }
 
+    /// The tree may have raised the whole image, since a wrong region lies below it.
+    #[test]
+    fn the_part_has_an_absolute_offset_of_its_own() {
+        let scene = scene((60, 80, 3)).mapv(|x| x - 100.0);
+        let mut x = divided(&scene).mapv(|x| x + 256.0);
+        x.slice_mut(ndarray::s![0..4, 0..4, ..]).mapv_inplace(|x| x % 256.0);
+        let mut growth = Growth::default();
+        assert!(growth.read(&x, range()));
+        growth.grow(&mut x, range(), 0.0);
+        assert_eq!(x, scene);
+    }
+
     #[test]
     fn the_largest_part_grows_over_the_rest_exactly() {
         for channels in [1, 3] {
@@ -398,7 +431,7 @@ mod tests {
             let mut growth = Growth::default();
             for mut x in [divided(&scene), scene.clone()] {
                 assert!(growth.read(&x, range()), "{channels} channels");
-                growth.grow(&mut x, range());
+                growth.grow(&mut x, range(), 0.0);
                 assert_eq!(x, scene, "{channels} channels");
             }
         }

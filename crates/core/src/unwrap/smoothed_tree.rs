@@ -57,17 +57,23 @@ impl SmoothedTree {
         self.lift(SMOOTHED_TREE, range, out);
     }
 
+    /// Takes a result for the codes that were read as the one to grow from.
+    pub fn take(&mut self, result: &Recovered) {
+        self.smooth.x.clone_from(&result.x);
+    }
+
     /// Writes the last result of `tree` anew, at the offset that so many outliers allow.
     pub fn place(&mut self, tree: &mut GradientTree, range: Range, outliers: f64, out: &mut Recovered) {
         tree.place(Integers::U16(&self.smoothed), range, outliers, &mut self.smooth);
         self.lift(SMOOTHED_TREE, range, out);
     }
 
-    /// Grows the last result from its largest part without a contradiction, if it can be predicted; returns whether it can.
-    pub fn grow(&mut self, range: Range, out: &mut Recovered) -> bool {
+    /// Grows the last result from its largest part without a contradiction, if it can be predicted; returns whether it can. So many `outliers`
+    /// of the part may be below its least count.
+    pub fn grow(&mut self, range: Range, outliers: f64, out: &mut Recovered) -> bool {
         let can_grow = self.growth.read(&self.smooth.x, range);
         if can_grow {
-            self.growth.grow(&mut self.smooth.x, range);
+            self.growth.grow(&mut self.smooth.x, range, outliers);
             self.lift(GROWTH, range, out);
         }
         can_grow
