@@ -87,7 +87,7 @@ fn time<T>(name: &str, mut stage: impl FnMut() -> T) {
 
 fn unwrapping() {
     let mut out = Recovered::default();
-    for (name, threads) in METHODS.into_iter().flat_map(|name| [(name, 1), (name, 2)]) {
+    for (name, threads) in METHODS.iter().flat_map(|&name| [(name, 1), (name, 2)]) {
         let mut method = by_name(name, &Options { threads, ..Options::default() }).expect("a method");
         time(&format!("unwrap {name} {threads}"), || {
             method.unwrap(&MODULO, range(), &mut out).expect("an image of the sensor");
