@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use mcap::McapError;
 use mcap::records::{MessageHeader, Metadata as MetadataRecord};
 
+use super::chunk::text_of;
 use super::metadata::{self, Contents, FileContents};
 use super::{BagError, BagTopic, TopicCount, qos};
 use crate::FileError;
@@ -66,7 +67,7 @@ impl BagFile {
         File::open(folder).and_then(|folder| folder.sync_all()).map_err(io)?;
         let mcap = options(compression)
             .create(BufWriter::new(file))
-            .map_err(|why| BagError::File(path.clone(), why.to_string()))?;
+            .map_err(|why| BagError::File(path.clone(), text_of(&why)))?;
         let contents = FileContents { name, span: None, messages: 0 };
         let (channels, counts) = (Vec::new(), Vec::new());
         Ok(Self { path, mcap, disk, channels, counts, contents, closed: 0, pending: 0, unflushed: 0 })
@@ -168,7 +169,7 @@ impl BagFile {
     }
 
     fn failed(&self, why: McapError) -> BagError {
-        BagError::File(self.path.clone(), why.to_string())
+        BagError::File(self.path.clone(), text_of(&why))
     }
 }
 

@@ -125,7 +125,7 @@ fn param_fault(of: &ArgMatches) -> Option<String> {
 #[test]
 fn every_command_in_the_documents_can_be_run() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let folders = ["", "docs", "models", "nodes/ros2_bridge", "tools/train"];
+    let folders = ["", "docs", "crates/models", "nodes/ros2_bridge", "tools/train"];
     let documents = folders.iter().flat_map(|folder| std::fs::read_dir(root.join(folder)).expect("a folder"));
     let documents = documents.map(|entry| entry.expect("a file").path());
     let (mut faults, mut count) = (Vec::new(), 0);
