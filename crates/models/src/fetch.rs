@@ -100,9 +100,10 @@ impl FetchRequest<'_> {
         progress: &dyn Fn(u64, Option<u64>),
     ) -> Result<String, FetchError> {
         let (url, name) = (self.url, self.file.display());
-        let remedy =
-            format!("download it on another machine and copy it to {name}, or set a mirror with --url");
-        let offline = |why| FetchError(format!("cannot reach {url}: {why}; {remedy}"));
+        let remedy = "download it on another machine and copy it to";
+        let offline = |why| {
+            FetchError(format!("cannot reach {url}: {why}; {remedy} {name}, or set a mirror with --url"))
+        };
         let cut = |got: u64, why: String| {
             FetchError(format!("{url}: the connection broke after {got} bytes: {why}; run the command again"))
         };
@@ -111,17 +112,16 @@ impl FetchRequest<'_> {
             let why = format!("the server answered {}, needed is 200", response.status().as_u16());
             return Err(FetchError(format!("{url}: {why}; set another address with --url")));
         }
-        // The announced length is compared before the download. It can be missing, and it can be wrong, so that the
-        // received bytes are counted as well: a server must not be able to fill the disk.
+        // The announced length can be missing or wrong: a server must not be able to fill the disk.
         let total = response.body().content_length();
         total.map_or(Ok(()), |total| self.check_length(total, true))?;
         let mut body = response.into_body().into_reader();
         let (mut hash, mut got, mut buffer) = (Sha256::new(), 0, vec![0; 1 << 16]);
         loop {
-            let read = body.read(&mut buffer).map_err(|why| cut(got, why.to_string()))?;
-            if read == 0 {
-                break;
-            }
+            let read = match body.read(&mut buffer).map_err(|why| cut(got, why.to_string()))? {
+                0 => break,
+                read => read,
+            };
             got += read as u64;
             self.check_length(got, false)?;
             hash.update(&buffer[..read]);

@@ -26,7 +26,7 @@ mod watch;
 
 use std::io;
 use std::net::{SocketAddr, TcpListener};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use axum::Router;
@@ -104,12 +104,7 @@ pub fn run(
         ViewError::Setup(format!("no random numbers for the token: {why}; give one with --token"))
     };
     let token = options.token.clone().map_or_else(random_token, Ok).map_err(no_random)?;
-    let address = options.address;
-    let in_use = |why: io::Error| {
-        ViewError::Setup(format!("{address}: {why}; choose another one with --address or --port"))
-    };
-    let listener = TcpListener::bind(options.address).map_err(in_use)?;
-    let address = listener.local_addr().map_err(in_use)?;
+    let (listener, address) = listen(options.address)?;
     let page = format!("http://{address}/?token={token}");
     let mut addresses = ViewAddresses { page, foxglove: None, token: token.clone() };
     let node_name = NodeName { name: NODE.into(), namespace: "/".into(), remaps: Vec::new() };
@@ -133,11 +128,25 @@ pub fn run(
     })?;
     // A call that still waits for its node must not hold up the end.
     runtime.shutdown_background();
-    let Some(file) = &options.record else { return Ok(0) };
     let recording = recording.lock().unwrap_or_else(PoisonError::into_inner);
-    let written = std::fs::write(file, recording.page());
+    options.record.as_deref().map_or(Ok(0), |file| save(&recording, file))
+}
+
+/// Listens on `address`. Returns the address with the port that the system chose for port 0.
+fn listen(address: SocketAddr) -> Result<(TcpListener, SocketAddr), ViewError> {
+    let in_use = |why: io::Error| {
+        ViewError::Setup(format!("{address}: {why}; choose another one with --address or --port"))
+    };
+    let listener = TcpListener::bind(address).map_err(in_use)?;
+    let bound = listener.local_addr().map_err(in_use)?;
+    Ok((listener, bound))
+}
+
+/// Writes the page of a recording. Returns the number of moments that were too large for it.
+fn save(recording: &Recording, file: &Path) -> Result<usize, ViewError> {
     let name = file.display();
-    written.map_err(|why| ViewError::Setup(format!("{name}: {why}; the recording is lost")))?;
+    let lost = |why: io::Error| ViewError::Setup(format!("{name}: {why}; the recording is lost"));
+    std::fs::write(file, recording.page()).map_err(lost)?;
     Ok(recording.too_large)
 }
 
