@@ -117,11 +117,7 @@ impl FetchRequest<'_> {
         total.map_or(Ok(()), |total| self.check_length(total, true))?;
         let mut body = response.into_body().into_reader();
         let (mut hash, mut got, mut buffer) = (Sha256::new(), 0, vec![0; 1 << 16]);
-        loop {
-            let read = match body.read(&mut buffer).map_err(|why| cut(got, why.to_string()))? {
-                0 => break,
-                read => read,
-            };
+        while let read @ 1.. = body.read(&mut buffer).map_err(|why| cut(got, why.to_string()))? {
             got += read as u64;
             self.check_length(got, false)?;
             hash.update(&buffer[..read]);
