@@ -19,7 +19,7 @@ _Own = tuple[str, float, float, bool | None]
 
 __all__ = [
     "METHODS", "Bag", "Sensor", "Source", "__version__", "average_precision", "declared", "denoise", "picture", "ssim", "stability_scene",
-   , "stability_scenes", "unwrap",
+    "stability_scenes", "unwrap",
 ]
 
 METHODS: list[str]
