@@ -1,4 +1,4 @@
-//! What the methods make of rendered scenes.
+//! Exactness, robustness and denoising on rendered scenes.
 
 // Helpers of tests may unwrap as tests do.
 #![allow(clippy::unwrap_used)]

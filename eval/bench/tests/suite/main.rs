@@ -1,4 +1,4 @@
-//! The commands and the scenes of the benchmarks, and what the methods promise on them.
+//! The commands of the benchmarks, and the trust and accuracy of the methods on their scenes.
 
 // Helpers of tests may unwrap as tests do.
 #![allow(clippy::unwrap_used)]

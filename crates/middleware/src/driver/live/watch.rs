@@ -1,4 +1,4 @@
-//! What a live node warns of beside its work: messages that cannot be read, and images that do not come.
+//! The warnings of a live node: messages that cannot be read, and images that do not come.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
