@@ -81,7 +81,7 @@ impl SourceError {
     }
 }
 
-/// A source of frames that [`open`] reads.
+/// The sources of frames that [`open`] reads.
 const POSSIBLE: &str = "scene://PRESET, an image (png, jpg, jpeg, exr, hdr), a folder of images, a video, a KITTI folder (image_2 or \
                         image_02 inside), a .mcap or .db3 file or a bag folder, and as source of a camera rtsp://, http:// or \
                         https:// with a stream, /dev/videoN, and topic:NAME, such as topic:/camera/image_raw, for the images that \

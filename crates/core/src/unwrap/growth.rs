@@ -213,17 +213,17 @@ impl Growth {
         }
     }
 
-    /// Lowers a channel of the part, if all its counts may be smaller.
+    /// Lowers one channel of the part by whole peaks until its least count is 0. A share of `outliers` may lie below, and gets 0, too.
     fn lower(&mut self, x: &mut [f32], channel: usize, channels: usize, range: Range, outliers: f64) {
-        let part: Vec<_> = self.regions.largest().collect();
-        let places = || part.iter().cloned().flatten().map(|at| at * channels + channel);
-        self.counts.clear();
-        self.counts.extend(places().map(|at| (x[at] / range.peak()) as i32));
-        if self.counts.is_empty() {
+        let Self { regions, counts, levels, .. } = self;
+        let places = || regions.largest().flatten().map(|at| at * channels + channel);
+        counts.clear();
+        counts.extend(places().map(|at| (x[at] / range.peak()) as i32));
+        if counts.is_empty() {
             return;
         }
-        let least = base_level(&self.counts, range, outliers, &mut self.levels);
-        places().zip(&self.counts).for_each(|(at, &count)| x[at] -= count.min(least) as f32 * range.peak());
+        let least = base_level(counts, range, outliers, levels);
+        places().zip(&*counts).for_each(|(at, &count)| x[at] -= count.min(least) as f32 * range.peak());
     }
 
     fn spread<const C: usize>(&mut self, x: &mut [[f32; C]], layout: Layout, range: Range) {
