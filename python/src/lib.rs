@@ -19,7 +19,7 @@ mod _core {
     #[pymodule_export]
     use super::parameters::declared;
     #[pymodule_export]
-    use super::picture::{denoise, picture};
+    use super::picture::picture;
     #[pymodule_export]
     use super::recording::{Bag, Source};
     #[pymodule_export]

@@ -1,12 +1,12 @@
-//! Radiance without the noise of its sensor, and as an image of 8 bits, with or without the blur of the lens.
+//! Radiance as an image of 8 bits, with or without the blur of the lens.
 
-use modulo_core::{Deblur, Denoise, Frame, FrameError, Range, tone};
+use modulo_core::{Deblur, Frame, FrameError, Range, tone};
 use modulo_runtime::SensorModel;
 use ndarray::{Array3, ArrayRef3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::image::{Image, View, frame_to_numpy, to_numpy, value_error};
+use crate::image::{Image, View, frame_to_numpy, value_error};
 use crate::parameters::parse;
 
 /// Returns the image of 8 bits of the radiance `x`, deblurred on request.
@@ -24,27 +24,6 @@ pub fn picture<'py>(
     let (x, is_flat) = radiance(x)?;
     let frame = py.detach(|| shown(&x, &sensor, lens.map(Deblur::new), range)).map_err(value_error)?;
     Ok(frame_to_numpy(py, frame, is_flat))
-}
-
-/// Returns the radiance `x` without most of the noise of the sensor.
-#[pyfunction]
-pub fn denoise<'py>(
-    py: Python<'py>,
-    x: &Bound<'py, PyAny>,
-    parameters: &Bound<'py, PyDict>,
-) -> PyResult<Bound<'py, PyAny>> {
-    let sensor = SensorModel::from(&parse(parameters)?);
-    let denoise = Denoise::new(sensor.config().map_err(value_error)?);
-    let (x, is_flat) = radiance(x)?;
-    let (height, width, channels) = x.dim();
-    if sensor.mosaic.is_some() && channels != 1 {
-        return Err(value_error(FrameError::Mosaic { height, width, channels, depth: 16 }));
-    }
-    let x = py.detach(|| match denoise {
-        None => x,
-        Some(denoise) => denoise.apply(&x),
-    });
-    Ok(to_numpy(py, x, is_flat))
 }
 
 /// Returns the argument `x` as floats, and whether it has no axis of channels.

@@ -151,18 +151,6 @@ impl Filtered {
     }
 }
 
-/// Returns an image (H x W x 1) in which `change` has replaced the pixels of each place in the 2 x 2 pixels of a mosaic, which are
-/// an image of their own.
-pub(crate) fn by_colour(image: &Array3<f32>, change: impl Fn(&Array3<f32>) -> Array3<f32>) -> Array3<f32> {
-    let mut changed = image.clone();
-    for (row, column) in PLACES {
-        let place = s![row..;2, column..;2, ..];
-        let of_place = image.slice(place).as_standard_layout().into_owned();
-        changed.slice_mut(place).assign(&change(&of_place));
-    }
-    changed
-}
-
 /// Returns the row or column of `count` that lies at `at` when the image is continued by its mirror image without the border
 /// pixel (`dcb|abcd`), in which all colours keep their places.
 pub(crate) fn mirrored(at: isize, count: usize) -> usize {

@@ -362,9 +362,5 @@ fn deblur_is_a_yes_or_no_for_unwrap() {
         // The lens itself reaches it with the description of the sensor.
         let [_, unwrap, camera] = plan.nodes.as_slice() else { panic!("three nodes") };
         assert_eq!((parameter(camera, "psf_sigma"), parameter(unwrap, "deblur")), ("1.4", deblur));
-        // The noise of the sensor, too, reaches unwrap with the description.
-        let plan = shipped_plan("recovered", &[("read_noise", "5.5"), ("denoise", deblur)]);
-        let [_, unwrap, camera] = plan.nodes.as_slice() else { panic!("three nodes") };
-        assert_eq!((parameter(camera, "read_noise"), parameter(unwrap, "denoise")), ("5.5", deblur));
     }
 }

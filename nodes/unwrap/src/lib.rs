@@ -13,7 +13,6 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use modulo_core::deblur::Deblur;
-use modulo_core::denoise::Denoise;
 use modulo_core::unwrap::{
     Method, Options, QualityMetrics, Recovered, Report, Sharpness, ThresholdOn, Trust, TrustLimits, Unwrap,
     UnwrapError, of_gains,
@@ -52,9 +51,6 @@ modulo_runtime::parameters! {
         /// Removes the blur of the lens (psf, psf_sigma) from the recovered image after unwrapping. The hdr image keeps
         /// it.
         deblur: bool = false,
-        /// Removes noise from the recovered and the hdr image after unwrapping (total variation), as much of it as the camera's sensor
-        /// description states. Without a description, or for a sensor without noise, nothing changes.
-        denoise: bool = false,
         /// For auto: the largest fraction of steep 2 x 2 loops with which it trusts a result in a single colour.
         trust_lines: f64 = TrustLimits::default().lines => 0.0..=1.0,
         /// For auto: the largest number of second differences of the result above one peak, per sample, with which it trusts
@@ -121,8 +117,6 @@ struct Prepared {
     range: Range,
     /// Removes the blur of the lens from `recovered`, if that is requested.
     deblur: Option<Deblur>,
-    /// Removes the noise of the sensor, if that is requested and there is any.
-    denoise: Option<Denoise>,
     /// The method for a sensor with two gains, which replaces the one of the parameters.
     of_gains: Option<Box<dyn Unwrap>>,
 }
@@ -177,8 +171,7 @@ impl UnwrapNode {
             let range = model.range()?;
             let mut of_gains = of_gains(model.gains()?);
             of_gains.as_mut().unwrap_or(&mut self.method).expect_edges(sharpness);
-            let denoise = if self.parameters.denoise { Denoise::new(model.config()?) } else { None };
-            self.sensor = Some(Prepared { model, range, deblur, denoise, of_gains });
+            self.sensor = Some(Prepared { model, range, deblur, of_gains });
         }
         Ok(())
     }
@@ -248,17 +241,12 @@ impl UnwrapNode {
 
     /// Sends the images of the result that have a reader.
     fn emit_images(&self, modulo: &StampedFrame, cx: &mut Context<'_>) -> Result<(), FrameError> {
-        let Prepared { model, range, deblur, denoise, .. } =
-            self.sensor.as_ref().expect("`prepare` comes before");
+        let Prepared { model, range, deblur, .. } = self.sensor.as_ref().expect("`prepare` comes before");
         let mosaic = modulo.frame.mosaic();
-        let shown = cx.wanted(RECOVERED) || cx.wanted(HDR);
-        let radiance = match denoise.as_ref().filter(|_| shown) {
-            None => Cow::Borrowed(&self.recovered.x),
-            Some(denoise) => Cow::Owned(cx.stage("denoise", || denoise.apply(&self.recovered.x))),
-        };
+        let radiance = &self.recovered.x;
         if cx.wanted(RECOVERED) {
             let x = match mosaic {
-                None => Cow::Borrowed(&*radiance),
+                None => Cow::Borrowed(radiance),
                 Some(mosaic) => Cow::Owned(cx.stage("demosaic", || mosaic.demosaic(radiance.view()))),
             };
             // A sharpened image is for the detector only: `hdr` keeps what the sensor saw.
@@ -269,7 +257,7 @@ impl UnwrapNode {
             cx.emit(RECOVERED, stamped(&modulo.header, frame?));
         }
         if cx.wanted(HDR) {
-            let frame = tone::hdr(&radiance, *range)?;
+            let frame = tone::hdr(radiance, *range)?;
             // There is no encoding for a mosaic of floats.
             let frame = match mosaic.filter(|_| frame.depth() == 16) {
                 Some(mosaic) => frame.with_mosaic(mosaic).expect("it has the shape of the modulo image"),
@@ -322,7 +310,7 @@ impl Node for UnwrapNode {
             self.sensor = None;
         }
         // A change of the sensor is seen at the next frame.
-        if (parameters.deblur, parameters.denoise) != (last.deblur, last.denoise) {
+        if parameters.deblur != last.deblur {
             self.sensor = None;
         }
         (self.parameters, self.contradiction_reported) = (parameters, false);
@@ -349,11 +337,10 @@ impl Node for UnwrapNode {
     }
 
     fn state(&self) -> Vec<(&'static str, String)> {
-        let UnwrapParameters { deblur, denoise, threads, .. } = &self.parameters;
+        let UnwrapParameters { deblur, threads, .. } = &self.parameters;
         let mut state = vec![
             ("method", self.method.name().to_owned()),
             ("deblur", deblur.to_string()),
-            ("denoise", denoise.to_string()),
             ("threads", threads.to_string()),
         ];
         // Before the first frame, the camera's sensor is not known.

@@ -229,30 +229,6 @@ fn what_only_one_method_reads_is_checked_for_all() {
 }
 
 #[test]
-fn denoise_removes_the_noise_of_the_described_sensor_from_both_images() {
-    let flat = Array3::from_elem((24, 40, 3), 0.3);
-    let model = SensorModel { alpha: 2.0, read_noise: 5.0, ..SensorModel::default() };
-    let exposure = model.simulated().expect("a sensor").expose(flat.view(), 0).expect("an image");
-    let run = |denoise, described: bool| {
-        let mut node = unwrap(&[("alpha", "2"), ("denoise", denoise)]);
-        if described {
-            let message = sensor_info::message(&header(), &model, "/modulo_camera");
-            let clock = ManualClock::at(0);
-            let mut cx = Context::new("/unwrap", &clock, &[true, true]);
-            node.step(Trigger::Message { input: 1, message }, &mut cx).expect("a good description");
-        }
-        let sent = step(&mut node, exposure.modulo(), &[true, true]).expect("a good frame");
-        [0, 1].map(|output| image(&sent[output].1).frame.to_f32())
-    };
-    let spread = |frame: &Array3<f32>| frame.std(0.0);
-    let ([noisy, noisy_hdr], [recovered, hdr]) = (run("false", true), run("true", true));
-    assert!(spread(&recovered) * 3.0 < spread(&noisy), "{} of {}", spread(&recovered), spread(&noisy));
-    assert!(spread(&hdr) * 3.0 < spread(&noisy_hdr), "{} of {}", spread(&hdr), spread(&noisy_hdr));
-    // Without a description, no noise is known.
-    assert_eq!(run("true", false), [noisy, noisy_hdr]);
-}
-
-#[test]
 fn deblur_sharpens_the_image_for_the_detector_and_leaves_the_radiance() {
     let bars =
         Array3::from_shape_fn((24, 40, 3), |(i, j, _)| if (i / 6 + j / 5) % 2 == 0 { 0.1 } else { 0.3 });

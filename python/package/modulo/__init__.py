@@ -54,7 +54,6 @@ __all__ = [
     "average_precision",
     "benchmark",
     "deblur",
-    "denoise",
     "read_bag",
     "read_source",
     "stability",
@@ -560,80 +559,6 @@ def deblur(
         "transfer": transfer,
     }
     return _core.picture(x, sensor, True)
-
-
-def denoise(
-    x: Image,
-    bits: int = 8,
-    alpha: float = 4.0,
-    *,
-    read_noise: float = 0.0,
-    shot_noise: float = 0.0,
-    full_well_electrons: float = 0.0,
-    prnu: float = 0.0,
-    mosaic: str = "none",
-    gains: str = "none",
-    gain_ratio: float = 0.0,
-) -> NDArray[np.float32]:
-    """Returns radiance without most of the noise of its sensor (total variation).
-
-    Parameters
-    ----------
-    x : array of float32, uint8 or uint16, H x W or H x W x C
-        The radiance in code units, such as `Unwrapped.x`.
-    bits : int, in 1 to 16
-        Bits of the sensor's converter. The peak is 2^bits code units.
-    alpha : float, a finite number in 0.001 to 256
-        Saturation factor: the brightest radiance of the scene divided by the sensor's peak.
-    read_noise : float, a finite number in 0 to 65536
-        Standard deviation of the read noise in code units.
-    shot_noise : float, a finite number in 0 to 65536
-        Strength of the shot noise: its standard deviation at the signal x is sqrt(shot_noise * x) in code units.
-    full_well_electrons : float, a finite number in 0 to 1000000000
-        Electrons that fill the 2^bits codes of the converter at full gain (the saturation capacity of EMVA 1288). They add shot noise
-        of the variance x * 2^bits / full_well_electrons. 0: only shot_noise.
-    prnu : float, a finite number in 0 to 1
-        Photo response non-uniformity (EMVA 1288): standard deviation of the gain between pixels, as a fraction. The pattern is the
-        same in every frame.
-    mosaic : str, one of none, rggb, bggr, grbg, gbrg
-        Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the source.
-        The images of a mosaic have the encoding bayer_*8 or bayer_*16. Here they are H x W.
-    gains : str, one of none, checkerboard
-        Pixels with a lower gain, which do not wrap: none, or every second one, as on a checkerboard.
-    gain_ratio : float, a finite number in 0 to 1
-        The lower gain divided by the full one, at most 1 / alpha. 0: 1 / alpha.
-
-    Returns
-    -------
-    array of float32
-        The radiance in code units, of the shape of x. Where the sensor has no noise it is x.
-
-    Raises
-    ------
-    ValueError
-        With the parameter, the shape or the type that is not possible.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import modulo
-    >>> y = modulo.Sensor(alpha=4, read_noise=5).expose(np.full((32, 32), 0.5, np.float32)).modulo
-    >>> x = modulo.unwrap(y, alpha=4).x
-    >>> bool(modulo.denoise(x, alpha=4, read_noise=5).std() < 0.5 * x.std())
-    True
-    """
-    sensor: dict[str, int | float | str] = {
-        "bits": bits,
-        "alpha": alpha,
-        "read_noise": read_noise,
-        "shot_noise": shot_noise,
-        "full_well_electrons": full_well_electrons,
-        "prnu": prnu,
-        "mosaic": mosaic,
-        "gains": gains,
-        "gain_ratio": gain_ratio,
-    }
-    return _core.denoise(x, sensor)
 
 
 def read_bag(path: str | os.PathLike[str], source_topic: str = "") -> Iterator[Frame]:

@@ -18,7 +18,7 @@ _Frame = tuple[_Image, str, int | None, str, str, list[_Object] | None]
 _Own = tuple[str, float, float, bool | None]
 
 __all__ = [
-    "METHODS", "Bag", "Sensor", "Source", "__version__", "average_precision", "declared", "denoise", "picture", "ssim", "stability_scene",
+    "METHODS", "Bag", "Sensor", "Source", "__version__", "average_precision", "declared", "picture", "ssim", "stability_scene",
     "stability_scenes", "unwrap",
 ]
 
@@ -45,7 +45,6 @@ class Source:
 def unwrap(
     y: _Image, parameters: Mapping[str, _Value], confidence: bool
 ) -> tuple[NDArray[float32], NDArray[uint8], _Report]: ...
-def denoise(x: _Image, parameters: Mapping[str, _Value]) -> NDArray[float32]: ...
 def picture(x: _Image, parameters: Mapping[str, _Value], deblur: bool) -> NDArray[uint8]: ...
 def average_precision(
     frames: Sequence[tuple[Sequence[_Found], Sequence[_Object]]], difficulty: str

@@ -1,4 +1,4 @@
-//! Exactness, robustness and denoising on rendered scenes.
+//! Exactness and robustness on rendered scenes.
 
 // Helpers of tests may unwrap as tests do.
 #![allow(clippy::unwrap_used)]
@@ -6,6 +6,5 @@
 #[path = "../../../../tests/harness/data.rs"]
 mod data;
 
-mod denoise;
 mod exactness;
 mod robustness;
