@@ -6,8 +6,9 @@
 
 use super::gradient_sums::{GradientSums, GreenCodes};
 
-/// Edges with at least this margin are joined first, in the order of the rows.
-const SURE: u8 = 64;
+/// Edges with at least this margin, two peaks, are joined first, in the order of the rows. With one peak, a wrong edge in fine branches tears a
+/// part off that reaches to the border of the image.
+const SURE: u8 = 128;
 
 /// The tree with its buffers.
 #[derive(Default)]
@@ -32,6 +33,8 @@ struct Part {
     /// For a root, the least and the largest count, less that of the part.
     least: i32,
     largest: i32,
+    /// For a root, the number of parts that belong to it.
+    size: u32,
 }
 
 /// An edge down to a pixel.
@@ -100,7 +103,8 @@ impl MarginTree {
             }
         }
         let mut doubtful = std::mem::take(&mut self.doubtful);
-        doubtful.sort_unstable_by_key(|edge| (u8::MAX - edge.margin, edge.to, edge.from));
+        // Edges of one margin stay in the order of the rows.
+        doubtful.sort_by_key(|edge| u8::MAX - edge.margin);
         doubtful.retain(|edge| !self.join(*edge, false));
         doubtful.iter().for_each(|edge| _ = self.join(*edge, true));
         self.doubtful = doubtful;
@@ -133,7 +137,7 @@ impl MarginTree {
         let (first, second) = if margin(right) > margin(left) { (right, left) } else { (left, right) };
         if !first.is_some_and(|edge| edge.margin >= SURE && self.extend(edge)) {
             let part = self.tree.len() as u32;
-            self.tree.push(Part { parent: part, offset: 0, least: 0, largest: 0 });
+            self.tree.push(Part { parent: part, offset: 0, least: 0, largest: 0, size: 1 });
             self.parts.push(part);
             self.counts.push(0);
             self.doubtful.extend(first);
@@ -195,11 +199,15 @@ impl MarginTree {
         if fitting != step && !forced {
             return false;
         }
-        let root = &mut self.tree[part as usize];
-        (root.least, root.largest) =
-            (one.least.min(two.least + fitting), one.largest.max(two.largest + fitting));
-        let other = &mut self.tree[other as usize];
-        (other.parent, other.offset) = (part, fitting);
+        // The larger one becomes the root of both, so that the ways to the roots stay short.
+        let (root, child, offset) =
+            if one.size >= two.size { (part, other, fitting) } else { (other, part, -fitting) };
+        let below = self.tree[child as usize];
+        self.tree[child as usize] = Part { parent: root, offset, ..below };
+        let above = &mut self.tree[root as usize];
+        above.least = above.least.min(below.least + offset);
+        above.largest = above.largest.max(below.largest + offset);
+        above.size += below.size;
         true
     }
 }

@@ -66,7 +66,9 @@ impl MosaicUnwrap {
     /// # Errors
     /// [`UnwrapError::Workers`] when the threads are not available.
     pub fn new(method: Box<dyn Unwrap>, judges: bool, options: &Options) -> Result<Self, UnwrapError> {
-        let other = || OtherColour::new(options);
+        let mut of_others = *options;
+        of_others.trust.jumps *= JUMPS_OF_SUMS;
+        let other = || OtherColour::new(&of_others);
         Ok(Self {
             method,
             judges,
@@ -106,7 +108,10 @@ impl MosaicUnwrap {
         }
         let mut trust = self.trust_in_green(jumps, range);
         let others = self.unwrap_others(image, range, out)?;
-        if others.iter().any(|other| other.outside > MOST_OUTSIDE || other.trust != Trust::Trusted) {
+        let is_wrong = |other: &OtherDoubts| {
+            other.outside > MOST_OUTSIDE || other.trust != Trust::Trusted || other.jumps > self.limits.jumps
+        };
+        if others.iter().any(is_wrong) {
             trust = Trust::Untrusted;
         }
         if self.judges {
