@@ -108,7 +108,6 @@ impl Client {
         Ok(())
     }
 
-    /// Sends the images that are due.
     async fn send_images(&self, graph: &GraphView, socket: &mut WebSocket) -> Result<(), axum::Error> {
         while let Some(moment) = self.watch.next(graph).await {
             let message = moment.message();

@@ -18,7 +18,7 @@ use crate::protocol::{DetectorView, GraphView, PixelView};
 /// Images of one topic that wait for their boxes: two seconds at 30 Hz.
 const KEPT: usize = 60;
 /// Their bytes.
-pub const KEPT_BYTES: usize = 64 << 20;
+const KEPT_BYTES: usize = 64 << 20;
 /// Results of one detector that wait for their image.
 const KEPT_BOXES: usize = 32;
 /// A moment waits at most this long for its images and boxes, ns.
@@ -35,7 +35,6 @@ pub struct Streams {
     answered: BTreeMap<String, Arc<str>>,
 }
 
-/// One image topic.
 #[derive(Default)]
 struct WatchedTopic {
     /// The newest images that have not been sent.
@@ -73,9 +72,7 @@ struct DetectorResult {
 
 /// An image that may be sent now, with the boxes that belong to it.
 pub struct NextImage {
-    /// Topic of the image.
     pub topic: String,
-    /// Stamp of the image.
     pub stamp: Time,
     /// CDR of the image.
     pub payload: Payload,
@@ -85,7 +82,6 @@ pub struct NextImage {
     pub truth: Vec<TopicBoxes>,
 }
 
-/// Boxes with their topic.
 type TopicBoxes = (String, Arc<Detection2DArray>);
 
 impl Streams {
@@ -120,7 +116,6 @@ impl Streams {
         }
     }
 
-    /// Takes the boxes that a detector published.
     pub(crate) fn boxes(&mut self, origin: &MessageOrigin, boxes: Arc<Detection2DArray>, now_ns: u64) {
         let results = self.results.entry(origin.topic.clone()).or_default();
         self.awaited.insert(origin.topic.clone());
