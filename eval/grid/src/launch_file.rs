@@ -225,7 +225,6 @@ impl Evaluation {
 /// Name of the file of the scores.
 pub const SCORES: &str = "scores.json";
 
-/// File name of the image of a frame.
 fn file_name(number: u64) -> String {
     format!("{number:06}.png")
 }

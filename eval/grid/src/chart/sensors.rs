@@ -141,7 +141,6 @@ fn percent(share: f64) -> String {
     format!("{} %", number(100.0 * share, 1))
 }
 
-/// AP50 of the ideal image of a scene.
 fn ideal(scene: &[&Cell], group: &str) -> Option<f64> {
     *scene.iter().find(|cell| cell.point.stream == Stream::Ideal)?.ap50.get(group)?
 }

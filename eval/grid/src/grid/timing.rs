@@ -43,9 +43,6 @@ impl Clock for SwitchClock<'_> {
 
 /// Measures the times of the cells anew if some of them have none or were measured in another pass. Cells whose models this
 /// request does not have keep their times.
-///
-/// # Errors
-/// [`GridError`] if a node cannot be made or a step fails.
 pub fn measure(
     request: &Request,
     nodes: &dyn Nodes,
@@ -180,6 +177,6 @@ fn run_frame(
 ) -> Result<Option<Stages>, GridError> {
     let input = pipeline(frame.clone())?;
     let Some(image) = input.image else { return Ok(None) };
-    let output = detector.infer(frame.number, image)?;
-    Ok(output.found.is_some().then(|| [input.stages, output.stages].concat()))
+    let (found, stages) = detector.infer(frame.number, image)?;
+    Ok(found.map(|_| [input.stages, stages].concat()))
 }
