@@ -27,7 +27,6 @@ use crate::{Ended, Failure};
 /// Time limit of `--wait-for`.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// `modulo bag`
 #[derive(Subcommand)]
 pub enum Bag {
     /// Record topics until SIGINT or SIGTERM
@@ -48,7 +47,6 @@ pub enum Bag {
     Import(BagImport),
 }
 
-/// `modulo bag import`
 #[derive(Subcommand)]
 pub enum BagImport {
     /// Convert a KITTI object or sequence folder, with its labels as ground truth
@@ -78,7 +76,6 @@ pub struct BagCopy {
     pub form: Form,
 }
 
-/// `modulo bag record`
 #[derive(Args)]
 pub struct BagRecord {
     /// Topics to record; all topics if none is given
@@ -108,7 +105,6 @@ pub struct Form {
     pub max_bag_duration: u64,
 }
 
-/// `modulo bag play`
 #[derive(Args)]
 pub struct BagPlay {
     /// Bag folder, or .mcap or .db3 file

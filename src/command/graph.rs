@@ -18,7 +18,6 @@ use modulo_runtime::wire::keys::{EntityKind, Token};
 use super::{open_session, stop_on_signals};
 use crate::{Ended, Failure};
 
-/// `modulo topic`
 #[derive(Subcommand)]
 pub enum TopicCommand {
     /// List the topics
@@ -50,7 +49,6 @@ pub enum TopicCommand {
     },
 }
 
-/// `modulo topic echo`
 #[derive(Args)]
 pub struct Echo {
     /// Name of the topic, such as /detections
@@ -60,7 +58,6 @@ pub struct Echo {
     pub once: bool,
 }
 
-/// `modulo node`
 #[derive(Subcommand)]
 pub enum NodeCommand {
     /// List the nodes

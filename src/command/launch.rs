@@ -31,7 +31,6 @@ use crate::{Ended, Failure};
 /// Time between two looks at the reports of nodes in this process.
 const GLANCE: Duration = Duration::from_millis(200);
 
-/// `modulo launch`
 #[derive(Args)]
 pub struct Launch {
     /// Launch file (ROS 2 YAML), or the name of a launch file of the suite, which is found from any folder. Without it, the launch
@@ -71,7 +70,6 @@ pub struct Launch {
     pub show_args: bool,
 }
 
-/// The result of a launch.
 struct LaunchResult {
     summary: Summary,
     /// The processes that failed, if there are any.

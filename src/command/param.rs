@@ -13,7 +13,6 @@ use modulo_runtime::parameter::text::{bare, described, labelled, type_name};
 use super::{graph, open_session};
 use crate::{Ended, Failure};
 
-/// `modulo param`
 #[derive(Subcommand)]
 pub enum Param {
     /// List the parameters of a node, or of all nodes

@@ -30,7 +30,6 @@ use tracing_subscriber::filter::LevelFilter;
 use super::{camera_end, choose_hashes, open_session, parse_hashes, start_log_with, stop_on_signals, usage};
 use crate::{Ended, Failure, LONG_VERSION, VERSION};
 
-/// `modulo run`
 #[derive(Args)]
 pub struct Run {
     /// Name of the node: modulo_camera, unwrap or detector
