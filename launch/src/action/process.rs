@@ -72,7 +72,6 @@ pub(crate) struct NodeAction {
     pub process: ProcessAction,
 }
 
-/// A parameter or a file of parameters.
 #[derive(Clone, Debug)]
 pub(crate) enum Parameter {
     /// A file in ROS 2's parameter format.
@@ -81,12 +80,9 @@ pub(crate) enum Parameter {
     Value { name: Text, value: ParameterValue, kind: Option<&'static str> },
 }
 
-/// The value of a parameter.
 #[derive(Clone, Debug)]
 pub(crate) enum ParameterValue {
-    /// A scalar.
     Scalar(Written),
-    /// A list of scalars.
     List(Vec<Written>),
 }
 

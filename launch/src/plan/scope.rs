@@ -14,7 +14,7 @@ use crate::substitution::{SubstitutionError, Surroundings};
 use crate::{LaunchError, Mistakes, listed};
 
 /// The state at a place of a launch file, as the actions before it have left it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Scope {
     /// Arguments and `let`s.
     pub variables: BTreeMap<String, String>,
@@ -33,14 +33,7 @@ pub(super) struct Scope {
 impl Scope {
     /// The outermost scope, with the values given on the command line.
     pub fn new(arguments: &[(String, String)]) -> Self {
-        Self {
-            variables: arguments.iter().cloned().collect(),
-            environment: BTreeMap::new(),
-            namespace: "/".to_owned(),
-            parameters: Vec::new(),
-            remaps: Vec::new(),
-            broken: BTreeSet::new(),
-        }
+        Self { variables: arguments.iter().cloned().collect(), namespace: "/".to_owned(), ..Self::default() }
     }
 
     /// Joins `name` to the namespace; an absolute one replaces it.
@@ -141,7 +134,6 @@ pub(super) fn argument_value(argument: &Argument, view: View<'_>) -> Result<(Str
     Ok((name.clone(), value))
 }
 
-/// The value of the parameter `name`.
 pub(super) fn parameter_value(
     name: &Text,
     value: &ParameterValue,

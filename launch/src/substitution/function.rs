@@ -172,10 +172,7 @@ fn variable(
     })
 }
 
-/// ROS 2's rule for conditions: `true` or `1`, `false` or `0`, in any case.
-///
-/// # Errors
-/// [`SubstitutionError`] for anything else.
+/// ROS 2's rule for conditions: `true` or `1`, `false` or `0`, in any case; anything else is an error.
 pub(crate) fn truth(text: &str) -> Result<bool, SubstitutionError> {
     match text.trim().to_ascii_lowercase().as_str() {
         "true" | "1" => Ok(true),

@@ -57,7 +57,6 @@ pub(super) struct Job {
 /// Where a node of the suite shows that its loop still runs: it writes its report at least once a second.
 #[derive(Clone, Debug)]
 pub(super) struct LifeSigns {
-    /// Folder of the reports.
     folder: PathBuf,
     /// Fully qualified name of the node.
     node: String,
@@ -348,7 +347,6 @@ fn after_shutdown(origin: Origin, status: &std::io::Result<ExitStatus>, last_lin
     }
 }
 
-/// The restarts of one process.
 #[derive(Default)]
 struct Restarts {
     /// Since the launch.

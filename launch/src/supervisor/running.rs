@@ -39,7 +39,6 @@ pub(super) struct Running {
     group: Option<Group>,
     readers: Vec<JoinHandle<()>>,
     say: Box<dyn Fn(&str) + Send + Sync>,
-    /// The last line of its standard error.
     last_line: Arc<Mutex<String>>,
 }
 

@@ -28,9 +28,6 @@ pub enum InputSize {
 
 impl InputSize {
     /// Reads `auto` or `WxH` for a model that fixes `of_model` (height, width) or nothing.
-    ///
-    /// # Errors
-    /// The possible values, as one line.
     pub fn parse(text: &str, of_model: Option<(usize, usize)>) -> Result<Self, String> {
         let asked = match text.trim() {
             "auto" => None,
@@ -59,9 +56,6 @@ impl InputSize {
     }
 
     /// Returns the position of an image of `height x width` in the tensor.
-    ///
-    /// # Errors
-    /// [`LetterboxError`] for an image without pixels.
     pub fn place(self, height: usize, width: usize) -> Result<Letterbox, LetterboxError> {
         let align = match self {
             Self::Auto => Align::TopLeft,

@@ -97,7 +97,6 @@ pub struct Detector {
     labels_due: bool,
 }
 
-/// A camera that is read.
 #[derive(Default)]
 struct Camera {
     /// Its namespace, such as /front; `None` for that of the node.
@@ -106,7 +105,6 @@ struct Camera {
     described: BTreeMap<String, SensorHistory>,
     /// The choice of `input: auto`.
     trust: TrustFollower,
-    /// The codes of its images.
     codes: CodeRange,
     /// Bits of the samples of the last image; 0 before the first one.
     bits: u8,
@@ -128,7 +126,6 @@ impl Camera {
         Role::all(input).iter().map(move |role| self.topic(role.topic(stream)))
     }
 
-    /// Returns the descriptions of the sensor behind `stream`.
     fn described(&self, stream: &str) -> Option<&SensorHistory> {
         self.described.get(&self.topic(Role::Sensor.topic(stream)).name)
     }
@@ -240,7 +237,7 @@ impl Detector {
         if !parameters.same_engine(&now.parameters) {
             return again("model", &parameters.model);
         }
-        if parameters.class_map != map.file() {
+        if parameters.class_map != map.file {
             return again("class_map", &parameters.class_map);
         }
         let settings = Settings::new(&parameters, &now.engine.layout, map)?;
@@ -276,7 +273,6 @@ impl Detector {
         self.contradiction_reported = false;
     }
 
-    /// Returns the camera and the role of the input with this index.
     fn source(&self, input: usize) -> Option<(usize, Role)> {
         let roles = Role::all(&self.loaded.settings.input);
         let sources =
@@ -462,7 +458,7 @@ impl Node for Detector {
     }
 
     fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError> {
-        let map = self.loaded.settings.classes.map().clone();
+        let map = self.loaded.settings.classes.map.clone();
         self.take(parameters, None, map)
     }
 
@@ -480,7 +476,7 @@ impl Node for Detector {
     fn exchange(&mut self, parameters: &Parameters, part: Part) -> Result<(), ParameterError> {
         match part.downcast::<Loaded>() {
             Ok(loaded) => {
-                let map = loaded.settings.classes.map().clone();
+                let map = loaded.settings.classes.map.clone();
                 self.take(parameters, Some(*loaded), map)
             }
             Err(part) => {

@@ -56,7 +56,6 @@ modulo_runtime::parameters! {
 }
 
 impl DetectorParameters {
-    /// Returns the path of the model.
     pub(crate) fn model(&self) -> Result<&Path, ParameterError> {
         self.check()?;
         if self.model.is_empty() {
@@ -74,9 +73,6 @@ impl DetectorParameters {
     }
 
     /// Returns the stream to read, and the topic of `fallback` unless that is auto.
-    ///
-    /// # Errors
-    /// [`ParameterError`] of `input` or `fallback`.
     pub(crate) fn streams(&self) -> Result<(StreamChoice, Option<String>), ParameterError> {
         let fallback = stream("fallback", &self.fallback)?;
         Ok(match stream("input", &self.input)? {
@@ -141,9 +137,6 @@ pub struct Settings {
 
 impl Settings {
     /// Returns the settings that the parameters give for a model of this `layout`, with the class `map` that they name.
-    ///
-    /// # Errors
-    /// [`ParameterError`] of the first one that is not possible.
     pub fn new(
         parameters: &DetectorParameters,
         layout: &ModelLayout,

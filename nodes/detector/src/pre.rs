@@ -26,9 +26,6 @@ pub struct Preprocessor {
 
 impl Preprocessor {
     /// Writes `frame`, whose largest sample is `most`, into a tensor, `1 x 3 x H x W`, RGB in `[0, 1]`; mono is repeated to three channels.
-    ///
-    /// # Errors
-    /// A message of one line when the image cannot be brought to this size.
     pub fn fill(&mut self, frame: &Frame, most: f64, size: InputSize) -> Result<Letterbox, String> {
         let (height, width, channels) = frame.dim();
         let letterbox = size.place(height, width).map_err(|error| error.to_string())?;

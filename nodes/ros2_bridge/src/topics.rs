@@ -36,9 +36,6 @@ struct ForwardQueue {
 
 /// Forwards `route` on `node` for as long as the result lives. Of the messages of the suite only those pass whose publisher, a
 /// fully qualified name, `belongs` to `node`: several nodes may publish one topic, and each of them has a node on DDS.
-///
-/// # Errors
-/// When one of the two sides refuses the topic.
 pub fn forward(
     route: &Route,
     bridge: &NodeName,
