@@ -193,7 +193,6 @@ pub fn choice(rows: &[EngineRow]) -> Option<&EngineRow> {
     accurate.min_by(|(_, a), (_, b)| a.p50_ms.total_cmp(&b.p50_ms)).map(|(row, _)| row)
 }
 
-/// Returns the largest loss of AP50 of a group.
 fn loss(reference: &BTreeMap<String, f64>, ap50: &BTreeMap<String, f64>) -> f64 {
     let losses = reference.iter().map(|(group, ap)| ap - ap50.get(group).copied().unwrap_or_default());
     losses.reduce(f64::max).unwrap_or_default()

@@ -89,25 +89,13 @@ pub enum BenchEvent<'a> {
         /// Description, such as the file.
         next: &'a str,
     },
-    /// A file was skipped.
-    Skipped(&'a Skipped),
+    /// A file was skipped, for this reason, which has its name.
+    Skipped(&'a str),
     /// A measurement is uncertain.
     Warning(&'a str),
 }
 
-/// A file that was skipped.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Skipped {
-    /// The file as it was given.
-    pub file: String,
-    /// The reason, with the name of the file.
-    pub why: String,
-}
-
 /// Returns `paths` with the image files of each folder among them in place of the folder, and tells what else is in it.
-///
-/// # Errors
-/// [`BenchError::NoFrames`] of a folder without an image, and [`BenchError::Io`] of one that cannot be read.
 fn files(paths: &[PathBuf], tell: &mut dyn FnMut(BenchEvent<'_>)) -> Result<Vec<PathBuf>, BenchError> {
     if paths.is_empty() {
         let why = "the list of files is empty; at least one entry is needed";
@@ -177,7 +165,6 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), BenchError> {
     launcher::replace(path, bytes).map_err(|why| BenchError::Io(path.to_owned(), why))
 }
 
-/// Reads a JSON file.
 fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, BenchError> {
     let text = fs::read(path).map_err(|source| BenchError::Io(path.to_owned(), source))?;
     serde_json::from_slice(&text).map_err(|source| BenchError::Json(path.to_owned(), source))

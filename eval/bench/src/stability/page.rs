@@ -198,7 +198,6 @@ fn mark(verdict: &Judgement) -> &'static str {
     }
 }
 
-/// The mark of trust.
 fn trust(trusted: Option<bool>) -> &'static str {
     match trusted {
         Some(true) => "\u{2713}",
