@@ -195,7 +195,6 @@ fn wait_until_heard(publishers: &Publishers, clock: &dyn Clock, stop: &Stop) {
     }
 }
 
-/// A replay on its way.
 struct Replay<'a> {
     transport: &'a ZenohTransport,
     clock: &'a dyn Clock,
@@ -203,7 +202,6 @@ struct Replay<'a> {
     pace: PlaybackClock,
     /// The readers of the last frame, which are waited for at rate 0.
     pacing: Pacing,
-    /// The next message, if it has been read.
     ahead: Option<NextMessage>,
     publishers: Publishers,
     time: Option<ClockPublisher>,

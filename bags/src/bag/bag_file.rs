@@ -56,7 +56,6 @@ pub(super) struct BagFile {
 }
 
 impl BagFile {
-    /// Makes the file `name` in `folder`.
     pub(super) fn create(folder: &Path, name: String, compression: Compression) -> Result<Self, BagError> {
         let path = folder.join(&name);
         let io = |e| FileError::new(&path, e);
@@ -73,7 +72,6 @@ impl BagFile {
         Ok(Self { path, mcap, disk, channels, counts, contents, closed: 0, pending: 0, unflushed: 0 })
     }
 
-    /// Adds the next topic of the bag.
     pub(super) fn add(&mut self, topic: &BagTopic) -> Result<(), BagError> {
         let channel = self.add_channel(topic).map_err(|source| self.failed(source))?;
         self.channels.push(channel);

@@ -22,7 +22,6 @@ use crate::FileError;
 /// The length of the footer with the magic bytes behind it: opcode, length, two offsets and the CRC.
 const FOOTER: u64 = 9 + 20 + 8;
 
-/// The index of one file.
 #[derive(Debug)]
 pub(super) struct McapFile {
     path: PathBuf,
@@ -242,7 +241,6 @@ fn chunk_input(
     MergeInput { start, open: Box::new(open) }
 }
 
-/// Returns the summary at the end of the file.
 fn read_summary(file: &mut File, size: u64) -> Option<Summary> {
     let options = SummaryReaderOptions::default().with_file_size(size).with_record_length_limit(MAX_CHUNK);
     let mut reader = SummaryReader::new_with_options(options);

@@ -33,7 +33,6 @@ pub(super) struct Metadata {
     pub(super) ros_distro: Option<String>,
 }
 
-/// The metadata of one file.
 #[derive(Clone, Debug)]
 pub(super) struct FileContents {
     pub(super) name: String,

@@ -96,7 +96,6 @@ pub fn is_bag(path: &Path) -> bool {
     storage::is_storage(path)
 }
 
-/// Opens the file `path`.
 fn open(path: &Path) -> Result<Arc<dyn Storage>, BagError> {
     let mut start = Vec::new();
     let file = open_regular(path).map_err(|e| FileError::new(path, e))?;

@@ -32,7 +32,6 @@ pub(super) struct UnchunkedMessage {
     pub(super) length: usize,
 }
 
-/// The result of a scan.
 pub(super) struct Scan {
     pub(super) summary: Summary,
     /// The messages by log time, then by position in the file.
@@ -70,7 +69,6 @@ pub(super) fn crc_of(file: &File, start: u64, end: u64) -> io::Result<u32> {
     Ok(hasher.finalize())
 }
 
-/// Where a walk ended.
 struct WalkEnd {
     offset: u64,
     /// Why it ended before the end of the data.

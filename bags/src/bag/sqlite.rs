@@ -15,7 +15,6 @@ use super::storage::{Cursor, FileSummary, Item, Storage};
 use super::{BagError, BagTopic, BagWarning, LeftOut, RawMessage, Selection, TopicCount, unpacked};
 use crate::FileError;
 
-/// The index of one file.
 #[derive(Debug)]
 pub(super) struct SqliteFile {
     path: PathBuf,
@@ -32,7 +31,6 @@ struct MessagePlace {
     time: i64,
     /// Number of the message.
     id: i64,
-    /// Number of its topic.
     topic: i64,
 }
 

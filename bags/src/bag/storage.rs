@@ -32,7 +32,6 @@ impl Selection {
     }
 }
 
-/// The summary of one file of a bag.
 #[derive(Debug)]
 pub(super) struct FileSummary {
     /// Name of the storage in rosbag2.
@@ -49,7 +48,6 @@ pub(super) struct FileSummary {
 
 /// An open file with a known index.
 pub(super) trait Storage: Debug + Send + Sync {
-    /// Returns the summary of the file.
     fn summary(&self) -> &FileSummary;
 
     /// Returns the selected messages; `None` when no topic is selected.
@@ -95,7 +93,6 @@ type OpenInput = Box<dyn FnOnce() -> Result<Option<Cursor>, BagError> + Send>;
 pub(super) struct MergeInput {
     /// No message of it is earlier, ns since the epoch.
     pub(super) start: u64,
-    /// Opens the input.
     pub(super) open: OpenInput,
 }
 

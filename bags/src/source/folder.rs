@@ -219,7 +219,6 @@ pub(super) fn no_image(path: &Path) -> SourceError {
     SourceError::of(path, "no image in this folder, at least one png, jpg, jpeg, exr or hdr is needed")
 }
 
-/// Returns whether `path` is called as an image is, and is not a folder.
 fn is_image(path: &Path) -> bool {
     path.exists() && !path.is_dir() && has_extension(path, &EXTENSIONS)
 }

@@ -29,7 +29,6 @@ pub struct KittiFolder {
     listed: bool,
 }
 
-/// The location of the labels.
 #[derive(Debug)]
 enum LabelFiles {
     /// One file for each frame, in folders by preference.

@@ -98,7 +98,6 @@ pub fn draw_all(canvas: &mut Canvas, panels: &[ChartPanel], (left, top, width): 
     top + rows * height + (rows - 1.0).max(0.0) * GAP
 }
 
-/// Draws `panel` into (left, top, width, height).
 fn draw(canvas: &mut Canvas, panel: &ChartPanel, (left, top, width, height): Area) {
     let area = (left + LEFT, top, left + width, top + height - BELOW);
     let points = || panel.series.iter().flat_map(|series| &series.points).filter(|point| is_finite(point));

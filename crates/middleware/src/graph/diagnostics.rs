@@ -26,7 +26,6 @@ pub struct Diagnostics {
     bad: u64,
     /// The work of the node since the last message.
     window: Window,
-    /// Stamp of the last frame.
     last_frame: Option<Time>,
 }
 

@@ -142,7 +142,6 @@ const CALLS: usize = 64;
 
 /// A call of one of a node's services.
 struct Call {
-    /// Index of the service.
     service: usize,
     query: Query,
 }
