@@ -7,7 +7,7 @@ use std::time::Duration;
 use anyhow::{Context, anyhow};
 use clap::{Args, Subcommand};
 use modulo_bags::bag::{
-    self, BagError, BagInfo, BagReader, BagWarning, BagWriter, Compression, Split, WriteOptions,
+    self, BagError, BagInfo, BagReader, BagWarning, BagWriter, Compression, WriteOptions,
 };
 use modulo_bags::import::{ImportError, ImportReport, import_kitti, import_video};
 use modulo_bags::source::SourceError;
@@ -197,7 +197,7 @@ fn without_place(why: BagError) -> Failure {
 fn write_options(form: &Form) -> WriteOptions {
     let max_bytes = Some(form.max_bag_size).filter(|max| *max > 0);
     let max_duration = Some(Duration::from_secs(form.max_bag_duration)).filter(|max| !max.is_zero());
-    WriteOptions { compression: form.compression, split: Split { max_bytes, max_duration } }
+    WriteOptions { compression: form.compression, max_bytes, max_duration }
 }
 
 /// Prints the warnings; with messages that cannot be read the exit code is 3.

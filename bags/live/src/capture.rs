@@ -153,7 +153,7 @@ impl CaptureLoop<'_> {
     fn begin(&mut self, lane: Lane, topic: BagTopic) -> Result<(), BagError> {
         match self.recorder.topic(&topic) {
             // One publisher that is wrong must not end the recording of all others.
-            Err(why @ BagError::TypeConflict { .. }) => {
+            Err(why @ BagError::TypeConflict(..)) => {
                 tracing::warn!("{why}: not recorded");
                 self.guards.remove(&lane);
                 self.queue.close(lane);

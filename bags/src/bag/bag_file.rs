@@ -12,7 +12,7 @@ use mcap::McapError;
 use mcap::records::{MessageHeader, Metadata as MetadataRecord};
 
 use super::chunk::text_of;
-use super::metadata::{self, Contents, FileContents};
+use super::metadata::{self, FileContents};
 use super::{BagError, BagTopic, TopicCount, qos};
 use crate::FileError;
 
@@ -153,8 +153,7 @@ impl BagFile {
         // The record describes this file only, so the counts are its own and not those of the bag.
         let here = |(counted, &messages): (&TopicCount, _)| TopicCount { messages, ..counted.clone() };
         let topics: Vec<_> = topics.iter().zip(&self.counts).map(here).collect();
-        let text =
-            metadata::mapping(&Contents { files: std::slice::from_ref(&self.contents), topics: &topics });
+        let text = metadata::mapping(std::slice::from_ref(&self.contents), &topics);
         // rosbag2 reads this record where `metadata.yaml` is lost.
         let record = MetadataRecord {
             name: "rosbag2".to_owned(),

@@ -104,18 +104,8 @@ struct Walk<'a> {
 
 impl<'a> Walk<'a> {
     fn new(path: &'a Path, file: &'a File, size: u64, index: Option<&'a Summary>) -> Self {
-        let stats = Statistics {
-            message_count: 0,
-            schema_count: 0,
-            channel_count: 0,
-            attachment_count: 0,
-            metadata_count: 0,
-            chunk_count: 0,
-            // The least time so far, so that any message is earlier.
-            message_start_time: u64::MAX,
-            message_end_time: 0,
-            channel_message_counts: Default::default(),
-        };
+        // The least time so far, so that any message is earlier.
+        let stats = Statistics { message_start_time: u64::MAX, ..Statistics::default() };
         Self {
             path,
             file,

@@ -35,7 +35,7 @@ impl FolderSource {
 
     /// Creates a source of just these images, in this order.
     pub(crate) fn of(images: Vec<PathBuf>, options: &SourceOptions) -> Result<Self, SourceError> {
-        Ok(Self { images, next: 0, white: options.white()?, folder: None })
+        Ok(Self { images, next: 0, white: White::new(options.white, options.transfer)?, folder: None })
     }
 
     /// Says that these are all images of `folder`, so that those of other formats are left out.
