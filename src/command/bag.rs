@@ -13,7 +13,7 @@ use modulo_bags::import::{ImportError, ImportReport, import_kitti, import_video}
 use modulo_bags::source::SourceError;
 use modulo_bags_live::LiveError;
 use modulo_bags_live::capture::capture;
-use modulo_bags_live::play::{PlayOptions, PlaybackClock, PlaybackState, Player};
+use modulo_bags_live::play::{PlayOptions, PlaybackClock, Player};
 use modulo_bags_live::remap::TopicRemaps;
 use modulo_bags_live::replay::{self, ReplayOptions, Replayed, replay};
 use modulo_eval::grid::words;
@@ -244,8 +244,7 @@ fn play(args: &BagPlay) -> Result<Ended, Failure> {
     // All options are checked before the session is open, so that a wrong command line never shows in the
     // graph.
     let mut player = Player::new(reader, &options).map_err(usage)?;
-    let motion = if args.start_paused { PlaybackState::Paused } else { PlaybackState::Running };
-    let pace = PlaybackClock::new(0, args.rate, motion).map_err(usage)?;
+    let pace = PlaybackClock::new(0, args.rate, args.start_paused).map_err(usage)?;
     if let Some(hz) = args.clock.filter(|hz| !(hz.is_finite() && *hz > 0.0)) {
         return Err(usage(anyhow!("--clock {hz}: must be a finite number above 0")));
     }

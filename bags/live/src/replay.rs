@@ -11,7 +11,8 @@ use modulo_middleware::parameter::events::ParameterEvents;
 use modulo_middleware::transport::queue::{Keep, Limit, Queue, Queued};
 use modulo_middleware::transport::zenoh::{RawPublisher, RawService, ZenohTransport};
 use modulo_middleware::transport::{
-    Guard, Incoming, ParameterAnswer, ParameterPort, ParameterRequest, Transport, TransportError,
+    Guard, Incoming, ParameterAnswer, ParameterPort, ParameterRequest, Publisher as _, Transport,
+    TransportError,
 };
 use modulo_msgs::builtin::Time;
 use modulo_msgs::{Interface, cdr, rosgraph_msgs, sensor_msgs};
@@ -24,7 +25,7 @@ use modulo_runtime::{
 
 use crate::LiveError;
 use crate::control::{PlayerAction, PlayerCommand, PlayerReply, Service};
-use crate::play::{NextMessage, PlaybackClock, PlaybackState, Player};
+use crate::play::{NextMessage, PlaybackClock, Player};
 use crate::remap::TopicRemaps;
 use modulo_bags::bag::{BagError, BagTopic, RawMessage, TopicCount, qos};
 
@@ -285,7 +286,7 @@ impl Replay<'_> {
     fn send_next(&mut self, now: u64) -> Result<(), TransportError> {
         let Some(due) = self.ahead.take() else { return Ok(()) };
         self.publishers.send(due.message)?;
-        if self.pace.rate() == 0.0 || self.pace.state() == PlaybackState::Paused {
+        if self.pace.rate() == 0.0 || self.pace.is_paused() {
             self.pace.jump(now, due.position);
         }
         Ok(())
@@ -297,11 +298,7 @@ impl Replay<'_> {
         match action {
             PlayerAction::Tell => {}
             PlayerAction::Stop => self.stopped = true,
-            PlayerAction::Move(state) => {
-                let is_paused = self.pace.state() == PlaybackState::Paused;
-                let other = if is_paused { PlaybackState::Running } else { PlaybackState::Paused };
-                self.pace.set_state(now, state.unwrap_or(other));
-            }
+            PlayerAction::Pause(pause) => self.pace.set_paused(now, pause.unwrap_or(!self.pace.is_paused())),
             // An impossible rate is refused in the response, and the replay goes on.
             // So is 0, as in rosbag2: readers tell what they have taken only to a replay that began at that rate.
             PlayerAction::SetRate(rate) => done = rate > 0.0 && self.pace.set_rate(now, rate).is_ok(),
@@ -319,12 +316,12 @@ impl Replay<'_> {
                 }
             }
         }
-        Ok(PlayerReply { done, played, state: self.pace.state(), rate: self.pace.rate() })
+        Ok(PlayerReply { done, played, is_paused: self.pace.is_paused(), rate: self.pace.rate() })
     }
 
     /// Plays up to `number` messages at once, if the replay is paused and until it is stopped; how many.
     fn step(&mut self, now: u64, number: u64, stop: &Stop) -> Result<u64, LiveError> {
-        if self.pace.state() != PlaybackState::Paused {
+        if !self.pace.is_paused() {
             return Ok(0);
         }
         let mut played = 0;

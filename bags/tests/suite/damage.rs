@@ -5,8 +5,8 @@ use std::sync::LazyLock;
 use std::time::Duration;
 
 use modulo_bags::bag::{
-    BagError, BagReader, BagWarning, BagWriter, Compression, LeftOut, RawMessage, Selection,
-    WriteOptions, copy,
+    BagError, BagReader, BagWarning, BagWriter, Compression, LeftOut, RawMessage, Selection, WriteOptions,
+    copy,
 };
 use proptest::prelude::*;
 
