@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use clap::Args;
-use modulo_draw::{Axis, Chart, ChartBody, ChartPanel, DataPoint, Emphasis, PageWidth, Series, SeriesStyle};
+use modulo_draw::{Axis, Chart, ChartBody, ChartPanel, DataPoint, PageWidth, Series, SeriesStyle};
 use modulo_runtime::report::Percentiles;
 use serde::{Deserialize, Serialize};
 
@@ -295,7 +295,7 @@ fn chart(rows: &[EngineRow], request: &EnginesRequest, processor: &str) -> Chart
                 interval: figures.interval95.get(group).copied(),
                 label: if chosen == Some(row) { "choice".to_owned() } else { String::new() },
                 hover: format!("{name}: {:.1} ms, AP50 of {group} {} %", figures.p50_ms, below_100(ap50, 1)),
-                emphasis: if figures.loss < MOST_LOSS { Emphasis::Normal } else { Emphasis::Faded },
+                is_faded: figures.loss >= MOST_LOSS,
             };
             Some(Series { points: vec![point], style: SeriesStyle::Markers, name })
         });
