@@ -172,7 +172,6 @@ pub fn failure(why: BenchError) -> Failure {
     let of_command_line = match &why {
         BenchError::Request(_)
         | BenchError::NotCodes(..)
-        | BenchError::NoFrames(_)
         | BenchError::Parameter(_)
         | BenchError::Video(_)
         | BenchError::Image(ImageError::White(_)) => true,

@@ -182,12 +182,12 @@ fn describe(graph: &Graph, node: &str) {
 
 fn echo(transport: &ZenohTransport, args: &Echo) -> Result<(), Failure> {
     let listening = transport.listen(&absolute(&args.topic), stop_on_signals()?)?;
-    let name = ros_name(&listening.endpoint().dds_type);
+    let name = ros_name(&listening.endpoint.dds_type);
     let description = match rihs::type_description(&name) {
         Some(description) => description,
         None => {
             let text =
-                transport.definition_of(listening.endpoint()).context("the suite does not know the type")?;
+                transport.definition_of(&listening.endpoint).context("the suite does not know the type")?;
             rihs::description_of_schema(&name, &text)?
         }
     };

@@ -100,7 +100,7 @@ pub fn grid(args: &Grid, source: &[String], out: &Path) -> Result<Ended, Failure
     let timer = SystemClock::default();
     let outcome = match run(&request, &Suite, &timer, &|event| progress.tell(event)) {
         // All frames are left out, each for its reason.
-        Err(why @ GridError::Nothing { frames: 1.., .. }) => {
+        Err(why @ GridError::Nothing(_, 1.., _)) => {
             eprintln!("modulo: {why}");
             return Ok(Ended::WithLoss);
         }

@@ -424,7 +424,7 @@ fn trace(folder: &Path, node: &str) -> Result<Vec<Value>, BenchError> {
             continue;
         }
         for line in fs::read_to_string(&path).map_err(failed)?.lines() {
-            lines.push(serde_json::from_str(line).map_err(|why| BenchError::Json(path.clone(), why))?);
+            lines.push(serde_json::from_str(line).map_err(|why| BenchError::Io(path.clone(), why.into()))?);
         }
     }
     Ok(lines)

@@ -300,7 +300,7 @@ impl Job {
         if let Some(crashes) = restarts.exceed(self.max_restarts, now) {
             self.say(print, &format!("ended with {status}, crash {crashes} within a minute: the run ends"));
             let reason = if last_line.is_empty() { String::new() } else { format!(" ({last_line})") };
-            return Err(ProcessEnd::GaveUp { crashes, status: format!("{status}{reason}") });
+            return Err(ProcessEnd::GaveUp(crashes, format!("{status}{reason}")));
         }
         let delay = delay.max(restarts.next(lived, now));
         let (count, ms) = (restarts.count, delay.as_millis());

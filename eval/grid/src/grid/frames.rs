@@ -76,7 +76,7 @@ impl Frames {
         warnings.extend(found);
         if frames.truths.is_empty() {
             let why = warnings.into_iter().next().unwrap_or_else(|| "there is no frame".to_owned());
-            return Err(GridError::Nothing { source_name: data.name(), frames: seen, why });
+            return Err(GridError::Nothing(data.name(), seen, why));
         }
         let drives = frames.drive_of.iter().flatten().collect::<BTreeSet<_>>().len();
         let digest = modulo_models::hex(&notes.digest.finalize());
