@@ -121,7 +121,7 @@ fn launch_file(args: &Eval, file: &Path, out: &Path) -> Result<Ended, Failure> {
     runs[1..].iter().try_for_each(|run| nodes(file, run, true).map(drop))?;
     let plan = |made: &NamedNodes| {
         let plan = EvaluationPlan::new(made, out.to_owned(), args.topics.clone());
-        plan.with_context(|| file.display().to_string()).map_err(usage)
+        plan.map_err(|why| usage(anyhow!(why).context(file.display().to_string())))
     };
     let mut recordings =
         made.as_ref().map(|made| outputs(args, &plan(made)?)).expect("the first run is made")?;

@@ -17,7 +17,7 @@ use modulo_runtime::clock::nanos;
 use modulo_runtime::lockstep::{Lockstep, LockstepError, OnTopic};
 use serde_json::{Value, json};
 
-pub use plan::{CameraPlan, DetectorStream, EvaluationPlan, NamedNodes, PlanError};
+pub use plan::{CameraPlan, DetectorStream, EvaluationPlan, NamedNodes};
 pub use recordings::Recordings;
 use timeline::Timeline;
 
