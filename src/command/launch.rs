@@ -191,7 +191,7 @@ fn check(path: &Path, arguments: &[String]) -> Result<Ended, Failure> {
             }
             mistakes
         }
-        Err(mistakes) => mistakes.all().iter().map(ToString::to_string).collect(),
+        Err(mistakes) => mistakes.0.iter().map(ToString::to_string).collect(),
     };
     mistakes.iter().for_each(|mistake| say!("{mistake}"));
     Err(Failure::Run(anyhow!("{file}: {}", counted(mistakes.len(), "error"))))

@@ -70,7 +70,7 @@ impl View<'_> {
     pub fn locate<T>(&self, text: &Text, result: Result<T, SubstitutionError>) -> Result<T, LaunchError> {
         result.map_err(|error| match &error {
             // The mistake that took the value from this variable is reported already.
-            SubstitutionError::Undefined { name, .. } if self.scope.broken.contains(name) => {
+            SubstitutionError::Undefined(name, _) if self.scope.broken.contains(name) => {
                 LaunchError::Consequence
             }
             _ => self.refuse(text, error),
@@ -168,8 +168,8 @@ pub(super) fn included(include: &Include, view: View<'_>) -> Result<LaunchFile, 
         let why = format!("include: '{name}' is not YAML, only .launch.yaml files can be included");
         return Err(view.refuse(&include.file, why).into());
     }
-    action::read_file(&path).map_err(|mistakes| match mistakes.all() {
-        [LaunchError::File { file, why }] => {
+    action::read_file(&path).map_err(|mistakes| match &mistakes.0[..] {
+        [LaunchError::File(file, why)] => {
             view.refuse(&include.file, format!("include: {}: {why}", file.display())).into()
         }
         _ => mistakes,

@@ -168,7 +168,7 @@ fn variable(
 ) -> Result<String, SubstitutionError> {
     around.variables.get(name).or(default).cloned().ok_or_else(|| {
         let known = listed(around.variables.keys(), "none");
-        SubstitutionError::Undefined { name: name.to_owned(), known }
+        SubstitutionError::Undefined(name.to_owned(), known)
     })
 }
 
