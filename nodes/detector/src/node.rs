@@ -41,7 +41,7 @@ impl Role {
     fn all(input: &StreamChoice) -> &'static [Self] {
         match input {
             StreamChoice::Stream(_) => &[Self::Image, Self::Sensor],
-            StreamChoice::Auto { .. } => &[Self::Image, Self::Sensor, Self::Recovery],
+            StreamChoice::Auto(_) => &[Self::Image, Self::Sensor, Self::Recovery],
         }
     }
 
@@ -139,16 +139,14 @@ impl Camera {
     fn stream<'a>(&self, input: &'a StreamChoice) -> &'a str {
         match input {
             StreamChoice::Stream(stream) => stream,
-            StreamChoice::Auto { .. } if !self.trust.falls_back() => TRUSTED,
-            StreamChoice::Auto { fallback: Some(stream) } => stream,
+            StreamChoice::Auto(_) if !self.trust.falls_back() => TRUSTED,
+            StreamChoice::Auto(Some(stream)) => stream,
             // Measured (docs/live.md): without blur an image that is not trusted is worse than the saturated one; with
             // blur it is better.
-            StreamChoice::Auto { fallback: None } => {
-                match self.described(TRUSTED).and_then(SensorHistory::latest) {
-                    Some(sensor) if sensor.psf() == Psf::None => SHARP_FALLBACK,
-                    _ => TRUSTED,
-                }
-            }
+            StreamChoice::Auto(None) => match self.described(TRUSTED).and_then(SensorHistory::latest) {
+                Some(sensor) if sensor.psf() == Psf::None => SHARP_FALLBACK,
+                _ => TRUSTED,
+            },
         }
     }
 }
@@ -448,7 +446,7 @@ impl Node for Detector {
         let first = match &input {
             same if *same == self.loaded.settings.input => self.inputs(),
             StreamChoice::Stream(stream) => all(stream),
-            StreamChoice::Auto { .. } => all(TRUSTED),
+            StreamChoice::Auto(_) => all(TRUSTED),
         };
         Ok(PlannedInputs { first, later: all(fallback.as_deref().unwrap_or(SHARP_FALLBACK)) })
     }

@@ -76,7 +76,7 @@ impl DetectorParameters {
     pub(crate) fn streams(&self) -> Result<(StreamChoice, Option<String>), ParameterError> {
         let fallback = stream("fallback", &self.fallback)?;
         Ok(match stream("input", &self.input)? {
-            None => (StreamChoice::Auto { fallback: fallback.clone() }, fallback),
+            None => (StreamChoice::Auto(fallback.clone()), fallback),
             Some(input) => (StreamChoice::Stream(input), fallback),
         })
     }
@@ -111,11 +111,8 @@ impl DetectorParameters {
 pub enum StreamChoice {
     /// Always this one.
     Stream(String),
-    /// `recovered` while the unwrapper trusts it, else this one.
-    Auto {
-        /// The stream in place of an image that is not trusted; `None` selects it by the lens of the sensor.
-        fallback: Option<String>,
-    },
+    /// `recovered` while the unwrapper trusts it, else this one; `None` selects it by the lens of the sensor.
+    Auto(Option<String>),
 }
 
 /// The settings that may change between two frames.
