@@ -65,7 +65,6 @@ pub enum BagImport {
     },
 }
 
-/// `modulo bag recover` and `modulo bag convert`
 #[derive(Args)]
 pub struct BagCopy {
     /// Bag folder, or .mcap or .db3 file
@@ -138,7 +137,6 @@ pub struct BagPlay {
     pub wait_for: Vec<String>,
 }
 
-/// Runs one of the bag commands.
 pub fn bag(args: &Bag) -> Result<Ended, Failure> {
     start_log("info");
     match args {

@@ -184,7 +184,6 @@ pub fn failure(why: BenchError) -> Failure {
     if of_command_line { usage(why) } else { why.into() }
 }
 
-/// Runs the stability suite.
 pub fn stability(out: &Path) -> Result<Ended, Failure> {
     let bar = progress_bar(STEPS);
     let outcome = stability::run(out, |event| tell(&bar, event)).map_err(failure)?;

@@ -63,7 +63,6 @@ pub struct Eval {
     pub grid: grid::Grid,
 }
 
-/// `modulo eval VERB`
 #[derive(Subcommand)]
 pub enum Verb {
     /// Join the results of shards
@@ -89,7 +88,6 @@ pub enum Verb {
     },
 }
 
-/// Runs the evaluation or the subcommand.
 pub fn eval(args: &Eval) -> Result<Ended, Failure> {
     start_log(if args.verbose { "debug" } else { "warn" });
     match &args.verb {

@@ -73,7 +73,6 @@ pub enum NodeCommand {
     },
 }
 
-/// Runs one of the topic commands.
 pub fn topic(args: &TopicCommand) -> Result<Ended, Failure> {
     let (clock, transport) = open_session()?;
     match args {
@@ -96,7 +95,6 @@ pub fn topic(args: &TopicCommand) -> Result<Ended, Failure> {
     Ok(Ended::Done)
 }
 
-/// Runs one of the node commands.
 pub fn node(args: &NodeCommand) -> Result<Ended, Failure> {
     let (_clock, transport) = open_session()?;
     let graph = transport.settled_graph();

@@ -64,7 +64,6 @@ pub struct ModelCheck {
     pub device: EngineDevice,
 }
 
-/// Runs one of the model commands.
 pub fn model(args: &Model) -> Result<Ended, Failure> {
     start_log("warn");
     match args {

@@ -58,7 +58,6 @@ pub enum Param {
     },
 }
 
-/// Runs one of the parameter commands.
 pub fn param(args: &Param) -> Result<Ended, Failure> {
     let (_clock, transport) = open_session()?;
     // All nodes of a name get the request, whichever of them is found first.
