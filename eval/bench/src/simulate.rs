@@ -20,10 +20,6 @@ use crate::{BenchError, BenchEvent, files};
 pub struct EveryParameter;
 
 impl SensorCommand for EveryParameter {
-    fn has(_: &str) -> bool {
-        true
-    }
-
     fn varies(parameter: &str) -> bool {
         // The names of the images have the alpha.
         parameter == "alpha"

@@ -97,7 +97,7 @@ impl ZenohTransport {
                 .declare_queryable(self.key(&endpoint))
                 .complete(true)
                 .callback(move |query| {
-                    if let Some(Call { query, .. }) = queue.push(lane, Call { service: index, query }) {
+                    if let Some((_, query)) = queue.push(lane, (index, query)) {
                         refuse(&query, "the node is busy with other calls, or is ending; call again");
                     }
                 })
@@ -111,7 +111,7 @@ impl ZenohTransport {
             .name("services".into())
             .spawn(move || {
                 while let Next::Item(arrived) = calls.take(None) {
-                    let Call { service, query } = arrived.item;
+                    let (service, query) = arrived.item;
                     let handler = &handlers[service];
                     // The caller gets the error, too: without any reply it would wait for its timeout.
                     if let Err(why) = reply(handler, &query, &*clock) {
@@ -140,13 +140,8 @@ impl ZenohTransport {
 /// Calls that wait for a node at most; each caller waits for its answer.
 const CALLS: usize = 64;
 
-/// A call of one of a node's services.
-struct Call {
-    service: usize,
-    query: Query,
-}
-
-impl Queued for Call {}
+/// A call of the service with this index.
+impl Queued for (usize, Query) {}
 
 /// Sends an error to the caller in place of a response.
 fn refuse(query: &Query, why: &str) {
