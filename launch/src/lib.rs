@@ -32,10 +32,10 @@ pub use trace::TraceCounts;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LaunchError {
     /// Something in a launch file, at this line of it, from 1; with the mistake and the possible values.
-    #[error("{}:{1}: {2}", .0.display())]
+    #[error("{file}:{1}: {2}", file = .0.display())]
     At(PathBuf, usize, String),
     /// A file that cannot be read or written, with the system's reason.
-    #[error("{}: {1}", .0.display())]
+    #[error("{file}: {1}", file = .0.display())]
     File(PathBuf, String),
     /// An undeclared argument, a process that cannot be started or cannot run inside another one; in words.
     #[error("{0}")]
