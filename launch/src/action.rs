@@ -20,7 +20,6 @@ pub(crate) struct LaunchFile {
     pub actions: Vec<Action>,
 }
 
-/// One entry of a launch file.
 #[derive(Clone, Debug)]
 pub(crate) struct Action {
     /// Line in the file, from 1.
@@ -59,7 +58,6 @@ pub struct DeclaredArgument {
     pub choices: Vec<String>,
 }
 
-/// The action that declares an argument.
 #[derive(Clone, Debug)]
 pub(crate) struct Argument {
     /// Line of its name, from 1.
@@ -69,7 +67,6 @@ pub(crate) struct Argument {
     pub default: Option<Text>,
 }
 
-/// Another launch file, with values for its arguments.
 #[derive(Clone, Debug)]
 pub(crate) struct Include {
     /// Its path; a relative one starts at the including file.

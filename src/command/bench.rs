@@ -211,7 +211,6 @@ pub fn progress_bar(template: &str) -> ProgressBar {
     ProgressBar::new(0).with_style(style(template))
 }
 
-/// The style of `template`.
 pub fn style(template: &str) -> ProgressStyle {
     ProgressStyle::with_template(template).expect("the templates of this program are valid")
 }

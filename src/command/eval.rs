@@ -255,7 +255,6 @@ fn add(
     Ok(ended?)
 }
 
-/// Makes the nodes of a launch file, or its cameras alone.
 fn nodes(file: &Path, arguments: &[(String, String)], cameras_alone: bool) -> Result<NamedNodes, Failure> {
     let plan = modulo_launch::resolve(file, arguments).map_err(usage)?;
     refuse(&plan)?;

@@ -271,7 +271,6 @@ fn print_cell(cell: &Cell) {
     );
 }
 
-/// Draws the charts and the report of the results in a folder.
 pub fn report(folder: &Path) -> Result<Ended, Failure> {
     say!("{}", page::write(folder, &store::stored(folder)?)?.display());
     Ok(Ended::Done)

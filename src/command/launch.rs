@@ -348,7 +348,6 @@ fn run_members(mut members: Vec<Member>, stop: &Stop) -> Result<Vec<NodeReport>,
     })
 }
 
-/// Makes the nodes of the plan in this process.
 fn members(plan: &Plan) -> Result<Vec<Member>, Failure> {
     let nodes = modulo_launch::compose(plan).map_err(usage)?;
     let member = |(node, ends_all): (&ComposedNode, bool)| {
@@ -361,7 +360,6 @@ fn members(plan: &Plan) -> Result<Vec<Member>, Failure> {
     nodes.iter().zip(ends_all).map(member).collect::<anyhow::Result<_>>().map_err(usage)
 }
 
-/// Returns the kind, the name and the parameters of one node of a plan.
 pub fn prepare(node: &ComposedNode) -> anyhow::Result<(&'static NodeKind, NodeName, Parameters)> {
     let kind = kind_of(&node.kind)?;
     let node_name = NodeName::new(&node.name, &node.namespace, &node.remaps)?;

@@ -80,7 +80,6 @@ pub fn capture(
     capture.finish(&**clock)
 }
 
-/// A recording on its way.
 struct CaptureLoop<'a> {
     transport: &'a Arc<ZenohTransport>,
     node_name: NodeName,
@@ -96,7 +95,6 @@ struct CaptureLoop<'a> {
     guards: BTreeMap<Lane, Guard>,
 }
 
-/// A topic whose publishers are asked for its definition.
 struct AskedTopic {
     topic: BagTopic,
     /// Samples that have come before the definition.
@@ -241,7 +239,6 @@ impl CaptureLoop<'_> {
     }
 }
 
-/// Returns the bytes that a sample keeps in memory.
 fn held_bytes(sample: &Arrived<RawSample>) -> usize {
     size_of::<Arrived<RawSample>>() + sample.item.payload.len()
 }

@@ -239,7 +239,6 @@ impl Replay<'_> {
         Ok(())
     }
 
-    /// Returns whether there is a next message.
     fn look_ahead(&mut self) -> Result<bool, BagError> {
         if self.ahead.is_none() {
             self.ahead = self.player.next_message().transpose()?;
@@ -380,7 +379,6 @@ impl Publishers {
         Ok(Self(publishers))
     }
 
-    /// Returns whether one of the topics has a reader.
     fn wanted(&self) -> bool {
         self.0.iter().any(|topic| topic.publisher.wanted())
     }
@@ -391,7 +389,6 @@ impl Publishers {
         self.0.iter_mut().find(|to| to.topic.name == *name && to.topic.type_name == *type_name)
     }
 
-    /// Sends the payload of `message` unchanged.
     fn send(&mut self, message: RawMessage) -> Result<(), TransportError> {
         let Some(topic) = self.of(&message) else { return Ok(()) };
         topic.publisher.put(message.data)?;
@@ -409,7 +406,6 @@ impl Publishers {
     }
 }
 
-/// The publisher of the time of the bag.
 struct ClockPublisher {
     name: String,
     publisher: RawPublisher,

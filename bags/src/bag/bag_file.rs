@@ -39,7 +39,6 @@ const CHUNK: u64 = 4 << 20;
 /// Bytes of a message record beside its data: opcode, length, channel, sequence and two times.
 const MESSAGE_HEAD: u64 = 31;
 
-/// One file that is being written.
 pub(super) struct BagFile {
     path: PathBuf,
     mcap: mcap::Writer<BufWriter<File>>,
@@ -89,7 +88,6 @@ impl BagFile {
         self.mcap.add_channel(schema, &topic.name, "cdr", &metadata)
     }
 
-    /// Writes a message of topic number `topic`.
     pub(super) fn write(
         &mut self,
         topic: usize,

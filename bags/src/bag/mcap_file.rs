@@ -93,7 +93,6 @@ impl McapFile {
         Ok(items)
     }
 
-    /// Reads a selected message outside of chunks.
     fn loose_message(&self, file: &File, wanted: &Wanted, loose: &UnchunkedMessage) -> Item {
         let topic = wanted.topics.get(&loose.channel).expect("only wanted messages are kept");
         let mut data = vec![0; loose.length];
@@ -107,14 +106,12 @@ impl McapFile {
     }
 }
 
-/// The selected messages.
 struct Wanted {
     topics: HashMap<u16, Arc<BagTopic>>,
     /// From this log time on, ns since the epoch.
     start: u64,
 }
 
-/// The index at the end of a file.
 struct Index {
     summary: Summary,
     /// Whether a CRC shows that it is whole.

@@ -22,7 +22,6 @@ const ROOT: &str = "rosbag2_bagfile_information";
 /// Interface definitions and their hashes are those of this distribution.
 const ROS_DISTRO: &str = "jazzy";
 
-/// The metadata that reading a bag needs.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(super) struct Metadata {
     pub(super) storage_identifier: String,
@@ -96,7 +95,6 @@ fn parse(text: &str) -> Result<Metadata, String> {
     })
 }
 
-/// Returns the text of `metadata.yaml`.
 pub(super) fn document(files: &[FileContents], topics: &[TopicCount]) -> String {
     format!("{ROOT}:\n{}", indented(&mapping(files, topics), 2))
 }

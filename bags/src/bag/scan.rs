@@ -21,7 +21,6 @@ use crate::FileError;
 /// Channel, sequence and two times in front of a message's data.
 const MESSAGE_HEAD: u64 = 22;
 
-/// A message outside of any chunk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct UnchunkedMessage {
     pub(super) channel: u16,
@@ -57,7 +56,6 @@ pub(super) fn scan(path: &Path, file: &File, size: u64, index: Option<&Summary>)
     Ok(scan)
 }
 
-/// Returns the CRC-32 of the bytes from `start` to `end`.
 pub(super) fn crc_of(file: &File, start: u64, end: u64) -> io::Result<u32> {
     let (mut hasher, mut bytes, mut at) = (crc32fast::Hasher::new(), vec![0; 1 << 16], start);
     while at < end {
@@ -218,7 +216,6 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Returns the record with its head.
     fn read(&self, length: u64) -> Result<Vec<u8>, McapError> {
         let most = usize::try_from(length).ok().filter(|&length| length <= MAX_CHUNK);
         let length = most.ok_or(McapError::ChunkTooLarge(length))?;

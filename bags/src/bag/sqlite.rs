@@ -266,7 +266,6 @@ impl Storage for SqliteFile {
     }
 }
 
-/// Reads the payload of message number `id`.
 fn payload(file: &Connection, id: i64) -> Result<Vec<u8>, String> {
     let read = file.query_row("SELECT data FROM messages WHERE id = ?1", [id], |row| {
         Ok(match row.get_ref(0)? {

@@ -57,7 +57,6 @@ pub(super) trait Storage: Debug + Send + Sync {
 /// A message, or the report of one that is left out; any other error ends the messages.
 pub(super) type Item = Result<RawMessage, BagError>;
 
-/// Messages in log-time order.
 pub(super) type Cursor = Box<dyn Iterator<Item = Item> + Send>;
 
 /// Returns whether `path` is called as a file of a bag is, compressed or not.
@@ -89,14 +88,12 @@ pub(super) fn files_in(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
 /// Opens an input; `None` when no message of it is selected.
 type OpenInput = Box<dyn FnOnce() -> Result<Option<Cursor>, BagError> + Send>;
 
-/// An input that is not open yet.
 pub(super) struct MergeInput {
     /// No message of it is earlier, ns since the epoch.
     pub(super) start: u64,
     pub(super) open: OpenInput,
 }
 
-/// An input with its next message.
 struct OpenedInput {
     /// Log time of `head`.
     time: u64,
@@ -125,7 +122,6 @@ impl Merge {
         Self { closed: inputs, open: Vec::new(), broken: None }
     }
 
-    /// Returns the open input whose message is next.
     fn earliest(&self) -> Option<usize> {
         (0..self.open.len()).min_by_key(|&i| self.open[i].time)
     }

@@ -214,7 +214,6 @@ fn one_image(path: &Path) -> Result<PathBuf, SourceError> {
     Err(SourceError::of(path, &why))
 }
 
-/// Returns the error of a folder or list without a single image.
 pub(super) fn no_image(path: &Path) -> SourceError {
     SourceError::of(path, "no image in this folder, at least one png, jpg, jpeg, exr or hdr is needed")
 }

@@ -65,7 +65,6 @@ pub enum SourceError {
 }
 
 impl SourceError {
-    /// Returns the error of a file or folder.
     fn of(path: &Path, why: &str) -> Self {
         Self::Unreadable(format!("{}: {why}", path.display()))
     }

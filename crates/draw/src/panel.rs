@@ -129,7 +129,6 @@ fn draw(canvas: &mut Canvas, panel: &ChartPanel, (left, top, width, height): Are
     placed.iter().for_each(|series| series.labels(canvas, &mut layout));
 }
 
-/// A series with the positions of its points.
 struct Placed<'a> {
     style: Style,
     drawn: SeriesStyle,

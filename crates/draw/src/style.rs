@@ -7,9 +7,7 @@ use crate::primitives::{Colour, FADED_TEXT, Position, RADIUS, WHITE, hash};
 
 /// Half the width of the caps of an interval, px.
 const CAP: f32 = 3.5;
-/// Colour of faded markers.
 const FADED: Colour = [0xbd, 0xbd, 0xbd];
-/// Number of different markers.
 const MARKERS: usize = 8;
 
 /// Colour and marker of each stream, method and stage of the project, by its name: it has this style in every chart. The

@@ -218,7 +218,6 @@ struct FrameTime {
     frames: usize,
 }
 
-/// Evaluates an engine with a model in a process of its own.
 fn measure(
     request: &EnginesRequest,
     row: &EngineRow,

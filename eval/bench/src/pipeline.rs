@@ -196,7 +196,6 @@ struct ModeRun {
     rss_mb: f64,
 }
 
-/// Makes a folder for the files of a run.
 pub(crate) fn temporary_folder() -> Result<tempfile::TempDir, BenchError> {
     tempfile::tempdir().map_err(|why| BenchError::Io(std::env::temp_dir(), why))
 }
@@ -350,7 +349,6 @@ fn children_cpu_s() -> f64 {
     ticks.sum::<f64>() / TICKS
 }
 
-/// The times of a run, ms.
 #[derive(Default)]
 struct Times {
     /// The arrival of each counted modulo image, and the end of its boxes' sending.

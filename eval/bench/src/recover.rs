@@ -75,7 +75,6 @@ pub fn unwrap_files(
     runner.run((pictures, files.len()), sensors, capture, tell)
 }
 
-/// Reads an image with the codes of `sensor`.
 fn modulo_image(file: &Path, sensor: &SensorModel) -> Result<Frame, BenchError> {
     let refuse = |why: String| Err(BenchError::NotCodes(file.to_owned(), why));
     let (y, depth) = read_codes(file)?;

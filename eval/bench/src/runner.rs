@@ -91,7 +91,6 @@ pub struct RunOutcome {
     pub skipped: Vec<String>,
 }
 
-/// An image of the request.
 pub(crate) struct Picture<T> {
     /// The name in the results, as [`Row::file`].
     pub file: String,
@@ -101,7 +100,6 @@ pub(crate) struct Picture<T> {
     pub content: Result<T, BenchError>,
 }
 
-/// A modulo image.
 pub(crate) struct Capture<'a> {
     pub y: Frame,
     pub sensor: &'a SensorModel,
@@ -116,7 +114,6 @@ pub(crate) struct Capture<'a> {
     pub truth: Option<(Exposure, Option<f32>, u64)>,
 }
 
-/// The work of a command.
 pub(crate) struct Runner<'a> {
     options: &'a RunOptions,
     /// The methods for a sensor with one gain.
@@ -214,7 +211,6 @@ fn methods(options: &RunOptions, has_two_gains: bool) -> Result<Vec<Box<dyn Unwr
     names.iter().map(|name| Ok(by_name(name, &options)?)).collect()
 }
 
-/// Unwraps an image by one method, and writes the result.
 fn recover(
     options: &RunOptions,
     (file, capture): (&str, &Capture<'_>),

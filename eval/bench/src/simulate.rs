@@ -80,7 +80,6 @@ pub fn simulate(
 type Radiance = (Array3<f32>, Option<f32>);
 
 impl SimulationRequest {
-    /// Makes the sensor of each alpha.
     fn sensors(&self) -> Result<Vec<(SensorModel, Sensor)>, BenchError> {
         self.white()?;
         let models = self.sensor.sensors(&["alpha"]).into_iter();
@@ -93,7 +92,6 @@ impl SimulationRequest {
         Ok(sensors)
     }
 
-    /// The conversion of an image to radiance.
     fn white(&self) -> Result<White, ImageError> {
         White::new(self.white, self.sensor.first().transfer)
     }

@@ -46,7 +46,6 @@ impl Scope {
         }
     }
 
-    /// A view of this scope from `file`.
     pub fn at<'a>(&'a self, file: &'a Path) -> View<'a> {
         View { file, scope: self }
     }
@@ -77,12 +76,10 @@ impl View<'_> {
         })
     }
 
-    /// Returns an error at the line of `text`.
     pub fn refuse(&self, text: &Text, why: impl ToString) -> LaunchError {
         LaunchError::at(self.file, text.line, why.to_string())
     }
 
-    /// Evaluates `text` to a string.
     pub fn string(&self, text: &Text) -> Result<String, LaunchError> {
         self.locate(text, text.template.evaluate(&self.surroundings()))
     }
@@ -92,7 +89,6 @@ impl View<'_> {
         text.as_ref().map(|text| self.string(text)).transpose()
     }
 
-    /// Evaluates pairs of texts to pairs of strings.
     pub fn pairs(&self, pairs: &[(Text, Text)]) -> Result<Vec<(String, String)>, LaunchError> {
         pairs.iter().map(|(a, b)| Ok((self.string(a)?, self.string(b)?))).collect()
     }

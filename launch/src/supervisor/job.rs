@@ -43,7 +43,6 @@ pub(super) enum Origin {
     Foreign,
 }
 
-/// One process to keep running.
 pub(super) struct Job {
     pub origin: Origin,
     pub command: CommandLine,

@@ -27,7 +27,6 @@ use crate::post::detections;
 use crate::pre::Preprocessor;
 use crate::trust::TrustFollower;
 
-/// The kind of data that an input gives of its camera.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Role {
     Image,
@@ -278,7 +277,6 @@ impl Detector {
         { sources }.nth(input)
     }
 
-    /// Publishes the meaning of the class ids, once for each version.
     fn publish_labels(&mut self, header: &Header, cx: &mut Context<'_>) {
         if !std::mem::take(&mut self.labels_due) {
             return;

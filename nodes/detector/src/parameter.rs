@@ -65,7 +65,6 @@ impl DetectorParameters {
         Ok(Path::new(&self.model))
     }
 
-    /// Returns the engine, and where and how it runs.
     pub(crate) fn engine_options(&self) -> Result<EngineOptions, ParameterError> {
         let refuse = |why: String| ParameterError::new("device", &self.device, why);
         let device = self.device.parse().map_err(refuse)?;

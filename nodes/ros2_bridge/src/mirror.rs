@@ -162,7 +162,6 @@ fn refusal(reason: &str) -> SetParametersResult {
     SetParametersResult { successful: false, reason: reason.to_owned() }
 }
 
-/// A service of a node of the suite.
 struct Target<'a> {
     service: Service,
     suite_node: &'a str,

@@ -27,7 +27,6 @@ pub struct Forwarding {
     waiting: ForwardQueue,
 }
 
-/// Messages on their way to the other side.
 #[derive(Clone)]
 struct ForwardQueue {
     queue: Arc<Queue<RawSample>>,

@@ -23,7 +23,6 @@ const REQUESTS: usize = 32;
 /// Time limit for an answer of the player of a bag.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Serves one browser until it goes.
 pub(crate) async fn serve(viewer: Arc<Viewer>, mut socket: WebSocket) {
     let client = Arc::new(Client { watch: Watch::new(viewer.session.clone(), Audience::Page), viewer });
     let (requests, waiting) = mpsc::channel(REQUESTS);

@@ -101,7 +101,6 @@ impl FoxgloveServer {
     }
 }
 
-/// The channels that clients can subscribe to, by topic.
 #[derive(Default)]
 struct StreamChannels {
     images: BTreeMap<String, Channel<CompressedImage>>,

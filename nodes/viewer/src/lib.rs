@@ -47,7 +47,6 @@ use crate::feed::Session;
 use crate::page::PageFile;
 use crate::record::Recording;
 
-/// Name of the node in the graph.
 const NODE: &str = "viewer";
 
 /// Where the page is served, and who may use it.

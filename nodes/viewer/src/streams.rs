@@ -54,14 +54,12 @@ struct WaitingImage {
     payload: Payload,
 }
 
-/// The boxes of one detector.
 #[derive(Default)]
 struct DetectorResults {
     node: String,
     newest: VecDeque<DetectorResult>,
 }
 
-/// The boxes of one image.
 struct DetectorResult {
     boxes: Arc<Detection2DArray>,
     /// When they came, in ticks of the clock.
@@ -243,7 +241,6 @@ impl Streams {
         graph.detectors.iter().filter(is_missing).map(|detector| &detector.topic)
     }
 
-    /// Returns the boxes that `detector` has found in `image` of `topic`.
     fn boxes_of(
         &self,
         graph: &GraphView,

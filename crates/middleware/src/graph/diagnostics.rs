@@ -127,7 +127,6 @@ impl Window {
     }
 }
 
-/// Returns the report as a diagnostics message.
 fn describe(
     now_ns: u64,
     report: &NodeReport,

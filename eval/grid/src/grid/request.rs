@@ -134,13 +134,11 @@ impl Request {
         self.options.groups.as_deref().map_or_else(|| Ok(ClassGroups::default()), ClassGroups::read)
     }
 
-    /// How the frames are read.
     pub(super) fn source(&self) -> SourceOptions {
         let GridOptions { white, axes, .. } = &self.options;
         SourceOptions { white: *white, transfer: axes.sensor.first().transfer, topic: None }
     }
 
-    /// The objects that are scored.
     pub(super) fn difficulty(&self) -> Difficulty {
         self.options.difficulty.unwrap_or_else(|| self.data.difficulty())
     }

@@ -130,7 +130,6 @@ fn measure_group(
 }
 
 impl TimedCell<'_, '_> {
-    /// Adds the durations of `frame`.
     fn measure(
         &mut self,
         detector: &mut DetectorWorker<'_>,
@@ -147,7 +146,6 @@ impl TimedCell<'_, '_> {
         Ok(())
     }
 
-    /// Puts the durations into the cell.
     fn store(self, device: &Device, pass: &str) {
         let Self { cell, wall, cpu, .. } = self;
         let sums = |frames: &[Stages]| {

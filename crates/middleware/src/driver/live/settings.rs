@@ -7,7 +7,6 @@ use modulo_runtime::{Node, Parameters};
 use crate::parameter::events::ParameterEvents;
 use crate::process::node_files::SavedState;
 
-/// The parameters of one node.
 pub(super) struct Settings {
     /// Shared with the service that reads them.
     now: Arc<Mutex<Parameters>>,

@@ -143,7 +143,6 @@ const CALLS: usize = 64;
 /// A call of the service with this index.
 impl Queued for (usize, Query) {}
 
-/// Sends an error to the caller in place of a response.
 fn refuse(query: &Query, why: &str) {
     if let Err(failed) = query.reply_err(why).wait() {
         tracing::debug!("a caller is gone: {failed}");
@@ -183,7 +182,6 @@ fn handlers(port: ParameterPort) -> Vec<RawService> {
     parameters.chain([described]).collect()
 }
 
-/// Returns the service `~/enable` of a node.
 pub(super) fn enable_service(enable: Enable) -> RawService {
     let answer = Box::new(move |request: &[u8]| {
         let SetBoolRequest { data } = cdr::from_slice(request)?;
