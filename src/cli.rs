@@ -150,7 +150,6 @@ fn help_template(command: &clap::Command) -> String {
     )
 }
 
-/// Returns the help of the subcommand `name`.
 pub fn help_of(name: &str) -> String {
     let (mut command, called) = (command(), format!("modulo {name}"));
     let subcommand = command.find_subcommand_mut(name).expect("a command asks for its own help");

@@ -13,16 +13,13 @@ use modulo_runtime::yaml::{self, Content, Item, ScalarType};
 use crate::attributes::{Attributes, Text};
 use crate::{LaunchError, Mistakes, listed, refused};
 
-/// A launch file.
 #[derive(Clone, Debug)]
 pub(crate) struct LaunchFile {
-    /// Its path.
     pub path: PathBuf,
     /// Its actions in order.
     pub actions: Vec<Action>,
 }
 
-/// One entry of a launch file.
 #[derive(Clone, Debug)]
 pub(crate) struct Action {
     /// Line in the file, from 1.
@@ -33,7 +30,6 @@ pub(crate) struct Action {
     pub kind: ActionKind,
 }
 
-/// What an action does.
 #[derive(Clone, Debug)]
 pub(crate) enum ActionKind {
     Argument(Argument),
@@ -62,7 +58,6 @@ pub struct DeclaredArgument {
     pub choices: Vec<String>,
 }
 
-/// The action that declares an argument.
 #[derive(Clone, Debug)]
 pub(crate) struct Argument {
     /// Line of its name, from 1.
@@ -72,7 +67,6 @@ pub(crate) struct Argument {
     pub default: Option<Text>,
 }
 
-/// Another launch file, with values for its arguments.
 #[derive(Clone, Debug)]
 pub(crate) struct Include {
     /// Its path; a relative one starts at the including file.
@@ -82,42 +76,28 @@ pub(crate) struct Include {
 }
 
 /// The name of an action, its keys besides `if` and `unless`, and the function that reads it.
-struct ActionReader {
-    name: &'static str,
-    keys: &'static [&'static [&'static str]],
-    read: fn(&Attributes<'_>) -> Result<ActionKind, Mistakes>,
-}
+type ActionReader =
+    (&'static str, &'static [&'static [&'static str]], fn(&Attributes<'_>) -> Result<ActionKind, Mistakes>);
 
 const NAME_VALUE: [&str; 2] = ["name", "value"];
 const FROM_TO: [&str; 2] = ["from", "to"];
 
 const READERS: [ActionReader; 12] = [
-    ActionReader { name: "arg", keys: &[&["name", "default", "description", "choice"]], read: argument },
-    ActionReader { name: "let", keys: &[&NAME_VALUE], read: |a| pair(a, NAME_VALUE, ActionKind::Let) },
-    ActionReader {
-        name: "set_env",
-        keys: &[&NAME_VALUE],
-        read: |a| pair(a, NAME_VALUE, ActionKind::SetEnvironment),
-    },
-    ActionReader { name: "group", keys: &[&["scoped", "children"]], read: group },
-    ActionReader { name: "push_ros_namespace", keys: &[&["namespace"]], read: push_namespace },
-    ActionReader { name: "push-ros-namespace", keys: &[&["namespace"]], read: push_namespace },
-    ActionReader { name: "include", keys: &[&["file", "arg"]], read: include },
-    ActionReader { name: "log", keys: &[&["message"]], read: log },
-    ActionReader {
-        name: "set_parameter",
-        keys: &[&NAME_VALUE],
-        read: |a| pair(a, NAME_VALUE, ActionKind::SetParameter),
-    },
-    ActionReader { name: "set_remap", keys: &[&FROM_TO], read: |a| pair(a, FROM_TO, ActionKind::SetRemap) },
-    ActionReader { name: "node", keys: &[process::NODE_KEYS, process::PROCESS_KEYS], read: process::node },
-    ActionReader { name: "executable", keys: &[&["cmd"], process::PROCESS_KEYS], read: process::executable },
+    ("arg", &[&["name", "default", "description", "choice"]], argument),
+    ("let", &[&NAME_VALUE], |a| pair(a, NAME_VALUE, ActionKind::Let)),
+    ("set_env", &[&NAME_VALUE], |a| pair(a, NAME_VALUE, ActionKind::SetEnvironment)),
+    ("group", &[&["scoped", "children"]], group),
+    ("push_ros_namespace", &[&["namespace"]], push_namespace),
+    ("push-ros-namespace", &[&["namespace"]], push_namespace),
+    ("include", &[&["file", "arg"]], include),
+    ("log", &[&["message"]], |a| Ok(ActionKind::Log(a.required("message")?))),
+    ("set_parameter", &[&NAME_VALUE], |a| pair(a, NAME_VALUE, ActionKind::SetParameter)),
+    ("set_remap", &[&FROM_TO], |a| pair(a, FROM_TO, ActionKind::SetRemap)),
+    ("node", &[process::NODE_KEYS, process::PROCESS_KEYS], process::node),
+    ("executable", &[&["cmd"], process::PROCESS_KEYS], process::executable),
 ];
 
-/// Reads the launch file at `path`.
-///
-/// # Errors
-/// [`LaunchError::File`] when it cannot be opened, [`LaunchError::At`] for each entry in it that is no action.
+/// Reads the launch file at `path`. There is a mistake for each entry in it that is no action.
 pub(crate) fn read_file(path: &Path) -> Result<LaunchFile, Mistakes> {
     let text = read_text(path, LARGEST_TEXT).map_err(|e| LaunchError::file(path, e))?;
     if let Some(why) = refused::language(path, &text) {
@@ -134,7 +114,6 @@ pub(crate) fn read_file(path: &Path) -> Result<LaunchFile, Mistakes> {
     Ok(LaunchFile { path: path.to_owned(), actions: read_all(path, attributes.list("launch")?)? })
 }
 
-/// Reads a list of actions.
 fn read_all(file: &Path, items: &[Item]) -> Result<Vec<Action>, Mistakes> {
     // Every action is read, also behind a mistake, so that one run names all of them.
     Mistakes::gather(items.iter().map(|item| read(file, item)))
@@ -148,23 +127,23 @@ fn read(file: &Path, item: &Item) -> Result<Action, Mistakes> {
             return Err(LaunchError::at(file, item.line, message).into());
         }
     };
-    let Some(reader) = READERS.iter().find(|reader| reader.name == key.name) else {
-        let known = || listed(READERS.iter().map(|reader| reader.name), "");
+    let Some((name, keys, reader)) = READERS.iter().find(|(name, ..)| *name == key.name) else {
+        let known = || listed(READERS.iter().map(|(name, ..)| name), "");
         let message = refused::reason("action", &key.name)
             .unwrap_or_else(|| format!("unknown action '{}', known actions are {}", key.name, known()));
         return Err(LaunchError::at(file, key.line, message).into());
     };
     // ROS 2 takes a list right below `group` for its children.
-    if let ("group", Content::List(children)) = (reader.name, &body.content) {
+    if let ("group", Content::List(children)) = (*name, &body.content) {
         let kind = ActionKind::Group { scoped: None, children: read_all(file, children)? };
         return Ok(Action { line: key.line, condition: None, kind });
     }
-    let known: Vec<&str> = reader.keys.iter().copied().flatten().chain(&["if", "unless"]).copied().collect();
-    let mut attributes = Attributes::read(file, reader.name, body, &known)?;
+    let known: Vec<&str> = keys.iter().copied().flatten().chain(&["if", "unless"]).copied().collect();
+    let mut attributes = Attributes::read(file, name, body, &known)?;
     // A key that is missing has no line of its own: the error names that of the action.
     attributes.line = key.line;
     let condition = condition(&attributes)?;
-    Ok(Action { line: key.line, condition, kind: (reader.read)(&attributes)? })
+    Ok(Action { line: key.line, condition, kind: reader(&attributes)? })
 }
 
 fn condition(attributes: &Attributes<'_>) -> Result<Option<(Text, bool)>, LaunchError> {
@@ -214,8 +193,4 @@ fn push_namespace(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
 fn include(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
     let file = attributes.required("file")?;
     Ok(ActionKind::Include(Include { file, arguments: attributes.pairs("arg", ["name", "value"])? }))
-}
-
-fn log(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
-    Ok(ActionKind::Log(attributes.required("message")?))
 }

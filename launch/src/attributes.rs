@@ -56,7 +56,6 @@ impl<'a> Attributes<'a> {
         self.pairs.iter().find(|(k, _)| k.name == key).map(|(_, item)| item)
     }
 
-    /// The string `key`.
     pub fn text(&self, key: &str) -> Result<Option<Text>, LaunchError> {
         self.item(key).map(|item| self.scalar(key, item, &[ScalarType::String])).transpose()
     }

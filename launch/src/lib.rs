@@ -31,24 +31,12 @@ pub use trace::TraceCounts;
 /// Why a launch file cannot be read, resolved or run.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LaunchError {
-    /// Something in a launch file.
-    #[error("{}:{line}: {message}", file.display())]
-    At {
-        /// The launch file.
-        file: PathBuf,
-        /// Line in it, from 1.
-        line: usize,
-        /// The mistake and the possible values.
-        message: String,
-    },
-    /// A file that cannot be read or written.
-    #[error("{}: {why}", file.display())]
-    File {
-        /// The file.
-        file: PathBuf,
-        /// The system's reason.
-        why: String,
-    },
+    /// Something in a launch file, at this line of it, from 1; with the mistake and the possible values.
+    #[error("{file}:{1}: {2}", file = .0.display())]
+    At(PathBuf, usize, String),
+    /// A file that cannot be read or written, with the system's reason.
+    #[error("{file}: {1}", file = .0.display())]
+    File(PathBuf, String),
     /// An undeclared argument, a process that cannot be started or cannot run inside another one; in words.
     #[error("{0}")]
     Other(String),
@@ -57,16 +45,11 @@ pub enum LaunchError {
     Consequence,
 }
 
-/// Everything that is wrong with a launch file; never empty.
+/// Everything that is wrong with a launch file, in its order; never empty.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Mistakes(Vec<LaunchError>);
+pub struct Mistakes(pub Vec<LaunchError>);
 
 impl Mistakes {
-    /// All of them, in the order of the file.
-    pub fn all(&self) -> &[LaunchError] {
-        &self.0
-    }
-
     /// The first one.
     pub fn into_first(self) -> LaunchError {
         self.0.into_iter().next().expect("it is only made with at least one mistake")
@@ -101,12 +84,12 @@ impl From<LaunchError> for Mistakes {
 impl LaunchError {
     /// An error at a line of a launch file.
     pub fn at(file: &Path, line: usize, message: impl Into<String>) -> Self {
-        Self::At { file: file.to_owned(), line, message: message.into() }
+        Self::At(file.to_owned(), line, message.into())
     }
 
     /// An error of the file system.
     pub fn file(file: &Path, why: impl ToString) -> Self {
-        Self::File { file: file.to_owned(), why: why.to_string() }
+        Self::File(file.to_owned(), why.to_string())
     }
 }
 

@@ -34,14 +34,9 @@ pub enum SubstitutionError {
     /// What is wrong and what is possible.
     #[error("{0}")]
     Invalid(String),
-    /// A variable that nothing has set.
-    #[error("undefined variable '{name}', defined here are {known}")]
-    Undefined {
-        /// Its name.
-        name: String,
-        /// Those that are set.
-        known: String,
-    },
+    /// The name of a variable that nothing has set, and those that are set.
+    #[error("undefined variable '{0}', defined here are {1}")]
+    Undefined(String, String),
 }
 
 impl Template {

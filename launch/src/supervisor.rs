@@ -123,13 +123,9 @@ pub enum ProcessEnd {
     ShutDown,
     /// By itself, otherwise; with the status in words.
     Crashed(String),
-    /// By itself, more often within a minute than restarts are allowed.
-    GaveUp {
-        /// The crashes within the last minute.
-        crashes: u32,
-        /// The status of the last one in words, with the last line of its standard error.
-        status: String,
-    },
+    /// By itself, more often within a minute than restarts are allowed: the crashes within the last minute, and the status of the
+    /// last one in words, with the last line of its standard error.
+    GaveUp(u32, String),
     /// A node of this suite that refused its command line at its first start (exit status 2), as it always would.
     Refused,
     /// It could not be started.
@@ -143,7 +139,7 @@ impl fmt::Display for ProcessEnd {
             Self::WithLoss(why) => write!(f, "ended with a loss: {why}"),
             Self::ShutDown => write!(f, "was shut down"),
             Self::Crashed(status) => write!(f, "crashed: {status}"),
-            Self::GaveUp { crashes, status } => write!(
+            Self::GaveUp(crashes, status) => write!(
                 f,
                 "crashed {crashes} times within a minute, the last time with {status}; remove the cause, or allow more \
                  restarts with --max-restarts"
@@ -162,16 +158,11 @@ impl ProcessEnd {
 
     /// Whether the process is missing for good, so that the others have nothing to wait for.
     fn is_final(&self) -> bool {
-        matches!(self, Self::GaveUp { .. } | Self::Refused | Self::NotStarted(_))
+        matches!(self, Self::GaveUp(..) | Self::Refused | Self::NotStarted(_))
     }
 }
 
 impl Outcome {
-    /// Returns whether a process failed in the end. A crash that a restart has repaired is no failure.
-    pub fn failed(&self) -> bool {
-        self.processes.iter().any(|process| process.end.is_failure())
-    }
-
     /// The nodes' reports added up.
     pub fn summary(&self) -> Summary {
         let with_loss = self.processes.iter().filter(|p| matches!(p.end, ProcessEnd::WithLoss(_)));

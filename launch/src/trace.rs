@@ -78,7 +78,6 @@ fn events(file: &Path) -> Result<impl Iterator<Item = Value> + use<>, LaunchErro
     Ok(lines.map_while(Result::ok).filter_map(|line| serde_json::from_str(&line).ok()))
 }
 
-/// Returns the trace files in `folder`, sorted by name.
 fn trace_files(folder: &Path) -> Result<Vec<PathBuf>, LaunchError> {
     let entries = std::fs::read_dir(folder).map_err(|why| LaunchError::file(folder, why))?;
     let paths = entries.flatten().map(|entry| entry.path());

@@ -50,7 +50,7 @@ pub fn stability_scene(py: Python<'_>, number: usize) -> PyResult<Scene<'_>> {
         })?;
         let exposure = case.expose().map_err(value_error)?;
         let own = of_suite(case, &exposure)?;
-        let described = (case.name().to_owned(), case.family(), case.what().to_owned(), case.is_observable());
+        let described = (case.name.clone(), case.family(), case.what.clone(), case.is_observable());
         Ok::<_, PyErr>((described, exposure, own))
     });
     let ((name, family, what, observable), exposure, own) = examined?;

@@ -7,13 +7,13 @@ use std::time::Duration;
 use anyhow::{Context, anyhow};
 use clap::{Args, Subcommand};
 use modulo_bags::bag::{
-    self, BagError, BagInfo, BagReader, BagWarning, BagWriter, Compression, Split, WriteOptions,
+    self, BagError, BagInfo, BagReader, BagWarning, BagWriter, Compression, WriteOptions,
 };
 use modulo_bags::import::{ImportError, ImportReport, import_kitti, import_video};
 use modulo_bags::source::SourceError;
 use modulo_bags_live::LiveError;
 use modulo_bags_live::capture::capture;
-use modulo_bags_live::play::{PlayOptions, PlaybackClock, PlaybackState, Player};
+use modulo_bags_live::play::{PlayOptions, PlaybackClock, Player};
 use modulo_bags_live::remap::TopicRemaps;
 use modulo_bags_live::replay::{self, ReplayOptions, Replayed, replay};
 use modulo_eval::grid::words;
@@ -27,7 +27,6 @@ use crate::{Ended, Failure};
 /// Time limit of `--wait-for`.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// `modulo bag`
 #[derive(Subcommand)]
 pub enum Bag {
     /// Record topics until SIGINT or SIGTERM
@@ -48,7 +47,6 @@ pub enum Bag {
     Import(BagImport),
 }
 
-/// `modulo bag import`
 #[derive(Subcommand)]
 pub enum BagImport {
     /// Convert a KITTI object or sequence folder, with its labels as ground truth
@@ -67,7 +65,6 @@ pub enum BagImport {
     },
 }
 
-/// `modulo bag recover` and `modulo bag convert`
 #[derive(Args)]
 pub struct BagCopy {
     /// Bag folder, or .mcap or .db3 file
@@ -78,7 +75,6 @@ pub struct BagCopy {
     pub form: Form,
 }
 
-/// `modulo bag record`
 #[derive(Args)]
 pub struct BagRecord {
     /// Topics to record; all topics if none is given
@@ -108,7 +104,6 @@ pub struct Form {
     pub max_bag_duration: u64,
 }
 
-/// `modulo bag play`
 #[derive(Args)]
 pub struct BagPlay {
     /// Bag folder, or .mcap or .db3 file
@@ -142,7 +137,6 @@ pub struct BagPlay {
     pub wait_for: Vec<String>,
 }
 
-/// Runs one of the bag commands.
 pub fn bag(args: &Bag) -> Result<Ended, Failure> {
     start_log("info");
     match args {
@@ -201,7 +195,7 @@ fn without_place(why: BagError) -> Failure {
 fn write_options(form: &Form) -> WriteOptions {
     let max_bytes = Some(form.max_bag_size).filter(|max| *max > 0);
     let max_duration = Some(Duration::from_secs(form.max_bag_duration)).filter(|max| !max.is_zero());
-    WriteOptions { compression: form.compression, split: Split { max_bytes, max_duration } }
+    WriteOptions { compression: form.compression, max_bytes, max_duration }
 }
 
 /// Prints the warnings; with messages that cannot be read the exit code is 3.
@@ -248,8 +242,7 @@ fn play(args: &BagPlay) -> Result<Ended, Failure> {
     // All options are checked before the session is open, so that a wrong command line never shows in the
     // graph.
     let mut player = Player::new(reader, &options).map_err(usage)?;
-    let motion = if args.start_paused { PlaybackState::Paused } else { PlaybackState::Running };
-    let pace = PlaybackClock::new(0, args.rate, motion).map_err(usage)?;
+    let pace = PlaybackClock::new(0, args.rate, args.start_paused).map_err(usage)?;
     if let Some(hz) = args.clock.filter(|hz| !(hz.is_finite() && *hz > 0.0)) {
         return Err(usage(anyhow!("--clock {hz}: must be a finite number above 0")));
     }

@@ -28,7 +28,6 @@ const BARE_RUNS: NonZeroUsize = NonZeroUsize::new(20).expect("not zero");
 /// Template of the progress bar.
 pub const STEPS: &str = "{bar:30} {pos}/{len} {eta} {msg}";
 
-/// `modulo bench`
 #[derive(Subcommand)]
 pub enum Bench {
     /// Measure the time from the modulo image to the boxes in one process, in several and in lockstep, beside that of the network
@@ -39,7 +38,6 @@ pub enum Bench {
     Detector(DetectorBench),
 }
 
-/// `modulo bench detector`
 #[derive(Args)]
 pub struct DetectorBench {
     #[command(flatten)]
@@ -60,9 +58,10 @@ pub fn bench(command: &Bench) -> Result<Ended, Failure> {
 }
 
 fn bench_pipeline(request: &pipeline::PipelineRequest) -> Result<Ended, Failure> {
-    let engine = word_of(&request.engine).expect("the option takes these words only");
+    let mut engines = EngineChoice::WORDS.into_iter();
+    let engine = engines.find(|(word, _)| *word == request.engine);
     let options = EngineOptions {
-        engine,
+        engine: engine.expect("the option takes these words only").1,
         device: request.device.parse().map_err(|why: String| usage(anyhow!(why)))?,
         threads: 0,
     };
@@ -76,11 +75,9 @@ fn bench_pipeline(request: &pipeline::PipelineRequest) -> Result<Ended, Failure>
         let speeds = speeds.map_err(|why| BenchError::Run(why.to_string()))?;
         Ok(speeds[0].durations_ns.iter().map(|&ns| ns as f64 / 1e6).collect())
     };
-    let path = this_program()?;
-    let launch_file = launch_file("recovered.launch.yaml".as_ref());
-    let now_ns = monotonic_ns;
-    let mut bench =
-        pipeline::PipelineBench { program: &path, launch_file: &launch_file, now_ns, bare: &mut bare };
+    let launch_file = &launch_file("recovered.launch.yaml".as_ref());
+    let (program, now_ns) = (&this_program()?, monotonic_ns);
+    let mut bench = pipeline::PipelineBench { program, launch_file, now_ns, bare: &mut bare };
     let bar = progress_bar(STEPS);
     let rows = pipeline::pipeline(request, &mut bench, &mut |event| tell(&bar, event)).map_err(failure)?;
     bar.finish_and_clear();
@@ -170,17 +167,11 @@ fn accuracy(figures: &EngineFigures) -> String {
     figures.ap50.iter().map(group).collect::<Vec<_>>().join(", ")
 }
 
-/// Returns the engine of this word.
-fn word_of(engine: &str) -> Option<EngineChoice> {
-    EngineChoice::WORDS.iter().find(|(word, _)| *word == engine).map(|(_, choice)| *choice)
-}
-
 /// Tells an error of the command line from one of a file or of the run.
 pub fn failure(why: BenchError) -> Failure {
     let of_command_line = match &why {
         BenchError::Request(_)
         | BenchError::NotCodes(..)
-        | BenchError::NoFrames(_)
         | BenchError::Parameter(_)
         | BenchError::Video(_)
         | BenchError::Image(ImageError::White(_)) => true,
@@ -193,7 +184,6 @@ pub fn failure(why: BenchError) -> Failure {
     if of_command_line { usage(why) } else { why.into() }
 }
 
-/// Runs the stability suite.
 pub fn stability(out: &Path) -> Result<Ended, Failure> {
     let bar = progress_bar(STEPS);
     let outcome = stability::run(out, |event| tell(&bar, event)).map_err(failure)?;
@@ -221,7 +211,6 @@ pub fn progress_bar(template: &str) -> ProgressBar {
     ProgressBar::new(0).with_style(style(template))
 }
 
-/// The style of `template`.
 pub fn style(template: &str) -> ProgressStyle {
     ProgressStyle::with_template(template).expect("the templates of this program are valid")
 }
@@ -236,7 +225,7 @@ pub fn tell(bar: &ProgressBar, event: BenchEvent<'_>) {
         }
         // A line that is printed while a bar is drawn would tear it apart, so the bar is taken away
         // meanwhile.
-        BenchEvent::Skipped(skipped) => bar.suspend(|| eprintln!("modulo: skipped: {}", skipped.why)),
+        BenchEvent::Skipped(why) => bar.suspend(|| eprintln!("modulo: skipped: {why}")),
         BenchEvent::Warning(warning) => bar.suspend(|| eprintln!("modulo: {warning}")),
     }
 }

@@ -24,7 +24,6 @@ use super::run::NodeKind;
 use super::{grid, pairs, start_log, usage};
 use crate::{Ended, Failure, message_of};
 
-/// `modulo eval`
 #[derive(Args)]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub struct Eval {
@@ -64,7 +63,6 @@ pub struct Eval {
     pub grid: grid::Grid,
 }
 
-/// `modulo eval VERB`
 #[derive(Subcommand)]
 pub enum Verb {
     /// Join the results of shards
@@ -90,7 +88,6 @@ pub enum Verb {
     },
 }
 
-/// Runs the evaluation or the subcommand.
 pub fn eval(args: &Eval) -> Result<Ended, Failure> {
     start_log(if args.verbose { "debug" } else { "warn" });
     match &args.verb {
@@ -117,12 +114,12 @@ fn launch_file(args: &Eval, file: &Path, out: &Path) -> Result<Ended, Failure> {
     if runs.is_empty() {
         runs.push(arguments.clone());
     }
-    let mut made = Some(nodes(file, &runs[0], Needed::All)?);
+    let mut made = Some(nodes(file, &runs[0], false)?);
     // Opened, and closed again: a source that is not there must be known now and not after the frames of those before it.
-    runs[1..].iter().try_for_each(|run| nodes(file, run, Needed::Cameras).map(drop))?;
+    runs[1..].iter().try_for_each(|run| nodes(file, run, true).map(drop))?;
     let plan = |made: &NamedNodes| {
         let plan = EvaluationPlan::new(made, out.to_owned(), args.topics.clone());
-        plan.with_context(|| file.display().to_string()).map_err(usage)
+        plan.map_err(|why| usage(anyhow!(why).context(file.display().to_string())))
     };
     let mut recordings =
         made.as_ref().map(|made| outputs(args, &plan(made)?)).expect("the first run is made")?;
@@ -131,7 +128,7 @@ fn launch_file(args: &Eval, file: &Path, out: &Path) -> Result<Ended, Failure> {
     let (mut reports, mut ended) = (Vec::new(), Ok(()));
     // All sources add to the same evaluation, so that the scores count over all frames and not over sources.
     for run in &runs {
-        let made = made.take().map_or_else(|| nodes(file, run, Needed::All), Ok);
+        let made = made.take().map_or_else(|| nodes(file, run, false), Ok);
         ended = made.and_then(|made| {
             let plan = plan(&made)?;
             add(made, &plan, (&mut evaluation, &mut recordings), &asked, &mut reports)
@@ -258,19 +255,11 @@ fn add(
     Ok(ended?)
 }
 
-/// The nodes that are made.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Needed {
-    All,
-    Cameras,
-}
-
-fn nodes(file: &Path, arguments: &[(String, String)], needed: Needed) -> Result<NamedNodes, Failure> {
+fn nodes(file: &Path, arguments: &[(String, String)], cameras_alone: bool) -> Result<NamedNodes, Failure> {
     let plan = modulo_launch::resolve(file, arguments).map_err(usage)?;
     refuse(&plan)?;
     let prepared = evaluable(&plan).map_err(usage)?.into_iter();
-    let prepared =
-        prepared.filter(|(.., parameters)| needed == Needed::All || parameters.get("source").is_some());
+    let prepared = prepared.filter(|(.., parameters)| !cameras_alone || parameters.get("source").is_some());
     let make = |(kind, node_name, parameters): (&NodeKind, NodeName, Parameters)| {
         let step = kind.make(&parameters).with_context(|| node_name.fully_qualified())?;
         Ok((step, node_name))
@@ -278,10 +267,7 @@ fn nodes(file: &Path, arguments: &[(String, String)], needed: Needed) -> Result<
     prepared.map(make).collect::<anyhow::Result<_>>().map_err(usage)
 }
 
-/// Returns the nodes of a plan with their parameters.
-///
-/// # Errors
-/// The reason why lockstep cannot run them to an end.
+/// Returns the nodes of a plan with their parameters, if lockstep can run them to an end.
 pub(super) fn evaluable(plan: &Plan) -> anyhow::Result<Vec<(&'static NodeKind, NodeName, Parameters)>> {
     let node = |node| {
         let (kind, node_name, parameters) = prepare(node)?;

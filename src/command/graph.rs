@@ -18,7 +18,6 @@ use modulo_runtime::wire::keys::{EntityKind, Token};
 use super::{open_session, stop_on_signals};
 use crate::{Ended, Failure};
 
-/// `modulo topic`
 #[derive(Subcommand)]
 pub enum TopicCommand {
     /// List the topics
@@ -50,7 +49,6 @@ pub enum TopicCommand {
     },
 }
 
-/// `modulo topic echo`
 #[derive(Args)]
 pub struct Echo {
     /// Name of the topic, such as /detections
@@ -60,7 +58,6 @@ pub struct Echo {
     pub once: bool,
 }
 
-/// `modulo node`
 #[derive(Subcommand)]
 pub enum NodeCommand {
     /// List the nodes
@@ -76,7 +73,6 @@ pub enum NodeCommand {
     },
 }
 
-/// Runs one of the topic commands.
 pub fn topic(args: &TopicCommand) -> Result<Ended, Failure> {
     let (clock, transport) = open_session()?;
     match args {
@@ -99,7 +95,6 @@ pub fn topic(args: &TopicCommand) -> Result<Ended, Failure> {
     Ok(Ended::Done)
 }
 
-/// Runs one of the node commands.
 pub fn node(args: &NodeCommand) -> Result<Ended, Failure> {
     let (_clock, transport) = open_session()?;
     let graph = transport.settled_graph();
@@ -185,12 +180,12 @@ fn describe(graph: &Graph, node: &str) {
 
 fn echo(transport: &ZenohTransport, args: &Echo) -> Result<(), Failure> {
     let listening = transport.listen(&absolute(&args.topic), stop_on_signals()?)?;
-    let name = ros_name(&listening.endpoint().dds_type);
+    let name = ros_name(&listening.endpoint.dds_type);
     let description = match rihs::type_description(&name) {
         Some(description) => description,
         None => {
             let text =
-                transport.definition_of(listening.endpoint()).context("the suite does not know the type")?;
+                transport.definition_of(&listening.endpoint).context("the suite does not know the type")?;
             rihs::description_of_schema(&name, &text)?
         }
     };

@@ -100,7 +100,7 @@ pub fn grid(args: &Grid, source: &[String], out: &Path) -> Result<Ended, Failure
     let timer = SystemClock::default();
     let outcome = match run(&request, &Suite, &timer, &|event| progress.tell(event)) {
         // All frames are left out, each for its reason.
-        Err(why @ GridError::Nothing { frames: 1.., .. }) => {
+        Err(why @ GridError::Nothing(_, 1.., _)) => {
             eprintln!("modulo: {why}");
             return Ok(Ended::WithLoss);
         }
@@ -271,7 +271,6 @@ fn print_cell(cell: &Cell) {
     );
 }
 
-/// Draws the charts and the report of the results in a folder.
 pub fn report(folder: &Path) -> Result<Ended, Failure> {
     say!("{}", page::write(folder, &store::stored(folder)?)?.display());
     Ok(Ended::Done)

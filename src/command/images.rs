@@ -17,7 +17,6 @@ use super::bench::{STEPS, failure, progress_bar, tell};
 use super::usage;
 use crate::{Ended, Failure};
 
-/// `modulo simulate`
 #[derive(Args)]
 pub struct Simulate {
     /// Parameter file of the camera with the values of the chip and the lens, such as sensors/mosaic.yaml

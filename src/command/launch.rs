@@ -31,7 +31,6 @@ use crate::{Ended, Failure};
 /// Time between two looks at the reports of nodes in this process.
 const GLANCE: Duration = Duration::from_millis(200);
 
-/// `modulo launch`
 #[derive(Args)]
 pub struct Launch {
     /// Launch file (ROS 2 YAML), or the name of a launch file of the suite, which is found from any folder. Without it, the launch
@@ -71,7 +70,6 @@ pub struct Launch {
     pub show_args: bool,
 }
 
-/// The result of a launch.
 struct LaunchResult {
     summary: Summary,
     /// The processes that failed, if there are any.
@@ -193,7 +191,7 @@ fn check(path: &Path, arguments: &[String]) -> Result<Ended, Failure> {
             }
             mistakes
         }
-        Err(mistakes) => mistakes.all().iter().map(ToString::to_string).collect(),
+        Err(mistakes) => mistakes.0.iter().map(ToString::to_string).collect(),
     };
     mistakes.iter().for_each(|mistake| say!("{mistake}"));
     Err(Failure::Run(anyhow!("{file}: {}", counted(mistakes.len(), "error"))))
@@ -350,7 +348,6 @@ fn run_members(mut members: Vec<Member>, stop: &Stop) -> Result<Vec<NodeReport>,
     })
 }
 
-/// Makes the nodes of the plan in this process.
 fn members(plan: &Plan) -> Result<Vec<Member>, Failure> {
     let nodes = modulo_launch::compose(plan).map_err(usage)?;
     let member = |(node, ends_all): (&ComposedNode, bool)| {
@@ -363,7 +360,6 @@ fn members(plan: &Plan) -> Result<Vec<Member>, Failure> {
     nodes.iter().zip(ends_all).map(member).collect::<anyhow::Result<_>>().map_err(usage)
 }
 
-/// Returns the kind, the name and the parameters of one node of a plan.
 pub fn prepare(node: &ComposedNode) -> anyhow::Result<(&'static NodeKind, NodeName, Parameters)> {
     let kind = kind_of(&node.kind)?;
     let node_name = NodeName::new(&node.name, &node.namespace, &node.remaps)?;

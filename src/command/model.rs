@@ -28,7 +28,6 @@ const RUNS: NonZeroUsize = NonZeroUsize::MIN.saturating_add(19);
 /// Class names that are shown.
 const SHOWN: usize = 8;
 
-/// `modulo model`
 #[derive(Subcommand)]
 pub enum Model {
     /// Download an official YOLOv10 export, checked by sha256 (weights: AGPL-3.0)
@@ -37,7 +36,6 @@ pub enum Model {
     Check(ModelCheck),
 }
 
-/// `modulo model fetch`
 #[derive(Args)]
 pub struct ModelFetch {
     /// Name of the export: yolov10n, yolov10s, yolov10m, yolov10b, yolov10l or yolov10x
@@ -53,7 +51,6 @@ pub struct ModelFetch {
     pub sha256: Option<String>,
 }
 
-/// `modulo model check`
 #[derive(Args)]
 pub struct ModelCheck {
     /// Path of the ONNX file
@@ -67,7 +64,6 @@ pub struct ModelCheck {
     pub device: EngineDevice,
 }
 
-/// Runs one of the model commands.
 pub fn model(args: &Model) -> Result<Ended, Failure> {
     start_log("warn");
     match args {

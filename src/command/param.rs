@@ -13,7 +13,6 @@ use modulo_runtime::parameter::text::{bare, described, labelled, type_name};
 use super::{graph, open_session};
 use crate::{Ended, Failure};
 
-/// `modulo param`
 #[derive(Subcommand)]
 pub enum Param {
     /// List the parameters of a node, or of all nodes
@@ -59,7 +58,6 @@ pub enum Param {
     },
 }
 
-/// Runs one of the parameter commands.
 pub fn param(args: &Param) -> Result<Ended, Failure> {
     let (_clock, transport) = open_session()?;
     // All nodes of a name get the request, whichever of them is found first.

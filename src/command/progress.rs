@@ -117,7 +117,6 @@ const STAGES: [&str; 3] = ["infer", "unwrap", "sense"];
 /// The rate is measured over this time.
 const WINDOW: Duration = Duration::from_secs(3);
 
-/// The progress of a run.
 #[derive(Clone, Debug, Default)]
 struct Progress {
     /// The last stage that a frame has passed.

@@ -30,7 +30,6 @@ use tracing_subscriber::filter::LevelFilter;
 use super::{camera_end, choose_hashes, open_session, parse_hashes, start_log_with, stop_on_signals, usage};
 use crate::{Ended, Failure, LONG_VERSION, VERSION};
 
-/// `modulo run`
 #[derive(Args)]
 pub struct Run {
     /// Name of the node: modulo_camera, unwrap or detector
@@ -68,7 +67,6 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
     start(kind, &ros)
 }
 
-/// Makes the node and steps it.
 fn start(kind: &NodeKind, ros: &RosArgs) -> Result<Ended, Failure> {
     let node_name = ros.node_name(kind.name).map_err(usage)?;
     let (log, logger) = start_log(ros, &node_name);
@@ -160,7 +158,6 @@ fn answers(kind: &NodeKind, own: &[String]) -> bool {
     true
 }
 
-/// Offers the level of `logger` to the graph.
 fn serve(logger: Logger, node_name: &NodeName, transport: &ZenohTransport) -> Result<Guard, TransportError> {
     let logger = Arc::new(logger);
     let services = LoggerService::ALL.iter().map(|&service| {
@@ -199,7 +196,6 @@ fn print_help(kind: &NodeKind) {
     }
 }
 
-/// One kind of node.
 pub struct NodeKind {
     /// Name of the executable, and of the node unless it gets another.
     pub name: &'static str,
@@ -240,7 +236,6 @@ pub fn is_node(name: &str) -> bool {
     name == camera_end::NAME || KINDS.iter().any(|kind| kind.name == name)
 }
 
-/// The kind called `name`.
 pub fn kind_of(name: &str) -> anyhow::Result<&'static NodeKind> {
     KINDS.iter().find(|kind| kind.name == name).with_context(|| {
         let known: Vec<_> = KINDS.iter().map(|kind| kind.name).collect();
@@ -260,7 +255,6 @@ impl NodeKind {
         Parameters::declare([(self.declare)(), CommonParameters::descriptors()].concat())
     }
 
-    /// A node with these parameters.
     pub fn make(&self, parameters: &Parameters) -> anyhow::Result<Box<dyn Node>> {
         (self.make)(parameters)
     }

@@ -5,12 +5,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-#[cfg(not(feature = "viewer"))]
-pub use absent::view;
-#[cfg(feature = "viewer")]
-pub use present::view;
+use crate::{Ended, Failure};
 
-/// `modulo view`
 #[derive(Args)]
 pub struct ViewCommand {
     /// Port of the page; 0 takes a free one
@@ -37,60 +33,41 @@ fn token(text: &str) -> Result<String, String> {
     if valid { Ok(text.to_owned()) } else { Err("must be at least 8 letters and digits".to_owned()) }
 }
 
-/// The command of a build with the feature `viewer`.
-#[cfg(feature = "viewer")]
-mod present {
-    use std::net::SocketAddr;
-
-    use modulo_runtime::output::prepare_file;
-    use modulo_viewer::{ViewAddresses, ViewOptions};
-
-    use super::ViewCommand;
-    use crate::command::{open_session, start_log, stop_on_signals, usage};
-    use crate::{Ended, Failure};
-
-    /// Runs the command.
-    pub fn view(args: &ViewCommand) -> Result<Ended, Failure> {
-        args.record.iter().try_for_each(|file| prepare_file(file)).map_err(usage)?;
-        start_log("info");
-        let stop = stop_on_signals()?;
-        let options = ViewOptions {
-            address: SocketAddr::new(args.address, args.port),
-            token: args.token.clone(),
-            foxglove: args.foxglove,
-            record: args.record.clone(),
-        };
-        let (clock, transport) = open_session()?;
-        let open = |at: &ViewAddresses| {
-            say!("open {} in a browser; SIGINT ends the viewer", at.page);
-            if let Some(address) = &at.foxglove {
-                say!(
-                    "open {address} in Foxglove; set the parameter `token` there to {} to change others",
-                    at.token
-                );
-            }
-        };
-        let left_out = modulo_viewer::run(transport, clock, &options, &stop, open)?;
-        if left_out > 0 {
-            eprintln!(
-                "{left_out} moments are not in the recording: each of them alone is larger than it may be"
-            );
-            return Ok(Ended::WithLoss);
-        }
-        Ok(Ended::Done)
-    }
+/// Refuses the command in a build without the feature `viewer`.
+#[cfg(not(feature = "viewer"))]
+pub fn view(_: &ViewCommand) -> Result<Ended, Failure> {
+    Err(anyhow::anyhow!("this build has no viewer: it lacks the feature `viewer`").into())
 }
 
-/// The command of a build without the feature `viewer`.
-#[cfg(not(feature = "viewer"))]
-mod absent {
-    use anyhow::anyhow;
+/// Runs the command.
+#[cfg(feature = "viewer")]
+pub fn view(args: &ViewCommand) -> Result<Ended, Failure> {
+    use super::{open_session, start_log, stop_on_signals, usage};
+    use modulo_viewer::{ViewAddresses, ViewOptions};
 
-    use super::ViewCommand;
-    use crate::{Ended, Failure};
-
-    /// Refuses the command.
-    pub fn view(_: &ViewCommand) -> Result<Ended, Failure> {
-        Err(anyhow!("this build has no viewer: it lacks the feature `viewer`").into())
+    args.record.iter().try_for_each(|file| modulo_runtime::output::prepare_file(file)).map_err(usage)?;
+    start_log("info");
+    let stop = stop_on_signals()?;
+    let options = ViewOptions {
+        address: std::net::SocketAddr::new(args.address, args.port),
+        token: args.token.clone(),
+        foxglove: args.foxglove,
+        record: args.record.clone(),
+    };
+    let (clock, transport) = open_session()?;
+    let open = |at: &ViewAddresses| {
+        say!("open {} in a browser; SIGINT ends the viewer", at.page);
+        if let Some(address) = &at.foxglove {
+            say!(
+                "open {address} in Foxglove; set the parameter `token` there to {} to change others",
+                at.token
+            );
+        }
+    };
+    let left_out = modulo_viewer::run(transport, clock, &options, &stop, open)?;
+    if left_out > 0 {
+        eprintln!("{left_out} moments are not in the recording: each of them alone is larger than it may be");
+        return Ok(Ended::WithLoss);
     }
+    Ok(Ended::Done)
 }

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
-use modulo_middleware::transport::Transport;
+use modulo_middleware::transport::{Publisher as _, Transport};
 use modulo_runtime::{Clock, Message, MessageKind, Qos, SystemClock};
 
 use crate::harness::{Background, Bench, Heard, Peer, arg, json, model, signal, text, wait_until};

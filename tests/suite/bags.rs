@@ -8,7 +8,7 @@ use std::thread::sleep;
 use std::time::{Duration, Instant, SystemTime};
 
 use modulo_middleware::transport::zenoh::{RawPublisher, RawService, ZenohTransport};
-use modulo_middleware::transport::{Guard, RawSample, Transport};
+use modulo_middleware::transport::{Guard, Publisher as _, RawSample, Transport};
 use modulo_runtime::wire::keys::{self, Endpoint, EntityKind, Hashes, Token};
 use modulo_runtime::{NodeName, Qos, SystemClock};
 

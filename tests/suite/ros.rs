@@ -8,8 +8,8 @@ use std::sync::mpsc::RecvTimeoutError;
 use std::time::Duration;
 
 use modulo_middleware::graph::type_description;
-use modulo_middleware::transport::Transport;
 use modulo_middleware::transport::zenoh::RawService;
+use modulo_middleware::transport::{Publisher as _, Transport};
 use modulo_runtime::wire::keys::{Endpoint, EntityKind, Hashes, NO_HASH, SERVICE_QOS};
 use modulo_runtime::{Message, MessageKind, StampedFrame};
 

@@ -80,7 +80,6 @@ pub fn capture(
     capture.finish(&**clock)
 }
 
-/// A recording on its way.
 struct CaptureLoop<'a> {
     transport: &'a Arc<ZenohTransport>,
     node_name: NodeName,
@@ -96,7 +95,6 @@ struct CaptureLoop<'a> {
     guards: BTreeMap<Lane, Guard>,
 }
 
-/// A topic whose publishers are asked for its definition.
 struct AskedTopic {
     topic: BagTopic,
     /// Samples that have come before the definition.
@@ -153,7 +151,7 @@ impl CaptureLoop<'_> {
     fn begin(&mut self, lane: Lane, topic: BagTopic) -> Result<(), BagError> {
         match self.recorder.topic(&topic) {
             // One publisher that is wrong must not end the recording of all others.
-            Err(why @ BagError::TypeConflict { .. }) => {
+            Err(why @ BagError::TypeConflict(..)) => {
                 tracing::warn!("{why}: not recorded");
                 self.guards.remove(&lane);
                 self.queue.close(lane);
@@ -241,7 +239,6 @@ impl CaptureLoop<'_> {
     }
 }
 
-/// Returns the bytes that a sample keeps in memory.
 fn held_bytes(sample: &Arrived<RawSample>) -> usize {
     size_of::<Arrived<RawSample>>() + sample.item.payload.len()
 }

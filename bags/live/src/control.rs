@@ -13,8 +13,6 @@ use modulo_msgs::rosbag2_interfaces::{
     TogglePausedResponse,
 };
 
-use crate::play::PlaybackState;
-
 /// The bytes of a response, or why there is none.
 pub type ServiceResult = Result<Vec<u8>, Box<dyn Error>>;
 
@@ -38,8 +36,8 @@ modulo_middleware::services! {
 /// A request to the replay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PlayerAction {
-    /// Stop, or go on; `None`: the other of the two.
-    Move(Option<PlaybackState>),
+    /// Pause (`true`), or go on; `None`: the other of the two.
+    Pause(Option<bool>),
     /// Only report the state.
     Tell,
     /// Change the speed.
@@ -59,8 +57,8 @@ pub struct PlayerReply {
     pub done: bool,
     /// Number of messages that were played at once.
     pub played: u64,
-    /// Whether it goes on now.
-    pub state: PlaybackState,
+    /// Whether the replay is paused now.
+    pub is_paused: bool,
     /// Current speed.
     pub rate: f64,
 }
@@ -93,9 +91,9 @@ impl Service {
     /// [`CdrError`] when it cannot be read.
     pub fn action(self, request: &[u8]) -> Result<PlayerAction, CdrError> {
         Ok(match self {
-            Self::Pause => PlayerAction::Move(Some(PlaybackState::Paused)),
-            Self::Resume => PlayerAction::Move(Some(PlaybackState::Running)),
-            Self::TogglePaused => PlayerAction::Move(None),
+            Self::Pause => PlayerAction::Pause(Some(true)),
+            Self::Resume => PlayerAction::Pause(Some(false)),
+            Self::TogglePaused => PlayerAction::Pause(None),
             // The node ends with its playback, so that a call of play always meets one that runs.
             Self::IsPaused | Self::GetRate | Self::Play => PlayerAction::Tell,
             Self::Stop => PlayerAction::Stop,
@@ -111,12 +109,12 @@ impl Service {
     }
 
     fn response(self, answer: PlayerReply) -> Result<Vec<u8>, CdrError> {
-        let PlayerReply { done: success, played: actually_burst, state, rate } = answer;
+        let PlayerReply { done: success, played: actually_burst, is_paused, rate } = answer;
         match self {
             Self::Pause => cdr::to_vec(&PauseResponse),
             Self::Resume => cdr::to_vec(&ResumeResponse),
             Self::TogglePaused => cdr::to_vec(&TogglePausedResponse),
-            Self::IsPaused => cdr::to_vec(&IsPausedResponse { paused: state == PlaybackState::Paused }),
+            Self::IsPaused => cdr::to_vec(&IsPausedResponse { paused: is_paused }),
             Self::GetRate => cdr::to_vec(&GetRateResponse { rate }),
             Self::SetRate => cdr::to_vec(&SetRateResponse { success }),
             Self::PlayNext => cdr::to_vec(&PlayNextResponse { success }),

@@ -177,22 +177,12 @@ fn check_topics(bag: &BagReader, wanted: &[String]) -> Result<(), PlayError> {
     Ok(())
 }
 
-/// Whether a replay goes on.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum PlaybackState {
-    /// The replay runs.
-    #[default]
-    Running,
-    /// The replay is paused until it is resumed.
-    Paused,
-}
-
 /// The position of a replay, `anchor.1 + (ticks - anchor.0) * rate` while it runs, in ns; ticks have an origin of their
 /// own. At rate 0 no time passes by itself: each message is due at once, and moves the position.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlaybackClock {
     rate: f64,
-    state: PlaybackState,
+    is_paused: bool,
     /// A moment in ticks, and the position then.
     anchor: (u64, u64),
 }
@@ -202,19 +192,14 @@ impl PlaybackClock {
     ///
     /// # Errors
     /// [`PlayError::Rate`] for a rate that is not a finite number from 0 on.
-    pub fn new(ticks: u64, rate: f64, state: PlaybackState) -> Result<Self, PlayError> {
-        Ok(Self { rate: check(rate)?, state, anchor: (ticks, 0) })
+    pub fn new(ticks: u64, rate: f64, is_paused: bool) -> Result<Self, PlayError> {
+        Ok(Self { rate: check(rate)?, is_paused, anchor: (ticks, 0) })
     }
 
     /// Returns the position at `ticks`, ns.
     pub fn position(&self, ticks: u64) -> u64 {
-        match self.state {
-            PlaybackState::Paused => self.anchor.1,
-            PlaybackState::Running => {
-                let passed = ticks.saturating_sub(self.anchor.0) as f64 * self.rate;
-                self.anchor.1.saturating_add(passed as u64)
-            }
-        }
+        let passed = ticks.saturating_sub(self.anchor.0) as f64 * self.rate;
+        if self.is_paused { self.anchor.1 } else { self.anchor.1.saturating_add(passed as u64) }
     }
 
     /// Returns the ticks at which `position` is reached; `None` while paused.
@@ -222,7 +207,7 @@ impl PlaybackClock {
         let ahead =
             if self.rate == 0.0 { 0.0 } else { position.saturating_sub(self.anchor.1) as f64 / self.rate };
         // Rounded up: at that tick it is reached, not nearly.
-        (self.state == PlaybackState::Running).then(|| self.anchor.0.saturating_add(ahead.ceil() as u64))
+        (!self.is_paused).then(|| self.anchor.0.saturating_add(ahead.ceil() as u64))
     }
 
     /// Returns the speed; 2 is twice as fast as the recording, 0 as fast as the readers take the images.
@@ -230,9 +215,9 @@ impl PlaybackClock {
         self.rate
     }
 
-    /// Returns whether it goes on.
-    pub fn state(&self) -> PlaybackState {
-        self.state
+    /// Returns whether the replay is paused until it is resumed.
+    pub fn is_paused(&self) -> bool {
+        self.is_paused
     }
 
     /// Goes on from `ticks` at another speed.
@@ -247,11 +232,11 @@ impl PlaybackClock {
         Ok(())
     }
 
-    /// Stops or goes on at `ticks`.
-    pub fn set_state(&mut self, ticks: u64, state: PlaybackState) {
+    /// Pauses or goes on at `ticks`.
+    pub fn set_paused(&mut self, ticks: u64, is_paused: bool) {
         // The time until now belongs to the old state.
         self.jump(ticks, self.position(ticks));
-        self.state = state;
+        self.is_paused = is_paused;
     }
 
     /// Moves the replay to `position` at `ticks`.
@@ -272,7 +257,7 @@ mod tests {
     proptest! {
         #[test]
         fn a_position_is_reached_when_it_is_said(rate in 0.01..100.0_f64, ticks in 0..u64::MAX / 4, ahead in 0..1_000_000_000_000_u64) {
-            let pace = PlaybackClock::new(ticks, rate, PlaybackState::Running).expect("a rate");
+            let pace = PlaybackClock::new(ticks, rate, false).expect("a rate");
             let at = pace.ticks_of(ahead).expect("running");
             // Below the resolution of f64 and of whole ticks.
             prop_assert!(pace.position(at).abs_diff(ahead) as f64 <= 1.0 + rate + ahead as f64 * 1e-14);
@@ -281,11 +266,11 @@ mod tests {
 
     #[test]
     fn changes_keep_the_position() {
-        let mut pace = PlaybackClock::new(1000, 2.0, PlaybackState::Running).expect("a rate");
+        let mut pace = PlaybackClock::new(1000, 2.0, false).expect("a rate");
         assert_eq!((pace.position(1000), pace.position(1100)), (0, 200));
-        pace.set_state(1100, PlaybackState::Paused);
+        pace.set_paused(1100, true);
         assert_eq!((pace.position(9000), pace.ticks_of(300)), (200, None));
-        pace.set_state(9000, PlaybackState::Running);
+        pace.set_paused(9000, false);
         pace.set_rate(9100, 0.5).expect("a rate");
         assert_eq!((pace.position(9100), pace.position(9200), pace.ticks_of(500)), (400, 450, Some(9300)));
         assert_eq!(pace.set_rate(9200, -0.5), Err(PlayError::Rate(-0.5)));

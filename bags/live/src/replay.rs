@@ -11,7 +11,8 @@ use modulo_middleware::parameter::events::ParameterEvents;
 use modulo_middleware::transport::queue::{Keep, Limit, Queue, Queued};
 use modulo_middleware::transport::zenoh::{RawPublisher, RawService, ZenohTransport};
 use modulo_middleware::transport::{
-    Guard, Incoming, ParameterAnswer, ParameterPort, ParameterRequest, Transport, TransportError,
+    Guard, Incoming, ParameterAnswer, ParameterPort, ParameterRequest, Publisher as _, Transport,
+    TransportError,
 };
 use modulo_msgs::builtin::Time;
 use modulo_msgs::{Interface, cdr, rosgraph_msgs, sensor_msgs};
@@ -24,7 +25,7 @@ use modulo_runtime::{
 
 use crate::LiveError;
 use crate::control::{PlayerAction, PlayerCommand, PlayerReply, Service};
-use crate::play::{NextMessage, PlaybackClock, PlaybackState, Player};
+use crate::play::{NextMessage, PlaybackClock, Player};
 use crate::remap::TopicRemaps;
 use modulo_bags::bag::{BagError, BagTopic, RawMessage, TopicCount, qos};
 
@@ -195,7 +196,6 @@ fn wait_until_heard(publishers: &Publishers, clock: &dyn Clock, stop: &Stop) {
     }
 }
 
-/// A replay on its way.
 struct Replay<'a> {
     transport: &'a ZenohTransport,
     clock: &'a dyn Clock,
@@ -203,7 +203,6 @@ struct Replay<'a> {
     pace: PlaybackClock,
     /// The readers of the last frame, which are waited for at rate 0.
     pacing: Pacing,
-    /// The next message, if it has been read.
     ahead: Option<NextMessage>,
     publishers: Publishers,
     time: Option<ClockPublisher>,
@@ -240,7 +239,6 @@ impl Replay<'_> {
         Ok(())
     }
 
-    /// Returns whether there is a next message.
     fn look_ahead(&mut self) -> Result<bool, BagError> {
         if self.ahead.is_none() {
             self.ahead = self.player.next_message().transpose()?;
@@ -287,7 +285,7 @@ impl Replay<'_> {
     fn send_next(&mut self, now: u64) -> Result<(), TransportError> {
         let Some(due) = self.ahead.take() else { return Ok(()) };
         self.publishers.send(due.message)?;
-        if self.pace.rate() == 0.0 || self.pace.state() == PlaybackState::Paused {
+        if self.pace.rate() == 0.0 || self.pace.is_paused() {
             self.pace.jump(now, due.position);
         }
         Ok(())
@@ -299,11 +297,7 @@ impl Replay<'_> {
         match action {
             PlayerAction::Tell => {}
             PlayerAction::Stop => self.stopped = true,
-            PlayerAction::Move(state) => {
-                let is_paused = self.pace.state() == PlaybackState::Paused;
-                let other = if is_paused { PlaybackState::Running } else { PlaybackState::Paused };
-                self.pace.set_state(now, state.unwrap_or(other));
-            }
+            PlayerAction::Pause(pause) => self.pace.set_paused(now, pause.unwrap_or(!self.pace.is_paused())),
             // An impossible rate is refused in the response, and the replay goes on.
             // So is 0, as in rosbag2: readers tell what they have taken only to a replay that began at that rate.
             PlayerAction::SetRate(rate) => done = rate > 0.0 && self.pace.set_rate(now, rate).is_ok(),
@@ -321,12 +315,12 @@ impl Replay<'_> {
                 }
             }
         }
-        Ok(PlayerReply { done, played, state: self.pace.state(), rate: self.pace.rate() })
+        Ok(PlayerReply { done, played, is_paused: self.pace.is_paused(), rate: self.pace.rate() })
     }
 
     /// Plays up to `number` messages at once, if the replay is paused and until it is stopped; how many.
     fn step(&mut self, now: u64, number: u64, stop: &Stop) -> Result<u64, LiveError> {
-        if self.pace.state() != PlaybackState::Paused {
+        if !self.pace.is_paused() {
             return Ok(0);
         }
         let mut played = 0;
@@ -385,7 +379,6 @@ impl Publishers {
         Ok(Self(publishers))
     }
 
-    /// Returns whether one of the topics has a reader.
     fn wanted(&self) -> bool {
         self.0.iter().any(|topic| topic.publisher.wanted())
     }
@@ -396,7 +389,6 @@ impl Publishers {
         self.0.iter_mut().find(|to| to.topic.name == *name && to.topic.type_name == *type_name)
     }
 
-    /// Sends the payload of `message` unchanged.
     fn send(&mut self, message: RawMessage) -> Result<(), TransportError> {
         let Some(topic) = self.of(&message) else { return Ok(()) };
         topic.publisher.put(message.data)?;
@@ -414,7 +406,6 @@ impl Publishers {
     }
 }
 
-/// The publisher of the time of the bag.
 struct ClockPublisher {
     name: String,
     publisher: RawPublisher,

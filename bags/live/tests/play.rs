@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use modulo_bags::bag::{BagReader, BagWriter, Compression};
 use modulo_bags_live::control::{PlayerAction, PlayerCommand, PlayerReply, Service};
-use modulo_bags_live::play::{PlayError, PlayOptions, PlaybackState, Player};
+use modulo_bags_live::play::{PlayError, PlayOptions, Player};
 use modulo_msgs::builtin::Time;
 use modulo_msgs::cdr;
 use modulo_msgs::rosbag2_interfaces::{
@@ -173,7 +173,7 @@ fn action<T: serde::Serialize>(service: Service, request: &T) -> PlayerAction {
 
 #[test]
 fn requests_are_commands() {
-    assert_eq!(action(Service::Pause, &PauseRequest), PlayerAction::Move(Some(PlaybackState::Paused)));
+    assert_eq!(action(Service::Pause, &PauseRequest), PlayerAction::Pause(Some(true)));
     assert_eq!(action(Service::SetRate, &SetRateRequest { rate: 0.5 }), PlayerAction::SetRate(0.5));
     assert_eq!(action(Service::Burst, &BurstRequest { num_messages: 3 }), PlayerAction::Step(Some(3)));
     assert_eq!(action(Service::Burst, &BurstRequest { num_messages: 0 }), PlayerAction::Step(None));
@@ -191,7 +191,7 @@ fn answers_are_responses() {
     let (queue, orders) = channel::<PlayerCommand>();
     let replay = thread::spawn(move || {
         for order in orders {
-            let answer = PlayerReply { done: false, played: 4, state: PlaybackState::Paused, rate: 2.5 };
+            let answer = PlayerReply { done: false, played: 4, is_paused: true, rate: 2.5 };
             order.answer.send(answer).expect("somebody waits");
         }
     });

@@ -12,7 +12,7 @@ use mcap::McapError;
 use mcap::records::{MessageHeader, Metadata as MetadataRecord};
 
 use super::chunk::text_of;
-use super::metadata::{self, Contents, FileContents};
+use super::metadata::{self, FileContents};
 use super::{BagError, BagTopic, TopicCount, qos};
 use crate::FileError;
 
@@ -39,7 +39,6 @@ const CHUNK: u64 = 4 << 20;
 /// Bytes of a message record beside its data: opcode, length, channel, sequence and two times.
 const MESSAGE_HEAD: u64 = 31;
 
-/// One file that is being written.
 pub(super) struct BagFile {
     path: PathBuf,
     mcap: mcap::Writer<BufWriter<File>>,
@@ -56,7 +55,6 @@ pub(super) struct BagFile {
 }
 
 impl BagFile {
-    /// Makes the file `name` in `folder`.
     pub(super) fn create(folder: &Path, name: String, compression: Compression) -> Result<Self, BagError> {
         let path = folder.join(&name);
         let io = |e| FileError::new(&path, e);
@@ -73,7 +71,6 @@ impl BagFile {
         Ok(Self { path, mcap, disk, channels, counts, contents, closed: 0, pending: 0, unflushed: 0 })
     }
 
-    /// Adds the next topic of the bag.
     pub(super) fn add(&mut self, topic: &BagTopic) -> Result<(), BagError> {
         let channel = self.add_channel(topic).map_err(|source| self.failed(source))?;
         self.channels.push(channel);
@@ -91,7 +88,6 @@ impl BagFile {
         self.mcap.add_channel(schema, &topic.name, "cdr", &metadata)
     }
 
-    /// Writes a message of topic number `topic`.
     pub(super) fn write(
         &mut self,
         topic: usize,
@@ -155,8 +151,7 @@ impl BagFile {
         // The record describes this file only, so the counts are its own and not those of the bag.
         let here = |(counted, &messages): (&TopicCount, _)| TopicCount { messages, ..counted.clone() };
         let topics: Vec<_> = topics.iter().zip(&self.counts).map(here).collect();
-        let text =
-            metadata::mapping(&Contents { files: std::slice::from_ref(&self.contents), topics: &topics });
+        let text = metadata::mapping(std::slice::from_ref(&self.contents), &topics);
         // rosbag2 reads this record where `metadata.yaml` is lost.
         let record = MetadataRecord {
             name: "rosbag2".to_owned(),

@@ -45,7 +45,6 @@ pub(super) fn end_of(chunk: &ChunkIndex) -> u64 {
     chunk.chunk_start_offset.saturating_add(chunk.chunk_length).saturating_add(chunk.message_index_length)
 }
 
-/// Returns whether the lengths of a chunk agree with each other.
 pub(super) fn is_consistent(chunk: &ChunkIndex) -> bool {
     let head = RECORD_HEAD + CHUNK_HEAD + chunk.compression.len() as u64;
     head.checked_add(chunk.compressed_size) == Some(chunk.chunk_length)

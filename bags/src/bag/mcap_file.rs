@@ -22,7 +22,6 @@ use crate::FileError;
 /// The length of the footer with the magic bytes behind it: opcode, length, two offsets and the CRC.
 const FOOTER: u64 = 9 + 20 + 8;
 
-/// The index of one file.
 #[derive(Debug)]
 pub(super) struct McapFile {
     path: PathBuf,
@@ -94,7 +93,6 @@ impl McapFile {
         Ok(items)
     }
 
-    /// Reads a selected message outside of chunks.
     fn loose_message(&self, file: &File, wanted: &Wanted, loose: &UnchunkedMessage) -> Item {
         let topic = wanted.topics.get(&loose.channel).expect("only wanted messages are kept");
         let mut data = vec![0; loose.length];
@@ -108,14 +106,12 @@ impl McapFile {
     }
 }
 
-/// The selected messages.
 struct Wanted {
     topics: HashMap<u16, Arc<BagTopic>>,
     /// From this log time on, ns since the epoch.
     start: u64,
 }
 
-/// The index at the end of a file.
 struct Index {
     summary: Summary,
     /// Whether a CRC shows that it is whole.
@@ -242,7 +238,6 @@ fn chunk_input(
     MergeInput { start, open: Box::new(open) }
 }
 
-/// Returns the summary at the end of the file.
 fn read_summary(file: &mut File, size: u64) -> Option<Summary> {
     let options = SummaryReaderOptions::default().with_file_size(size).with_record_length_limit(MAX_CHUNK);
     let mut reader = SummaryReader::new_with_options(options);

@@ -22,7 +22,6 @@ const ROOT: &str = "rosbag2_bagfile_information";
 /// Interface definitions and their hashes are those of this distribution.
 const ROS_DISTRO: &str = "jazzy";
 
-/// The metadata that reading a bag needs.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(super) struct Metadata {
     pub(super) storage_identifier: String,
@@ -33,19 +32,12 @@ pub(super) struct Metadata {
     pub(super) ros_distro: Option<String>,
 }
 
-/// The metadata of one file.
 #[derive(Clone, Debug)]
 pub(super) struct FileContents {
     pub(super) name: String,
     /// First and last log time; `None` for an empty file.
     pub(super) span: Option<(u64, u64)>,
     pub(super) messages: u64,
-}
-
-/// The metadata of a bag.
-pub(super) struct Contents<'a> {
-    pub(super) files: &'a [FileContents],
-    pub(super) topics: &'a [TopicCount],
 }
 
 /// Reads a `metadata.yaml` of any version and checks that its files are of a form that is read here. What the files are, their
@@ -103,20 +95,19 @@ fn parse(text: &str) -> Result<Metadata, String> {
     })
 }
 
-/// Returns the text of `metadata.yaml`.
-pub(super) fn document(contents: &Contents<'_>) -> String {
-    format!("{ROOT}:\n{}", indented(&mapping(contents), 2))
+pub(super) fn document(files: &[FileContents], topics: &[TopicCount]) -> String {
+    format!("{ROOT}:\n{}", indented(&mapping(files, topics), 2))
 }
 
 /// Returns the metadata without its root, as the MCAP metadata record holds it.
-pub(super) fn mapping(contents: &Contents<'_>) -> String {
+pub(super) fn mapping(files: &[FileContents], topics: &[TopicCount]) -> String {
     // A file without messages has no times, and must not move the start of the bag to 0.
-    let spans = contents.files.iter().filter_map(|file| file.span);
+    let spans = files.iter().filter_map(|file| file.span);
     let (start, end) = spans.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))).unwrap_or_default();
-    let messages: u64 = contents.files.iter().map(|file| file.messages).sum();
-    let paths: String = contents.files.iter().map(|file| format!("  - {}\n", quoted(&file.name))).collect();
-    let files: String = contents.files.iter().map(file).collect();
-    let topics: String = contents.topics.iter().map(topic).collect();
+    let messages: u64 = files.iter().map(|file| file.messages).sum();
+    let paths: String = files.iter().map(|file| format!("  - {}\n", quoted(&file.name))).collect();
+    let files: String = files.iter().map(file).collect();
+    let topics: String = topics.iter().map(topic).collect();
     // A key without a value is null in YAML, which rosbag2 does not read as a list.
     let list = if topics.is_empty() { " []\n" } else { "\n" };
     format!(
@@ -171,7 +162,7 @@ mod tests {
 
     fn text_of(topics: &[TopicCount]) -> String {
         let name = "a \"b\"_0.mcap".to_owned();
-        document(&Contents { files: &[FileContents { name, span: Some((5, 9)), messages: 4 }], topics })
+        document(&[FileContents { name, span: Some((5, 9)), messages: 4 }], topics)
     }
 
     #[test]

@@ -29,7 +29,7 @@ pub use bag_file::Compression;
 pub use reader::{BagInfo, BagReader, Messages};
 pub use storage::Selection;
 use storage::Storage;
-pub use writer::{BagWriter, Copied, Split, TopicId, WriteOptions, copy};
+pub use writer::{BagWriter, Copied, TopicId, WriteOptions, copy};
 
 /// A topic of a bag, from its channel and its schema.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
@@ -96,7 +96,6 @@ pub fn is_bag(path: &Path) -> bool {
     storage::is_storage(path)
 }
 
-/// Opens the file `path`.
 fn open(path: &Path) -> Result<Arc<dyn Storage>, BagError> {
     let mut start = Vec::new();
     let file = open_regular(path).map_err(|e| FileError::new(path, e))?;
@@ -174,16 +173,9 @@ pub enum BagError {
     /// The path cannot be the name of a bag.
     #[error("{file}: cannot be the name of a bag, a plain folder name is needed", file = .0.display())]
     Name(PathBuf),
-    /// One topic has two types.
-    #[error("topic '{topic}' is already {known}, cannot also be {given}")]
-    TypeConflict {
-        /// Name of the topic.
-        topic: String,
-        /// Its type in this bag.
-        known: String,
-        /// The other type.
-        given: String,
-    },
+    /// One topic has two types: its name, its type in this bag and the other type.
+    #[error("topic '{0}' is already {1}, cannot also be {2}")]
+    TypeConflict(String, String, String),
 }
 
 impl BagError {

@@ -21,7 +21,6 @@ use crate::FileError;
 /// Channel, sequence and two times in front of a message's data.
 const MESSAGE_HEAD: u64 = 22;
 
-/// A message outside of any chunk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct UnchunkedMessage {
     pub(super) channel: u16,
@@ -32,7 +31,6 @@ pub(super) struct UnchunkedMessage {
     pub(super) length: usize,
 }
 
-/// The result of a scan.
 pub(super) struct Scan {
     pub(super) summary: Summary,
     /// The messages by log time, then by position in the file.
@@ -58,7 +56,6 @@ pub(super) fn scan(path: &Path, file: &File, size: u64, index: Option<&Summary>)
     Ok(scan)
 }
 
-/// Returns the CRC-32 of the bytes from `start` to `end`.
 pub(super) fn crc_of(file: &File, start: u64, end: u64) -> io::Result<u32> {
     let (mut hasher, mut bytes, mut at) = (crc32fast::Hasher::new(), vec![0; 1 << 16], start);
     while at < end {
@@ -70,7 +67,6 @@ pub(super) fn crc_of(file: &File, start: u64, end: u64) -> io::Result<u32> {
     Ok(hasher.finalize())
 }
 
-/// Where a walk ended.
 struct WalkEnd {
     offset: u64,
     /// Why it ended before the end of the data.
@@ -106,18 +102,8 @@ struct Walk<'a> {
 
 impl<'a> Walk<'a> {
     fn new(path: &'a Path, file: &'a File, size: u64, index: Option<&'a Summary>) -> Self {
-        let stats = Statistics {
-            message_count: 0,
-            schema_count: 0,
-            channel_count: 0,
-            attachment_count: 0,
-            metadata_count: 0,
-            chunk_count: 0,
-            // The least time so far, so that any message is earlier.
-            message_start_time: u64::MAX,
-            message_end_time: 0,
-            channel_message_counts: Default::default(),
-        };
+        // The least time so far, so that any message is earlier.
+        let stats = Statistics { message_start_time: u64::MAX, ..Statistics::default() };
         Self {
             path,
             file,
@@ -230,7 +216,6 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Returns the record with its head.
     fn read(&self, length: u64) -> Result<Vec<u8>, McapError> {
         let most = usize::try_from(length).ok().filter(|&length| length <= MAX_CHUNK);
         let length = most.ok_or(McapError::ChunkTooLarge(length))?;

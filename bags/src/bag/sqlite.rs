@@ -11,11 +11,10 @@ use rusqlite::types::ValueRef;
 use rusqlite::{Connection, ErrorCode, OpenFlags, Row};
 
 use super::definition::complete;
-use super::storage::{Cursor, FileSummary, Item, Storage};
+use super::storage::{Cursor, FileSummary, Storage};
 use super::{BagError, BagTopic, BagWarning, LeftOut, RawMessage, Selection, TopicCount, unpacked};
 use crate::FileError;
 
-/// The index of one file.
 #[derive(Debug)]
 pub(super) struct SqliteFile {
     path: PathBuf,
@@ -32,7 +31,6 @@ struct MessagePlace {
     time: i64,
     /// Number of the message.
     id: i64,
-    /// Number of its topic.
     topic: i64,
 }
 
@@ -255,38 +253,19 @@ impl Storage for SqliteFile {
         let start = selection.start_ns.unwrap_or(0);
         let next = self.places.partition_point(|place| time(place.time) < start);
         let file = connect(&self.path).map_err(|e| broken(&self.path, &e))?;
-        Ok(Some(Box::new(SqliteMessages { index: self, file, wanted, next })))
+        let messages = (next..self.places.len()).filter_map(move |index| {
+            let place = self.places[index];
+            let topic = wanted.get(&place.topic)?;
+            let log_time = time(place.time);
+            let message =
+                |data| RawMessage { topic: Arc::clone(topic), log_time, publish_time: log_time, data };
+            let read = payload(&file, place.id).map(message);
+            Some(read.map_err(|why| LeftOut::one(&self.path, topic, why).into()))
+        });
+        Ok(Some(Box::new(messages)))
     }
 }
 
-/// The selected messages of one file.
-struct SqliteMessages {
-    index: Arc<SqliteFile>,
-    file: Connection,
-    wanted: HashMap<i64, Arc<BagTopic>>,
-    /// Index of the next message to read.
-    next: usize,
-}
-
-impl Iterator for SqliteMessages {
-    type Item = Item;
-
-    fn next(&mut self) -> Option<Item> {
-        let (place, topic) = loop {
-            let place = self.index.places.get(self.next)?;
-            self.next += 1;
-            if let Some(topic) = self.wanted.get(&place.topic) {
-                break (place, topic);
-            }
-        };
-        let log_time = time(place.time);
-        let message = |data| RawMessage { topic: Arc::clone(topic), log_time, publish_time: log_time, data };
-        let read = payload(&self.file, place.id).map(message);
-        Some(read.map_err(|why| LeftOut::one(&self.index.path, topic, why).into()))
-    }
-}
-
-/// Reads the payload of message number `id`.
 fn payload(file: &Connection, id: i64) -> Result<Vec<u8>, String> {
     let read = file.query_row("SELECT data FROM messages WHERE id = ?1", [id], |row| {
         Ok(match row.get_ref(0)? {

@@ -32,7 +32,6 @@ impl Selection {
     }
 }
 
-/// The summary of one file of a bag.
 #[derive(Debug)]
 pub(super) struct FileSummary {
     /// Name of the storage in rosbag2.
@@ -49,7 +48,6 @@ pub(super) struct FileSummary {
 
 /// An open file with a known index.
 pub(super) trait Storage: Debug + Send + Sync {
-    /// Returns the summary of the file.
     fn summary(&self) -> &FileSummary;
 
     /// Returns the selected messages; `None` when no topic is selected.
@@ -59,7 +57,6 @@ pub(super) trait Storage: Debug + Send + Sync {
 /// A message, or the report of one that is left out; any other error ends the messages.
 pub(super) type Item = Result<RawMessage, BagError>;
 
-/// Messages in log-time order.
 pub(super) type Cursor = Box<dyn Iterator<Item = Item> + Send>;
 
 /// Returns whether `path` is called as a file of a bag is, compressed or not.
@@ -91,15 +88,12 @@ pub(super) fn files_in(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
 /// Opens an input; `None` when no message of it is selected.
 type OpenInput = Box<dyn FnOnce() -> Result<Option<Cursor>, BagError> + Send>;
 
-/// An input that is not open yet.
 pub(super) struct MergeInput {
     /// No message of it is earlier, ns since the epoch.
     pub(super) start: u64,
-    /// Opens the input.
     pub(super) open: OpenInput,
 }
 
-/// An input with its next message.
 struct OpenedInput {
     /// Log time of `head`.
     time: u64,
@@ -128,7 +122,6 @@ impl Merge {
         Self { closed: inputs, open: Vec::new(), broken: None }
     }
 
-    /// Returns the open input whose message is next.
     fn earliest(&self) -> Option<usize> {
         (0..self.open.len()).min_by_key(|&i| self.open[i].time)
     }

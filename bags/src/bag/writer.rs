@@ -12,7 +12,7 @@ use std::time::Duration;
 use modulo_runtime::output::OutputError;
 
 use super::bag_file::{BagFile, Compression};
-use super::metadata::{self, Contents, FileContents};
+use super::metadata::{self, FileContents};
 use super::{BagError, BagReader, BagTopic, BagWarning, LeftOut, Selection, TopicCount};
 use crate::FileError;
 
@@ -22,23 +22,16 @@ const FLUSH_EVERY: u64 = 1_000_000_000;
 /// on a slow disk busy for many seconds, in which it does not end.
 const FLUSH_BYTES: u64 = 4 << 20;
 
-/// The limits at which a bag continues in a new file; a file has at least one message.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Split {
-    /// Before its messages take more than this many bytes on the disk; its index comes on top. A chunk that is not yet
-    /// compressed counts in full.
-    pub max_bytes: Option<u64>,
-    /// Before it lasts longer than this, in log time.
-    pub max_duration: Option<Duration>,
-}
-
-/// Options for writing a bag.
+/// Options for writing a bag, which is one file by default. A file that has reached a limit is followed by a new one; each has at
+/// least one message.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct WriteOptions {
     /// Compression of the chunks.
     pub compression: Compression,
-    /// Into several files; one by default.
-    pub split: Split,
+    /// Most bytes of a file's messages on the disk; its index comes on top. A chunk that is not yet compressed counts in full.
+    pub max_bytes: Option<u64>,
+    /// Longest duration of a file, in log time.
+    pub max_duration: Option<Duration>,
 }
 
 impl From<Compression> for WriteOptions {
@@ -98,7 +91,7 @@ impl BagWriter {
                 return Ok(id);
             }
             let (topic, known, given) = (topic.name.clone(), known.clone(), topic.type_name.clone());
-            return Err(BagError::TypeConflict { topic, known, given });
+            return Err(BagError::TypeConflict(topic, known, given));
         }
         self.bag_file.add(topic)?;
         let id = TopicId(self.topics.len());
@@ -163,7 +156,7 @@ impl BagWriter {
     fn is_full(&self, log_time: u64, length: usize) -> bool {
         // A file without messages takes one, however large it is, or an empty file would stay behind.
         let Some((start, _)) = self.bag_file.span() else { return false };
-        let Split { max_bytes, max_duration } = self.options.split;
+        let WriteOptions { max_bytes, max_duration, .. } = self.options;
         let lasts = Duration::from_nanos(log_time.saturating_sub(start));
         max_duration.is_some_and(|max| lasts > max)
             || max_bytes.is_some_and(|max| self.bag_file.size_with(length) > max)
@@ -195,7 +188,7 @@ impl BagWriter {
     pub fn finish(mut self) -> Result<Vec<TopicCount>, BagError> {
         self.done.push(self.bag_file.finish(&self.topics)?);
         // Written last: a folder with this file is a complete bag.
-        let document = metadata::document(&Contents { files: &self.done, topics: &self.topics });
+        let document = metadata::document(&self.done, &self.topics);
         let path = self.folder.join(metadata::FILE_NAME);
         std::fs::write(&path, document).map_err(|e| FileError::new(&path, e))?;
         Ok(self.topics)
@@ -234,7 +227,7 @@ pub fn copy(bag: &BagReader, out: &Path, options: impl Into<WriteOptions>) -> Re
     for counted in bag.topics() {
         match writer.topic(&counted.topic) {
             // Its messages are counted below, if there are any.
-            Err(BagError::TypeConflict { .. }) => {}
+            Err(BagError::TypeConflict(..)) => {}
             added => {
                 added?;
             }
@@ -253,7 +246,7 @@ pub fn copy(bag: &BagReader, out: &Path, options: impl Into<WriteOptions>) -> Re
     for message in bag.messages(&Selection::default()) {
         match message {
             Ok(message) => match writer.topic(&message.topic) {
-                Err(why @ BagError::TypeConflict { .. }) => {
+                Err(why @ BagError::TypeConflict(..)) => {
                     leave_out(LeftOut::one(bag.path(), &message.topic, why.to_string()));
                 }
                 id => writer.write(id?, message.log_time, message.publish_time, &message.data)?,

@@ -29,7 +29,6 @@ pub struct CocoLabels {
     without_image: Vec<String>,
 }
 
-/// The entry of an image in the annotation file.
 #[derive(Debug, Default)]
 struct Labelled {
     /// Width and height, of each entry that has them.

@@ -35,7 +35,7 @@ impl FolderSource {
 
     /// Creates a source of just these images, in this order.
     pub(crate) fn of(images: Vec<PathBuf>, options: &SourceOptions) -> Result<Self, SourceError> {
-        Ok(Self { images, next: 0, white: options.white()?, folder: None })
+        Ok(Self { images, next: 0, white: White::new(options.white, options.transfer)?, folder: None })
     }
 
     /// Says that these are all images of `folder`, so that those of other formats are left out.
@@ -214,12 +214,10 @@ fn one_image(path: &Path) -> Result<PathBuf, SourceError> {
     Err(SourceError::of(path, &why))
 }
 
-/// Returns the error of a folder or list without a single image.
 pub(super) fn no_image(path: &Path) -> SourceError {
     SourceError::of(path, "no image in this folder, at least one png, jpg, jpeg, exr or hdr is needed")
 }
 
-/// Returns whether `path` is called as an image is, and is not a folder.
 fn is_image(path: &Path) -> bool {
     path.exists() && !path.is_dir() && has_extension(path, &EXTENSIONS)
 }

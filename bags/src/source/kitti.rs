@@ -29,7 +29,6 @@ pub struct KittiFolder {
     listed: bool,
 }
 
-/// The location of the labels.
 #[derive(Debug)]
 enum LabelFiles {
     /// One file for each frame, in folders by preference.
@@ -210,7 +209,6 @@ pub(super) fn whole<T: TryFrom<i64>>(what: &str, column: &str) -> Result<T, Stri
     value.ok_or_else(|| format!("{what} '{column}' found, a whole number needed"))
 }
 
-/// Reads a column of a label line.
 pub(super) fn number(column: &str) -> Result<f32, String> {
     let value = column.parse().ok().filter(|v: &f32| v.is_finite());
     value.ok_or_else(|| format!("'{column}' found, a finite number needed"))

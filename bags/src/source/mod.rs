@@ -15,7 +15,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use modulo_core::{BBox, Detection, Transfer};
-use modulo_images::{ImageError, White};
+use modulo_images::ImageError;
 use modulo_msgs::sensor_msgs::CameraInfo;
 use modulo_msgs::std_msgs::Header;
 use modulo_msgs::vision_msgs::{Detection2D, Detection2DArray};
@@ -65,7 +65,6 @@ pub enum SourceError {
 }
 
 impl SourceError {
-    /// Returns the error of a file or folder.
     fn of(path: &Path, why: &str) -> Self {
         Self::Unreadable(format!("{}: {why}", path.display()))
     }
@@ -163,13 +162,6 @@ pub struct SourceOptions {
     pub transfer: Transfer,
     /// The image topic of a bag; `None` when the bag has just one.
     pub topic: Option<String>,
-}
-
-impl SourceOptions {
-    /// Returns what converts the images of the source to radiance.
-    fn white(&self) -> Result<White, ImageError> {
-        White::new(self.white, self.transfer)
-    }
 }
 
 /// Coordinate frame of images without one.

@@ -103,7 +103,6 @@ impl YoloLabels {
     }
 }
 
-/// Returns the possible paths of the labels of an image.
 fn label_files(image: &Path) -> Vec<PathBuf> {
     let parts: Vec<_> = image.components().collect();
     // The last part of this name, as ultralytics replaces it: a folder above may be called `images`, too.

@@ -5,8 +5,8 @@ use std::sync::LazyLock;
 use std::time::Duration;
 
 use modulo_bags::bag::{
-    BagError, BagReader, BagWarning, BagWriter, Compression, LeftOut, RawMessage, Selection, Split,
-    WriteOptions, copy,
+    BagError, BagReader, BagWarning, BagWriter, Compression, LeftOut, RawMessage, Selection, WriteOptions,
+    copy,
 };
 use proptest::prelude::*;
 
@@ -356,8 +356,8 @@ fn without_chunks() -> Vec<u8> {
 #[test]
 fn no_damage_of_the_metadata_is_unseen() {
     let (_folder, path) = temporary("bag");
-    let split = Split { max_bytes: None, max_duration: Some(Duration::from_secs(1)) };
-    write_bag(&path, WriteOptions { split, ..WriteOptions::default() }, &lines());
+    let max_duration = Some(Duration::from_secs(1));
+    write_bag(&path, WriteOptions { max_duration, ..WriteOptions::default() }, &lines());
     let Survey { unseen, forged, .. } = survey(&path, &path.join("metadata.yaml"), "metadata.yaml");
     assert!(unseen.is_empty() && forged.is_empty(), "{unseen:?} {forged:?}");
 }

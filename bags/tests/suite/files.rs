@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Duration;
 
-use modulo_bags::bag::{BagReader, BagWarning, Selection, Split, WriteOptions};
+use modulo_bags::bag::{BagReader, BagWarning, Selection, WriteOptions};
 use modulo_bags::source::{SourceOptions, open};
 use proptest::prelude::*;
 
@@ -15,7 +15,7 @@ fn lines(count: usize, length: usize) -> Vec<Line> {
 }
 
 fn split(max_bytes: Option<u64>, max_duration: Option<Duration>) -> WriteOptions {
-    WriteOptions { split: Split { max_bytes, max_duration }, ..WriteOptions::default() }
+    WriteOptions { max_bytes, max_duration, ..WriteOptions::default() }
 }
 
 fn names(bag: &BagReader) -> Vec<String> {

@@ -12,13 +12,6 @@ pub enum Anchor {
     End,
 }
 
-/// Direction of a text.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Rotation {
-    Horizontal,
-    Upwards,
-}
-
 /// A shape.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
@@ -29,14 +22,14 @@ pub enum Shape {
     Area { points: Vec<Position>, fill: Option<Colour>, edge: (Colour, f32), hover: String },
     /// An image that fills `area`.
     Picture { area: Area, picture: Picture },
-    /// A text of length `width` px whose baseline is at `position`.
+    /// A text of length `width` px whose baseline is at `position`, upwards or horizontal.
     Text {
         position: Position,
         text: String,
         size: f32,
         colour: Colour,
         anchor: Anchor,
-        rotation: Rotation,
+        is_upwards: bool,
         width: f32,
     },
 }
@@ -70,7 +63,7 @@ impl Canvas {
     }
 
     pub fn text(&mut self, position: Position, text: &str, size: f32, colour: Colour, anchor: Anchor) {
-        self.turned(position, text, size, colour, (anchor, Rotation::Horizontal));
+        self.turned(position, text, size, colour, (anchor, false));
     }
 
     pub fn turned(
@@ -79,7 +72,7 @@ impl Canvas {
         text: &str,
         size: f32,
         colour: Colour,
-        (anchor, rotation): (Anchor, Rotation),
+        (anchor, is_upwards): (Anchor, bool),
     ) {
         let width = self.font.width(text, size);
         self.shapes.push(Shape::Text {
@@ -88,7 +81,7 @@ impl Canvas {
             size,
             colour,
             anchor,
-            rotation,
+            is_upwards,
             width,
         });
     }

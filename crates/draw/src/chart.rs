@@ -6,7 +6,7 @@ use crate::font::Font;
 use crate::panel::{ChartPanel, SeriesStyle};
 use crate::picture::Picture;
 use crate::primitives::{Colour, FADED_TEXT, GREY, INK, Position};
-use crate::style::{Emphasis, Style};
+use crate::style::Style;
 use crate::{ChartError, panel, raster, svg};
 
 /// A chart.
@@ -35,21 +35,12 @@ pub enum ChartBody {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PageWidth {
     /// 1200 px, for a screen or a sheet of paper.
-    Wide,
+    Wide = 1200,
     /// 420 px, for a phone.
-    Narrow,
+    Narrow = 420,
 }
 
 const MARGIN: f32 = 24.0;
-
-impl PageWidth {
-    fn width(self) -> f32 {
-        match self {
-            Self::Wide => 1200.0,
-            Self::Narrow => 420.0,
-        }
-    }
-}
 
 impl Chart {
     /// The chart as SVG 1.1.
@@ -69,7 +60,7 @@ impl Chart {
     }
 
     fn canvas(&self, page: PageWidth) -> Canvas {
-        let mut canvas = Canvas::new(page.width(), Font::new());
+        let mut canvas = Canvas::new(f32::from(page as u16), Font::new());
         let mut y = canvas.paragraph((MARGIN, MARGIN + 18.0), &self.title, 20.0, INK);
         y = canvas.paragraph((MARGIN, y - 7.0), &self.subtitle, 12.5, GREY);
         let names = self.body.names();
@@ -93,13 +84,12 @@ impl ChartBody {
             Self::Panels(panels) => {
                 let series = || panels.iter().flat_map(|panel| &panel.series);
                 // The key of a series is as grey as its points.
-                let normal = |name: &str| {
+                let is_faded = |name: &str| {
                     let own = series().filter(|other| other.name == name);
                     let mut points = own.flat_map(|other| &other.points).peekable();
-                    points.peek().is_none() || points.any(|point| point.emphasis == Emphasis::Normal)
+                    points.peek().is_some() && points.all(|point| point.is_faded)
                 };
-                let emphasis = |name| if normal(name) { Emphasis::Normal } else { Emphasis::Faded };
-                series().map(|s| (s.name.as_str(), LegendKey::Series(s.style, emphasis(&s.name)))).collect()
+                series().map(|s| (s.name.as_str(), LegendKey::Series(s.style, is_faded(&s.name)))).collect()
             }
             Self::Pictures(pictures) => {
                 let boxes = pictures.legend.iter();
@@ -123,7 +113,7 @@ const KEY_BLOCK: f32 = 6.5;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LegendKey {
     /// The style of a series, and whether all its points are grey.
-    Series(SeriesStyle, Emphasis),
+    Series(SeriesStyle, bool),
     /// A filled square of this colour.
     Colour(Colour),
 }
@@ -133,8 +123,8 @@ impl LegendKey {
         if let Self::Series(SeriesStyle::LineAndMarkers | SeriesStyle::Line, _) = self {
             style.line(canvas, vec![(x, y), (x + KEY_WIDTH, y)]);
         }
-        if let Self::Series(SeriesStyle::LineAndMarkers | SeriesStyle::Markers, emphasis) = self {
-            style.mark(canvas, (x + KEY_WIDTH / 2.0, y), emphasis, "");
+        if let Self::Series(SeriesStyle::LineAndMarkers | SeriesStyle::Markers, is_faded) = self {
+            style.mark(canvas, (x + KEY_WIDTH / 2.0, y), is_faded, "");
         }
         let Self::Colour(colour) = self else { return };
         let area =
@@ -143,7 +133,7 @@ impl LegendKey {
     }
 
     fn text_colour(self) -> Colour {
-        if matches!(self, Self::Series(_, Emphasis::Faded)) { FADED_TEXT } else { INK }
+        if matches!(self, Self::Series(_, true)) { FADED_TEXT } else { INK }
     }
 }
 

@@ -24,7 +24,6 @@ pub use chart::{Chart, ChartBody, PageWidth, Pictures};
 pub use panel::{ChartPanel, DataPoint, Series, SeriesStyle};
 pub use picture::{LabelledBox, Picture, sheet};
 pub use primitives::class_colour;
-pub use style::Emphasis;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 

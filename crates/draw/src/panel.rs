@@ -1,10 +1,10 @@
 //! [`ChartPanel`]: series of points on a pair of axes, and the drawing of grid, axes, series and labels.
 
 use crate::axis::{Axis, FittedAxis};
-use crate::canvas::{Anchor, Canvas, Rotation};
+use crate::canvas::{Anchor, Canvas};
 use crate::label::{LabelLayout, LabelRequest, nearest};
 use crate::primitives::{Area, Colour, FAINT, GREY, INK, Position, RADIUS, WHITE};
-use crate::style::{Emphasis, Style};
+use crate::style::Style;
 
 /// A pair of axes with series.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,8 +52,8 @@ pub struct DataPoint {
     pub label: String,
     /// Text that the SVG shows while the pointer is on the point; may be empty.
     pub hover: String,
-    /// Emphasis.
-    pub emphasis: Emphasis,
+    /// Whether the marker is grey, and has not the colour of its series.
+    pub is_faded: bool,
 }
 
 impl DataPoint {
@@ -98,7 +98,6 @@ pub fn draw_all(canvas: &mut Canvas, panels: &[ChartPanel], (left, top, width): 
     top + rows * height + (rows - 1.0).max(0.0) * GAP
 }
 
-/// Draws `panel` into (left, top, width, height).
 fn draw(canvas: &mut Canvas, panel: &ChartPanel, (left, top, width, height): Area) {
     let area = (left + LEFT, top, left + width, top + height - BELOW);
     let points = || panel.series.iter().flat_map(|series| &series.points).filter(|point| is_finite(point));
@@ -125,12 +124,11 @@ fn draw(canvas: &mut Canvas, panel: &ChartPanel, (left, top, width, height): Are
     let mut layout = LabelLayout { within: area, occupied: Vec::new(), lines: Vec::new() };
     placed.iter().for_each(|series| series.line(canvas, &mut layout));
     placed.iter().for_each(|series| series.intervals(canvas, &mut layout, place));
-    placed.iter().for_each(|series| series.markers(canvas, &mut layout, Emphasis::Faded));
-    placed.iter().for_each(|series| series.markers(canvas, &mut layout, Emphasis::Normal));
+    placed.iter().for_each(|series| series.markers(canvas, &mut layout, true));
+    placed.iter().for_each(|series| series.markers(canvas, &mut layout, false));
     placed.iter().for_each(|series| series.labels(canvas, &mut layout));
 }
 
-/// A series with the positions of its points.
 struct Placed<'a> {
     style: Style,
     drawn: SeriesStyle,
@@ -156,23 +154,23 @@ impl<'a> Placed<'a> {
             if let Some(bounds) = point.bounds() {
                 let [low, high] = bounds.map(&place);
                 layout.lines.push(((*x, low), (*x, high)));
-                self.style.interval(canvas, *x, (low, high), point.emphasis);
+                self.style.interval(canvas, *x, (low, high), point.is_faded);
             }
         }
     }
 
-    fn markers(&self, canvas: &mut Canvas, layout: &mut LabelLayout, emphasis: Emphasis) {
+    fn markers(&self, canvas: &mut Canvas, layout: &mut LabelLayout, is_faded: bool) {
         if self.drawn != SeriesStyle::Line {
-            for (spot, point) in self.points.iter().filter(|(_, point)| point.emphasis == emphasis) {
+            for (spot, point) in self.points.iter().filter(|(_, point)| point.is_faded == is_faded) {
                 layout.mark(*spot);
-                self.style.mark(canvas, *spot, emphasis, &point.hover);
+                self.style.mark(canvas, *spot, is_faded, &point.hover);
             }
         }
     }
 
     fn labels(&self, canvas: &mut Canvas, layout: &mut LabelLayout) {
-        for (spot, text, emphasis) in groups(&self.points) {
-            note(canvas, layout, self.style.text_colour(emphasis), spot, &text);
+        for (spot, text, is_faded) in groups(&self.points) {
+            note(canvas, layout, self.style.text_colour(is_faded), spot, &text);
         }
     }
 }
@@ -198,11 +196,11 @@ fn grid(canvas: &mut Canvas, (left, top, right, bottom): Area, x: &FittedAxis, y
 fn titles(canvas: &mut Canvas, panel: &ChartPanel, (left, top, right, bottom): Area, edge: f32) {
     let (middle, height) = ((left + right) / 2.0, (top + bottom) / 2.0);
     canvas.text((middle, bottom + 38.0), &panel.x.label, 12.5, INK, Anchor::Middle);
-    canvas.turned((edge + 12.0, height), &panel.y.label, 12.5, INK, (Anchor::Middle, Rotation::Upwards));
+    canvas.turned((edge + 12.0, height), &panel.y.label, 12.5, INK, (Anchor::Middle, true));
 }
 
 /// Labels of a series. Points that are close to each other share one at their middle: "2, 3" or "1.5 to 4".
-fn groups(points: &[(Position, &DataPoint)]) -> Vec<(Position, String, Emphasis)> {
+fn groups(points: &[(Position, &DataPoint)]) -> Vec<(Position, String, bool)> {
     let mut groups: Vec<Vec<&(Position, &DataPoint)>> = Vec::new();
     for labelled in points.iter().filter(|(_, point)| !point.label.is_empty()) {
         match groups.last_mut() {
@@ -215,11 +213,11 @@ fn groups(points: &[(Position, &DataPoint)]) -> Vec<(Position, String, Emphasis)
         [one, two] => format!("{}, {}", one.1.label, two.1.label),
         _ => format!("{} to {}", group[0].1.label, group[group.len() - 1].1.label),
     };
-    groups.iter().map(|group| (group[group.len() / 2].0, text(group), group[0].1.emphasis)).collect()
+    groups.iter().map(|group| (group[group.len() / 2].0, text(group), group[0].1.is_faded)).collect()
 }
 
 fn near(a: &(Position, &DataPoint), b: &(Position, &DataPoint)) -> bool {
-    a.1.emphasis == b.1.emphasis && distance(a.0, b.0) < NEAR
+    a.1.is_faded == b.1.is_faded && distance(a.0, b.0) < NEAR
 }
 
 /// Writes a label where there is room, with a thin line to its point if it is not beside it.

@@ -43,7 +43,6 @@ impl Picture {
         Ok(Self { pixels, boxes })
     }
 
-    /// Number of columns and rows.
     pub(crate) fn size(&self) -> (u32, u32) {
         self.pixels.dimensions()
     }
@@ -151,7 +150,6 @@ fn connect(image: &mut Pixmap, of: Area, plate: Area, colour: Colour) {
     }
 }
 
-/// Draws texts of one size.
 pub(crate) struct Lettering {
     pub font: Font,
     /// Font size, px.

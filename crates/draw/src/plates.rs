@@ -121,7 +121,6 @@ fn crossed(placed: &[Option<Area>], of: Area, label: Area) -> f32 {
     CROSSED * between.count() as f32
 }
 
-/// The area that two areas share, px².
 fn shared(a: Area, b: Area) -> f32 {
     (a.2.min(b.2) - a.0.max(b.0)).max(0.0) * (a.3.min(b.3) - a.1.max(b.1)).max(0.0)
 }

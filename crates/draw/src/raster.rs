@@ -5,7 +5,7 @@ use image::{ExtendedColorType, ImageEncoder};
 use tiny_skia::{Color, LineCap, LineJoin, Path, Pixmap, PixmapPaint, Stroke, StrokeDash, Transform};
 
 use crate::ChartError;
-use crate::canvas::{Anchor, Canvas, Rotation, Shape};
+use crate::canvas::{Anchor, Canvas, Shape};
 use crate::picture::{LEAST_TEXT, Picture, fill, paint, path, rgb};
 use crate::primitives::{Area, Colour};
 
@@ -35,16 +35,13 @@ fn draw(pixels: &mut Pixmap, canvas: &Canvas, shape: &Shape) -> Result<(), Chart
             stroke(pixels, path(points, true), *edge, *width, 0.0);
         }
         Shape::Picture { area, picture } => paste(pixels, *area, picture)?,
-        Shape::Text { position, text, size, colour, anchor, rotation, width } => {
+        Shape::Text { position, text, size, colour, anchor, is_upwards, width } => {
             let back = match anchor {
                 Anchor::Start => 0.0,
                 Anchor::Middle => width / 2.0,
                 Anchor::End => *width,
             };
-            let turned = match rotation {
-                Rotation::Horizontal => Transform::identity(),
-                Rotation::Upwards => Transform::from_rotate(-90.0),
-            };
+            let turned = Transform::from_rotate(if *is_upwards { -90.0 } else { 0.0 });
             let place = turned.pre_translate(-back, 0.0).post_translate(position.0, position.1);
             fill(pixels, canvas.font.path(text, *size), *colour, zoomed(place));
         }

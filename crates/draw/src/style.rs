@@ -7,9 +7,7 @@ use crate::primitives::{Colour, FADED_TEXT, Position, RADIUS, WHITE, hash};
 
 /// Half the width of the caps of an interval, px.
 const CAP: f32 = 3.5;
-/// Colour of faded markers.
 const FADED: Colour = [0xbd, 0xbd, 0xbd];
-/// Number of different markers.
 const MARKERS: usize = 8;
 
 /// Colour and marker of each stream, method and stage of the project, by its name: it has this style in every chart. The
@@ -41,16 +39,6 @@ const STYLES: [(&str, Colour, usize); 23] = [
     ("infer", [0xee, 0x88, 0x66], 5),
     ("post", [0xff, 0xaa, 0xbb], 6),
 ];
-
-/// Emphasis of a marker.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Emphasis {
-    /// The marker has the colour of its series.
-    #[default]
-    Normal,
-    /// The marker is grey.
-    Faded,
-}
 
 /// Colour, marker and dashes of a series.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,36 +75,26 @@ impl Style {
     }
 
     /// Draws the marker. The SVG shows `hover` while the pointer is on it.
-    pub fn mark(&self, canvas: &mut Canvas, (x, y): Position, emphasis: Emphasis, hover: &str) {
+    pub fn mark(&self, canvas: &mut Canvas, (x, y): Position, is_faded: bool, hover: &str) {
         let points = self.outline().into_iter().map(|(dx, dy)| (x + RADIUS * dx, y + RADIUS * dy)).collect();
-        let colour = self.with_emphasis(emphasis);
+        let colour = if is_faded { FADED } else { self.colour };
         // An outline shows the marker that it may cover.
         let (fill, edge) = if self.open { (None, (colour, 1.8)) } else { (Some(colour), (WHITE, 1.0)) };
         canvas.shapes.push(Shape::Area { points, fill, edge, hover: hover.to_owned() });
     }
 
     /// Draws the interval from `low` to `high` of a point as a vertical bar with caps.
-    pub fn interval(&self, canvas: &mut Canvas, x: f32, (low, high): (f32, f32), emphasis: Emphasis) {
-        let colour = self.with_emphasis(emphasis);
+    pub fn interval(&self, canvas: &mut Canvas, x: f32, (low, high): (f32, f32), is_faded: bool) {
+        let colour = if is_faded { FADED } else { self.colour };
         canvas.line(vec![(x, low), (x, high)], colour, 1.1);
         for y in [low, high] {
             canvas.line(vec![(x - CAP, y), (x + CAP, y)], colour, 1.1);
         }
     }
 
-    pub fn with_emphasis(&self, emphasis: Emphasis) -> Colour {
-        match emphasis {
-            Emphasis::Normal => self.colour,
-            Emphasis::Faded => FADED,
-        }
-    }
-
     /// The colour of a label beside a marker.
-    pub fn text_colour(&self, emphasis: Emphasis) -> Colour {
-        match emphasis {
-            Emphasis::Normal => self.colour,
-            Emphasis::Faded => FADED_TEXT,
-        }
+    pub fn text_colour(&self, is_faded: bool) -> Colour {
+        if is_faded { FADED_TEXT } else { self.colour }
     }
 
     /// The outline of the marker around (0, 0), about as large as the unit circle.

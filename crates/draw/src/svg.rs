@@ -7,7 +7,7 @@ use base64::engine::general_purpose::STANDARD;
 use image::codecs::jpeg::JpegEncoder;
 
 use crate::ChartError;
-use crate::canvas::{Anchor, Canvas, Rotation, Shape};
+use crate::canvas::{Anchor, Canvas, Shape};
 use crate::picture::{LEAST_TEXT, Picture, rgb};
 use crate::primitives::{Area, Colour, Position, WHITE};
 
@@ -74,19 +74,17 @@ fn push(out: &mut String, shape: &Shape) {
         ),
         // `image` writes it, because that can fail.
         Shape::Picture { .. } => Ok(()),
-        Shape::Text { position: (x, y), text, size, colour, anchor, rotation, width } => {
+        Shape::Text { position: (x, y), text, size, colour, anchor, is_upwards, width } => {
             let anchor = anchor_word(*anchor);
-            let rotation = match rotation {
-                Rotation::Horizontal => String::new(),
-                Rotation::Upwards => format!(" transform=\"rotate(-90 {x:.1} {y:.1})\""),
-            };
+            let rotation = is_upwards.then(|| format!(" transform=\"rotate(-90 {x:.1} {y:.1})\""));
             // `textLength` makes the browser stretch the text to the width that the layout assumed. Without it, another
             // font than DejaVu Sans would make labels cover each other.
             writeln!(
                 out,
                 "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"{size}\" fill=\"{}\" text-anchor=\"{anchor}\" \
-                 textLength=\"{width:.1}\" lengthAdjust=\"spacingAndGlyphs\"{rotation}>{}</text>",
+                 textLength=\"{width:.1}\" lengthAdjust=\"spacingAndGlyphs\"{}>{}</text>",
                 hex(*colour),
+                rotation.unwrap_or_default(),
                 escaped(text)
             )
         }

@@ -1,8 +1,8 @@
 //! Any data can be drawn, and series can be distinguished.
 
 use modulo_draw::{
-    Axis, Chart, ChartBody, ChartError, ChartPanel, DataPoint, Emphasis, LabelledBox, PageWidth, Picture,
-    Pictures, Scale, Series, SeriesStyle, number,
+    Axis, Chart, ChartBody, ChartError, ChartPanel, DataPoint, LabelledBox, PageWidth, Picture, Pictures,
+    Scale, Series, SeriesStyle, number,
 };
 
 fn axis(scale: Scale) -> Axis {
@@ -43,9 +43,9 @@ fn any_text_and_any_number_can_be_drawn() {
 
 #[test]
 fn a_look_leaves_out_marks_or_line_and_faded_marks_are_grey() {
-    let point = |x, emphasis| DataPoint { x, y: x / 3.0, emphasis, ..DataPoint::default() };
-    let drawn = |style, emphasis| {
-        let points = vec![point(1.0, emphasis), point(2.0, emphasis)];
+    let point = |x, is_faded| DataPoint { x, y: x / 3.0, is_faded, ..DataPoint::default() };
+    let drawn = |style, is_faded| {
+        let points = vec![point(1.0, is_faded), point(2.0, is_faded)];
         let series = vec![Series { name: "auto".to_owned(), points, style }];
         let panel = ChartPanel { x: axis(Scale::Log), y: axis(Scale::Share), series };
         let svg = chart(ChartBody::Panels(vec![panel])).svg(PageWidth::Wide).unwrap();
@@ -55,10 +55,10 @@ fn a_look_leaves_out_marks_or_line_and_faded_marks_are_grey() {
         (of("<polyline", "#0072b2"), of("<polygon", "#0072b2"), of("<polygon", "#bdbdbd"))
     };
     // Each with the piece of the legend, which is as grey as the points.
-    assert_eq!(drawn(SeriesStyle::LineAndMarkers, Emphasis::Normal), (2, 3, 0));
-    assert_eq!(drawn(SeriesStyle::Markers, Emphasis::Normal), (0, 3, 0));
-    assert_eq!(drawn(SeriesStyle::Line, Emphasis::Normal), (2, 0, 0));
-    assert_eq!(drawn(SeriesStyle::Markers, Emphasis::Faded), (0, 0, 3));
+    assert_eq!(drawn(SeriesStyle::LineAndMarkers, false), (2, 3, 0));
+    assert_eq!(drawn(SeriesStyle::Markers, false), (0, 3, 0));
+    assert_eq!(drawn(SeriesStyle::Line, false), (2, 0, 0));
+    assert_eq!(drawn(SeriesStyle::Markers, true), (0, 0, 3));
 }
 
 /// The SVG of a panel of `series` (name, and y in tenths at the settings 1 and 2) with intervals of +- 1 tenth.

@@ -11,8 +11,9 @@ pub struct RosArgs {
     pub remaps: Vec<Rule>,
     /// `-p name:=value` and parameter files, in order; later ones win.
     pub parameters: Vec<Setting>,
-    /// `--log-level level` and `--log-level logger:=level` in order; later ones win.
-    pub log_levels: Vec<LogLevel>,
+    /// `--log-level level` and `--log-level logger:=level` in order, as the logger, or `None` for all of them, and its level in
+    /// `tracing` (`debug`, `info`, `warn` or `error`); later ones win.
+    pub log_levels: Vec<(Option<String>, &'static str)>,
     /// Whether `--disable-rosout-logs` was given, and no `--enable-rosout-logs` after it.
     pub no_rosout_logs: bool,
     /// Whether `--disable-stdout-logs` was given, and no `--enable-stdout-logs` after it.
@@ -28,15 +29,6 @@ pub struct Rule {
     pub name: String,
     /// The new name, or the value of the parameter as text.
     pub value: String,
-}
-
-/// A level of the log, as ROS 2 names them.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct LogLevel {
-    /// Name of a logger; all of them when `None`.
-    pub logger: Option<String>,
-    /// Name of the level in `tracing`: `debug`, `info`, `warn` or `error`.
-    pub level: &'static str,
 }
 
 /// Parameters as the command line gives them.
@@ -146,7 +138,7 @@ impl RosArgs {
             "error" | "fatal" => "error",
             _ => return Err(ArgsError::Argument(rule.to_owned(), LEVEL)),
         };
-        self.log_levels.push(LogLevel { logger, level });
+        self.log_levels.push((logger, level));
         Ok(())
     }
 
@@ -169,8 +161,9 @@ impl RosArgs {
     /// Returns the level of the logger `name`; a node's has the node's name.
     pub fn log_level_of(&self, name: &str) -> Option<&'static str> {
         // The last rule that fits wins, be it for all loggers or for this one.
-        let meant = |rule: &&LogLevel| rule.logger.as_ref().is_none_or(|logger| logger == name);
-        self.log_levels.iter().rfind(meant).map(|rule| rule.level)
+        let mut levels = self.log_levels.iter();
+        let meant = levels.rfind(|(logger, _)| logger.as_ref().is_none_or(|logger| logger == name));
+        meant.map(|(_, level)| *level)
     }
 
     fn first(&self, name: &str, node: &str) -> Option<&str> {
@@ -236,7 +229,7 @@ mod tests {
         assert_eq!(node_name.fully_qualified(), "/car/eye");
         assert_eq!(node_name.resolve("modulo").as_deref(), Ok("/raw"));
         assert_eq!(args.parameters_for(&node_name), Ok(vec![("angle".into(), "2.5".into())]));
-        assert_eq!(args.log_levels, [LogLevel { logger: None, level: "info" }]);
+        assert_eq!(args.log_levels, [(None, "info")]);
     }
 
     #[test]

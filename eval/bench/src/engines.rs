@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use clap::Args;
-use modulo_draw::{Axis, Chart, ChartBody, ChartPanel, DataPoint, Emphasis, PageWidth, Series, SeriesStyle};
+use modulo_draw::{Axis, Chart, ChartBody, ChartPanel, DataPoint, PageWidth, Series, SeriesStyle};
 use modulo_runtime::report::Percentiles;
 use serde::{Deserialize, Serialize};
 
@@ -193,7 +193,6 @@ pub fn choice(rows: &[EngineRow]) -> Option<&EngineRow> {
     accurate.min_by(|(_, a), (_, b)| a.p50_ms.total_cmp(&b.p50_ms)).map(|(row, _)| row)
 }
 
-/// Returns the largest loss of AP50 of a group.
 fn loss(reference: &BTreeMap<String, f64>, ap50: &BTreeMap<String, f64>) -> f64 {
     let losses = reference.iter().map(|(group, ap)| ap - ap50.get(group).copied().unwrap_or_default());
     losses.reduce(f64::max).unwrap_or_default()
@@ -219,7 +218,6 @@ struct FrameTime {
     frames: usize,
 }
 
-/// Evaluates an engine with a model in a process of its own.
 fn measure(
     request: &EnginesRequest,
     row: &EngineRow,
@@ -296,7 +294,7 @@ fn chart(rows: &[EngineRow], request: &EnginesRequest, processor: &str) -> Chart
                 interval: figures.interval95.get(group).copied(),
                 label: if chosen == Some(row) { "choice".to_owned() } else { String::new() },
                 hover: format!("{name}: {:.1} ms, AP50 of {group} {} %", figures.p50_ms, below_100(ap50, 1)),
-                emphasis: if figures.loss < MOST_LOSS { Emphasis::Normal } else { Emphasis::Faded },
+                is_faded: figures.loss >= MOST_LOSS,
             };
             Some(Series { points: vec![point], style: SeriesStyle::Markers, name })
         });

@@ -30,18 +30,12 @@ pub enum BenchError {
     /// The request is impossible, or its folder takes no results. The sentence names the possible values or the remedy.
     #[error("{0}")]
     Request(String),
-    /// A folder without a readable image.
-    #[error("{}: there is no readable image (.png, .jpg, .jpeg, .exr, .hdr)", .0.display())]
-    NoFrames(PathBuf),
     /// A file cannot hold the codes of the sensor as they are. The text is the reason and the remedy.
     #[error("{path}: {1}", path = .0.display())]
     NotCodes(PathBuf, String),
-    /// A file or folder cannot be read or written.
+    /// A file or folder cannot be read or written, or is not a list of results.
     #[error("{path}: {1}", path = .0.display())]
     Io(PathBuf, #[source] std::io::Error),
-    /// A file is not a list of results.
-    #[error("{path}: {1}", path = .0.display())]
-    Json(PathBuf, #[source] serde_json::Error),
     /// The chart cannot be drawn.
     #[error(transparent)]
     Chart(#[from] ChartError),
@@ -89,25 +83,13 @@ pub enum BenchEvent<'a> {
         /// Description, such as the file.
         next: &'a str,
     },
-    /// A file was skipped.
-    Skipped(&'a Skipped),
+    /// A file was skipped, for this reason, which has its name.
+    Skipped(&'a str),
     /// A measurement is uncertain.
     Warning(&'a str),
 }
 
-/// A file that was skipped.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Skipped {
-    /// The file as it was given.
-    pub file: String,
-    /// The reason, with the name of the file.
-    pub why: String,
-}
-
 /// Returns `paths` with the image files of each folder among them in place of the folder, and tells what else is in it.
-///
-/// # Errors
-/// [`BenchError::NoFrames`] of a folder without an image, and [`BenchError::Io`] of one that cannot be read.
 fn files(paths: &[PathBuf], tell: &mut dyn FnMut(BenchEvent<'_>)) -> Result<Vec<PathBuf>, BenchError> {
     if paths.is_empty() {
         let why = "the list of files is empty; at least one entry is needed";
@@ -140,7 +122,8 @@ fn images(folder: &Path, tell: &mut dyn FnMut(BenchEvent<'_>)) -> Result<Vec<Pat
         if is_image { &mut images } else { &mut others }.push(path);
     }
     if images.is_empty() {
-        return Err(BenchError::NoFrames(folder.to_owned()));
+        let (folder, kinds) = (folder.display(), ".png, .jpg, .jpeg, .exr, .hdr");
+        return Err(BenchError::Request(format!("{folder}: there is no readable image ({kinds})")));
     }
     // The order of `read_dir` depends on the file system. The results must not.
     images.sort();
@@ -167,7 +150,8 @@ fn make_folder(folder: &Path) -> Result<(), BenchError> {
 
 /// Writes `value` as JSON, as [`write`] does.
 fn write_json(path: &Path, value: &impl Serialize) -> Result<(), BenchError> {
-    let mut text = serde_json::to_vec_pretty(value).map_err(|why| BenchError::Json(path.to_owned(), why))?;
+    let mut text =
+        serde_json::to_vec_pretty(value).map_err(|why| BenchError::Io(path.to_owned(), why.into()))?;
     text.push(b'\n');
     write(path, &text)
 }
@@ -177,8 +161,7 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), BenchError> {
     launcher::replace(path, bytes).map_err(|why| BenchError::Io(path.to_owned(), why))
 }
 
-/// Reads a JSON file.
 fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, BenchError> {
     let text = fs::read(path).map_err(|source| BenchError::Io(path.to_owned(), source))?;
-    serde_json::from_slice(&text).map_err(|source| BenchError::Json(path.to_owned(), source))
+    serde_json::from_slice(&text).map_err(|why| BenchError::Io(path.to_owned(), why.into()))
 }

@@ -13,7 +13,8 @@ use std::time::Duration;
 
 use clap::Args;
 use modulo_core::metric::quantile;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
+use serde_json::Value;
 
 use crate::{BenchError, BenchEvent, make_folder, read_json, write_json};
 
@@ -195,7 +196,6 @@ struct ModeRun {
     rss_mb: f64,
 }
 
-/// Makes a folder for the files of a run.
 pub(crate) fn temporary_folder() -> Result<tempfile::TempDir, BenchError> {
     tempfile::tempdir().map_err(|why| BenchError::Io(std::env::temp_dir(), why))
 }
@@ -263,11 +263,12 @@ fn run(
         return Err(BenchError::Run(format!("the run failed: {}", log.trim())));
     }
     let cpu_s = children_cpu_s() - cpu;
-    let engine = read_json::<RunSummary>(&folder.join("summary.json"))?.engine;
+    let summary: Value = read_json(&folder.join("summary.json"))?;
+    let engine = summary["engine"].as_str();
     let engine = engine.ok_or_else(|| BenchError::Run("no detector told its engine".to_owned()))?;
     let times = times(folder)?;
     Ok(ModeRun {
-        engine,
+        engine: engine.to_owned(),
         first_box_s: times.first_end_ms.map(|end| (end - start_ms) / 1e3),
         times,
         bare_ms: Vec::new(),
@@ -300,12 +301,6 @@ fn arguments(request: &PipelineRequest, mode: Mode, count: usize, folder: &Path)
     }
     arguments.extend((mode == Mode::Composed).then(|| "--compose".into()));
     arguments
-}
-
-/// The part of the summary of a run that is used here.
-#[derive(Deserialize)]
-struct RunSummary {
-    engine: Option<String>,
 }
 
 /// Waits for the end of a run; returns whether it succeeded, and the largest resident memory of its detector, MB.
@@ -354,7 +349,6 @@ fn children_cpu_s() -> f64 {
     ticks.sum::<f64>() / TICKS
 }
 
-/// The times of a run, ms.
 #[derive(Default)]
 struct Times {
     /// The arrival of each counted modulo image, and the end of its boxes' sending.
@@ -381,29 +375,17 @@ impl Times {
     }
 }
 
-/// A line of a trace. Only spans have all fields.
-#[derive(Deserialize)]
-struct TraceLine {
-    name: Option<String>,
-    ts: Option<f64>,
-    dur: Option<f64>,
-    args: Option<SpanArguments>,
-}
-
-#[derive(Deserialize)]
-struct SpanArguments {
-    frame: Option<String>,
-}
-
 /// Reads the traces in `folder`, and leaves out the first frames.
 fn times(folder: &Path) -> Result<Times, BenchError> {
     let mut frames = BTreeMap::<String, [Option<f64>; 2]>::new();
     let mut spans = Vec::new();
     for (place, node) in ["unwrap", "detector"].into_iter().enumerate() {
-        for TraceLine { name, ts, dur, args, .. } in trace(folder, node)? {
-            let (Some(name), Some(ts), Some(dur)) = (name, ts, dur) else { continue };
-            let Some(frame) = args.and_then(|arguments| arguments.frame) else { continue };
-            let [begin, end] = frames.entry(frame.clone()).or_default();
+        for line in trace(folder, node)? {
+            // Only spans have all fields.
+            let (name, frame) = (line["name"].as_str(), line["args"]["frame"].as_str());
+            let (ts, dur) = (line["ts"].as_f64(), line["dur"].as_f64());
+            let (Some(name), Some(frame), Some(ts), Some(dur)) = (name, frame, ts, dur) else { continue };
+            let [begin, end] = frames.entry(frame.to_owned()).or_default();
             if place == 0 {
                 *begin = Some(begin.map_or(ts, |begin| begin.min(ts)));
             } else {
@@ -411,7 +393,7 @@ fn times(folder: &Path) -> Result<Times, BenchError> {
             }
             // The span of the whole step contains those of its stages.
             if name != "step" {
-                spans.push((frame, format!("{node} {name}"), dur / 1e3));
+                spans.push((frame.to_owned(), format!("{node} {name}"), dur / 1e3));
             }
         }
     }
@@ -430,8 +412,7 @@ fn times(folder: &Path) -> Result<Times, BenchError> {
     Ok(Times { frames: counted.into_values().collect(), first_end_ms, stages })
 }
 
-/// Reads the lines of the trace of a node.
-fn trace(folder: &Path, node: &str) -> Result<Vec<TraceLine>, BenchError> {
+fn trace(folder: &Path, node: &str) -> Result<Vec<Value>, BenchError> {
     let failed = |why| BenchError::Io(folder.to_owned(), why);
     let mut lines = Vec::new();
     for entry in fs::read_dir(folder).map_err(failed)? {
@@ -441,7 +422,7 @@ fn trace(folder: &Path, node: &str) -> Result<Vec<TraceLine>, BenchError> {
             continue;
         }
         for line in fs::read_to_string(&path).map_err(failed)?.lines() {
-            lines.push(serde_json::from_str(line).map_err(|why| BenchError::Json(path.clone(), why))?);
+            lines.push(serde_json::from_str(line).map_err(|why| BenchError::Io(path.clone(), why.into()))?);
         }
     }
     Ok(lines)

@@ -18,15 +18,9 @@ use crate::{BenchError, BenchEvent, files};
 pub struct OneSensor;
 
 impl SensorCommand for OneSensor {
-    fn has(parameter: &str) -> bool {
-        // Its noise is the only thing that unwrapping need not know.
-        let noise = ["read_noise", "shot_noise", "full_well_electrons", "prnu", "hot_pixels"];
-        !noise.contains(&parameter)
-    }
-
-    fn varies(_: &str) -> bool {
-        false
-    }
+    // Its noise is the only thing that unwrapping need not know.
+    const WITHOUT: &'static [&'static str] =
+        &["read_noise", "shot_noise", "full_well_electrons", "prnu", "hot_pixels"];
 }
 
 /// The images and their sensor, as options of a command line.
@@ -81,7 +75,6 @@ pub fn unwrap_files(
     runner.run((pictures, files.len()), sensors, capture, tell)
 }
 
-/// Reads an image with the codes of `sensor`.
 fn modulo_image(file: &Path, sensor: &SensorModel) -> Result<Frame, BenchError> {
     let refuse = |why: String| Err(BenchError::NotCodes(file.to_owned(), why));
     let (y, depth) = read_codes(file)?;

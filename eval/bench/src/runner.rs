@@ -17,7 +17,7 @@ use modulo_runtime::SensorModel;
 use ndarray::Array3;
 use serde::Serialize;
 
-use crate::{BenchError, BenchEvent, Skipped, make_folder, write_json};
+use crate::{BenchError, BenchEvent, make_folder, write_json};
 
 /// Name of the list of results in the folder.
 pub const RESULTS: &str = "results.json";
@@ -87,11 +87,10 @@ pub struct Simulated {
 pub struct RunOutcome {
     /// One row for each image, sensor and method. Also in [`RESULTS`].
     pub rows: Vec<Row>,
-    /// Files and frames that cannot be used.
-    pub skipped: Vec<Skipped>,
+    /// The files and frames that cannot be used, each with the reason.
+    pub skipped: Vec<String>,
 }
 
-/// An image of the request.
 pub(crate) struct Picture<T> {
     /// The name in the results, as [`Row::file`].
     pub file: String,
@@ -101,7 +100,6 @@ pub(crate) struct Picture<T> {
     pub content: Result<T, BenchError>,
 }
 
-/// A modulo image.
 pub(crate) struct Capture<'a> {
     pub y: Frame,
     pub sensor: &'a SensorModel,
@@ -116,7 +114,6 @@ pub(crate) struct Capture<'a> {
     pub truth: Option<(Exposure, Option<f32>, u64)>,
 }
 
-/// The work of a command.
 pub(crate) struct Runner<'a> {
     options: &'a RunOptions,
     /// The methods for a sensor with one gain.
@@ -125,21 +122,15 @@ pub(crate) struct Runner<'a> {
 }
 
 impl<'a> Runner<'a> {
-    /// Makes the methods for images of `sensor`.
-    ///
-    /// # Errors
-    /// [`BenchError`] for an unknown method, and for any method where the gains decide it.
+    /// Makes the methods for images of `sensor`. Where the gains decide the method, none may be named.
     pub fn new(options: &'a RunOptions, sensor: &SensorModel) -> Result<Self, BenchError> {
         let methods = methods(options, sensor.gains)?;
         Ok(Self { options, methods, outcome: RunOutcome::default() })
     }
 
     /// Takes the pictures of each of `files`, `total` in number, by each of `sensors` with `capture`, and unwraps them. After each
-    /// file it writes [`RESULTS`] with all rows so far.
-    ///
-    /// # Errors
-    /// [`BenchError`] of a result that cannot be written, or of a picture that cannot be used if it is the only one; otherwise
-    /// such a picture is skipped. A single picture that cannot be read leaves no folder behind.
+    /// file it writes [`RESULTS`] with all rows so far. A picture that cannot be used is skipped, unless it is the only one; a
+    /// single picture that cannot be read leaves no folder behind.
     pub fn run<'s, T, S>(
         &mut self,
         (files, total): (impl IntoIterator<Item = impl Iterator<Item = Picture<T>>>, usize),
@@ -164,7 +155,10 @@ impl<'a> Runner<'a> {
                 done += sensors.len();
                 match rows {
                     Ok(rows) => self.outcome.rows.extend(rows),
-                    Err(why) if total > 1 && is_of_a_picture(&why) => self.skip(file, &why, tell),
+                    Err(why) if total > 1 && is_of_a_picture(&why) => {
+                        tell(BenchEvent::Skipped(&why.to_string()));
+                        self.outcome.skipped.push(why.to_string());
+                    }
                     Err(why) => return Err(why),
                 }
             }
@@ -173,13 +167,6 @@ impl<'a> Runner<'a> {
         Ok(std::mem::take(&mut self.outcome))
     }
 
-    fn skip(&mut self, file: String, why: &BenchError, tell: &mut dyn FnMut(BenchEvent<'_>)) {
-        let skipped = Skipped { file, why: why.to_string() };
-        tell(BenchEvent::Skipped(&skipped));
-        self.outcome.skipped.push(skipped);
-    }
-
-    /// Returns a row for each method.
     fn recover_all(&mut self, file: &str, capture: &Capture<'_>) -> Result<Vec<Row>, BenchError> {
         // The ratio of the gains depends on alpha, so that this method belongs to one sensor.
         let mut of_gains = of_gains(capture.sensor.gains()?);
@@ -194,10 +181,6 @@ fn is_of_a_picture(why: &BenchError) -> bool {
         why,
         BenchError::Image(_) | BenchError::Sensor(_) | BenchError::Video(_) | BenchError::NotCodes(..)
     )
-}
-
-fn method_options(options: &RunOptions) -> Options {
-    Options { threads: options.threads.into(), ..Options::default() }
 }
 
 /// Makes the methods that are asked for, or `auto`.
@@ -224,10 +207,10 @@ fn methods(options: &RunOptions, has_two_gains: bool) -> Result<Vec<Box<dyn Unwr
                 .to_owned(),
         ));
     }
-    names.iter().map(|name| Ok(by_name(name, &method_options(options))?)).collect()
+    let options = Options { threads: options.threads.into(), ..Options::default() };
+    names.iter().map(|name| Ok(by_name(name, &options)?)).collect()
 }
 
-/// Unwraps an image by one method, and writes the result.
 fn recover(
     options: &RunOptions,
     (file, capture): (&str, &Capture<'_>),
@@ -282,7 +265,6 @@ fn median_time(
     Ok(quantile(&times, 0.5).expect("there is at least one call"))
 }
 
-/// Compares a result with its exposure.
 fn compare(
     (exposure, white, seed): &(Exposure, Option<f32>, u64),
     k: &Array3<u8>,
@@ -321,9 +303,6 @@ pub(crate) fn names(files: &[PathBuf]) -> Vec<String> {
 }
 
 /// Writes the wrap counts `k` as a PNG of 8 bits at `path("k")`, and `x` in code units as one of 16 bits at `path("x")`.
-///
-/// # Errors
-/// [`BenchError`] if a file cannot be written, or the range of the sensor does not fit 16 bits.
 pub(crate) fn save_counts(
     path: impl Fn(&str) -> PathBuf,
     k: &Array3<u8>,

@@ -20,10 +20,6 @@ use crate::{BenchError, BenchEvent, files};
 pub struct EveryParameter;
 
 impl SensorCommand for EveryParameter {
-    fn has(_: &str) -> bool {
-        true
-    }
-
     fn varies(parameter: &str) -> bool {
         // The names of the images have the alpha.
         parameter == "alpha"
@@ -84,7 +80,6 @@ pub fn simulate(
 type Radiance = (Array3<f32>, Option<f32>);
 
 impl SimulationRequest {
-    /// Makes the sensor of each alpha.
     fn sensors(&self) -> Result<Vec<(SensorModel, Sensor)>, BenchError> {
         self.white()?;
         let models = self.sensor.sensors(&["alpha"]).into_iter();
@@ -97,7 +92,6 @@ impl SimulationRequest {
         Ok(sensors)
     }
 
-    /// The conversion of an image to radiance.
     fn white(&self) -> Result<White, ImageError> {
         White::new(self.white, self.sensor.first().transfer)
     }

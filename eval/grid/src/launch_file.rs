@@ -17,7 +17,7 @@ use modulo_runtime::clock::nanos;
 use modulo_runtime::lockstep::{Lockstep, LockstepError, OnTopic};
 use serde_json::{Value, json};
 
-pub use plan::{CameraPlan, DetectorStream, EvaluationPlan, NamedNodes, PlanError};
+pub use plan::{CameraPlan, DetectorStream, EvaluationPlan, NamedNodes};
 pub use recordings::Recordings;
 use timeline::Timeline;
 
@@ -225,7 +225,6 @@ impl Evaluation {
 /// Name of the file of the scores.
 pub const SCORES: &str = "scores.json";
 
-/// File name of the image of a frame.
 fn file_name(number: u64) -> String {
     format!("{number:06}.png")
 }

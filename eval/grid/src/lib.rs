@@ -41,16 +41,9 @@ pub enum GridError {
     /// values or the remedy.
     #[error("{0}")]
     Request(String),
-    /// No frame of the data can be scored.
-    #[error("{source_name}: none of the {frames} frames can be scored: {why}")]
-    Nothing {
-        /// The data as it was given.
-        source_name: String,
-        /// Number of frames.
-        frames: usize,
-        /// The reason.
-        why: String,
-    },
+    /// No frame of the data can be scored: the data as it was given, the number of its frames, and the reason.
+    #[error("{0}: none of the {1} frames can be scored: {2}")]
+    Nothing(String, usize, String),
     /// A file or folder cannot be read or written.
     #[error(transparent)]
     Io(#[from] FileError),

@@ -72,10 +72,7 @@ pub fn save(folder: &Path, results: &Results) -> Result<(), GridError> {
 }
 
 /// The results in `folder` with the grid of `empty`, which has no cell yet, or `empty` alone if there are none or they are
-/// `replaced`.
-///
-/// # Errors
-/// [`GridError::Request`] if the cells of both cannot be shown together; the folder stays as it is.
+/// `replaced`. Cells that cannot be shown together are refused, and the folder stays as it is.
 pub(crate) fn resume(folder: &Path, replaced: bool, empty: Results) -> Result<Results, GridError> {
     if replaced {
         // Damaged results are replaced as well.
@@ -99,7 +96,6 @@ pub(crate) fn keep(folder: &Path, results: &mut Results, cell: Cell, frames: &[u
     save(folder, results)
 }
 
-/// The file of the frames of a cell.
 fn frames_of(folder: &Path, cell: &Cell) -> PathBuf {
     folder.join(FRAMES).join(format!("{}.jsonl", cell.point.file_name()))
 }

@@ -34,7 +34,6 @@ const SCALARS: [ScalarType; 4] =
 const TYPES: [&str; 8] =
     ["int", "float", "bool", "str", "list_of_int", "list_of_float", "list_of_bool", "list_of_str"];
 
-/// How a process is run.
 #[derive(Clone, Debug)]
 pub(crate) struct ProcessAction {
     pub name: Option<Text>,
@@ -50,14 +49,12 @@ pub(crate) struct ProcessAction {
     pub sigkill_timeout: Option<Text>,
 }
 
-/// A program to start.
 #[derive(Clone, Debug)]
 pub(crate) struct ExecutableAction {
     pub command: Text,
     pub process: ProcessAction,
 }
 
-/// A ROS 2 node to start.
 #[derive(Clone, Debug)]
 pub(crate) struct NodeAction {
     pub package: Text,
@@ -72,7 +69,6 @@ pub(crate) struct NodeAction {
     pub process: ProcessAction,
 }
 
-/// A parameter or a file of parameters.
 #[derive(Clone, Debug)]
 pub(crate) enum Parameter {
     /// A file in ROS 2's parameter format.
@@ -81,12 +77,9 @@ pub(crate) enum Parameter {
     Value { name: Text, value: ParameterValue, kind: Option<&'static str> },
 }
 
-/// The value of a parameter.
 #[derive(Clone, Debug)]
 pub(crate) enum ParameterValue {
-    /// A scalar.
     Scalar(Written),
-    /// A list of scalars.
     List(Vec<Written>),
 }
 
@@ -146,7 +139,6 @@ fn ends_all(attributes: &Attributes<'_>) -> Result<bool, LaunchError> {
     }
 }
 
-/// The parameters in the list `param`.
 fn parameters(attributes: &Attributes<'_>) -> Result<Vec<Parameter>, LaunchError> {
     let mut all = Vec::new();
     collect(attributes, None, &mut all)?;

@@ -16,7 +16,6 @@ use crate::substitution::{Part, SubstitutionError, Surroundings, Template};
 /// ROS 2's default from SIGINT to SIGTERM, and from SIGTERM to SIGKILL.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Where a process is declared.
 pub(super) struct DeclarationSite<'a> {
     pub file: &'a Path,
     pub line: usize,
@@ -24,7 +23,6 @@ pub(super) struct DeclarationSite<'a> {
     pub scope: &'a Scope,
 }
 
-/// The plan of an `executable` action.
 pub(super) fn executable(
     action: &ExecutableAction,
     site: &DeclarationSite<'_>,
@@ -40,7 +38,6 @@ pub(super) fn executable(
     Ok(ExecutablePlan { command, process })
 }
 
-/// The plan of a `node` action.
 pub(super) fn node(action: &NodeAction, site: &DeclarationSite<'_>) -> Result<NodePlan, LaunchError> {
     let view = site.view;
     let package = view.string(&action.package)?;
@@ -155,9 +152,6 @@ fn respawn(action: &ProcessAction, view: View<'_>) -> Result<Option<Respawn>, La
 
 /// Splits a command line into words as a shell would, without running one: quotes group, a backslash makes the next
 /// character plain, and the value of a substitution is never split. As in ROS 2, no quote spans a substitution.
-///
-/// # Errors
-/// [`SubstitutionError`] for a quote that does not end or spans a substitution, and for a substitution without a value.
 fn split_words(template: &Template, around: &Surroundings<'_>) -> Result<Vec<String>, SubstitutionError> {
     let mut splitter = Splitter::default();
     for part in &template.parts {

@@ -12,7 +12,6 @@ use crate::package::SUITE;
 use crate::substitution::truth;
 use crate::{LaunchError, Mistakes};
 
-/// The executable of the camera.
 const CAMERA: &str = "modulo_camera";
 /// The executable that ends with the frames of the camera in its namespace, and not when the camera crashes.
 const END_OF_CAMERA: &str = "camera_end";

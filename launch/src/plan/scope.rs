@@ -14,7 +14,7 @@ use crate::substitution::{SubstitutionError, Surroundings};
 use crate::{LaunchError, Mistakes, listed};
 
 /// The state at a place of a launch file, as the actions before it have left it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Scope {
     /// Arguments and `let`s.
     pub variables: BTreeMap<String, String>,
@@ -33,14 +33,7 @@ pub(super) struct Scope {
 impl Scope {
     /// The outermost scope, with the values given on the command line.
     pub fn new(arguments: &[(String, String)]) -> Self {
-        Self {
-            variables: arguments.iter().cloned().collect(),
-            environment: BTreeMap::new(),
-            namespace: "/".to_owned(),
-            parameters: Vec::new(),
-            remaps: Vec::new(),
-            broken: BTreeSet::new(),
-        }
+        Self { variables: arguments.iter().cloned().collect(), namespace: "/".to_owned(), ..Self::default() }
     }
 
     /// Joins `name` to the namespace; an absolute one replaces it.
@@ -53,7 +46,6 @@ impl Scope {
         }
     }
 
-    /// A view of this scope from `file`.
     pub fn at<'a>(&'a self, file: &'a Path) -> View<'a> {
         View { file, scope: self }
     }
@@ -77,19 +69,17 @@ impl View<'_> {
     pub fn locate<T>(&self, text: &Text, result: Result<T, SubstitutionError>) -> Result<T, LaunchError> {
         result.map_err(|error| match &error {
             // The mistake that took the value from this variable is reported already.
-            SubstitutionError::Undefined { name, .. } if self.scope.broken.contains(name) => {
+            SubstitutionError::Undefined(name, _) if self.scope.broken.contains(name) => {
                 LaunchError::Consequence
             }
             _ => self.refuse(text, error),
         })
     }
 
-    /// Returns an error at the line of `text`.
     pub fn refuse(&self, text: &Text, why: impl ToString) -> LaunchError {
         LaunchError::at(self.file, text.line, why.to_string())
     }
 
-    /// Evaluates `text` to a string.
     pub fn string(&self, text: &Text) -> Result<String, LaunchError> {
         self.locate(text, text.template.evaluate(&self.surroundings()))
     }
@@ -99,7 +89,6 @@ impl View<'_> {
         text.as_ref().map(|text| self.string(text)).transpose()
     }
 
-    /// Evaluates pairs of texts to pairs of strings.
     pub fn pairs(&self, pairs: &[(Text, Text)]) -> Result<Vec<(String, String)>, LaunchError> {
         pairs.iter().map(|(a, b)| Ok((self.string(a)?, self.string(b)?))).collect()
     }
@@ -141,7 +130,6 @@ pub(super) fn argument_value(argument: &Argument, view: View<'_>) -> Result<(Str
     Ok((name.clone(), value))
 }
 
-/// The value of the parameter `name`.
 pub(super) fn parameter_value(
     name: &Text,
     value: &ParameterValue,
@@ -176,8 +164,8 @@ pub(super) fn included(include: &Include, view: View<'_>) -> Result<LaunchFile, 
         let why = format!("include: '{name}' is not YAML, only .launch.yaml files can be included");
         return Err(view.refuse(&include.file, why).into());
     }
-    action::read_file(&path).map_err(|mistakes| match mistakes.all() {
-        [LaunchError::File { file, why }] => {
+    action::read_file(&path).map_err(|mistakes| match &mistakes.0[..] {
+        [LaunchError::File(file, why)] => {
             view.refuse(&include.file, format!("include: {}: {why}", file.display())).into()
         }
         _ => mistakes,

@@ -168,14 +168,11 @@ fn variable(
 ) -> Result<String, SubstitutionError> {
     around.variables.get(name).or(default).cloned().ok_or_else(|| {
         let known = listed(around.variables.keys(), "none");
-        SubstitutionError::Undefined { name: name.to_owned(), known }
+        SubstitutionError::Undefined(name.to_owned(), known)
     })
 }
 
-/// ROS 2's rule for conditions: `true` or `1`, `false` or `0`, in any case.
-///
-/// # Errors
-/// [`SubstitutionError`] for anything else.
+/// ROS 2's rule for conditions: `true` or `1`, `false` or `0`, in any case; anything else is an error.
 pub(crate) fn truth(text: &str) -> Result<bool, SubstitutionError> {
     match text.trim().to_ascii_lowercase().as_str() {
         "true" | "1" => Ok(true),

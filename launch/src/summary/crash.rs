@@ -32,7 +32,6 @@ impl fmt::Display for LostInCrash {
     }
 }
 
-/// All lives of one node.
 pub(super) struct Lives<'a>(Vec<&'a NodeReport>);
 
 impl<'a> Lives<'a> {

@@ -43,7 +43,6 @@ pub(super) enum Origin {
     Foreign,
 }
 
-/// One process to keep running.
 pub(super) struct Job {
     pub origin: Origin,
     pub command: CommandLine,
@@ -57,7 +56,6 @@ pub(super) struct Job {
 /// Where a node of the suite shows that its loop still runs: it writes its report at least once a second.
 #[derive(Clone, Debug)]
 pub(super) struct LifeSigns {
-    /// Folder of the reports.
     folder: PathBuf,
     /// Fully qualified name of the node.
     node: String,
@@ -301,7 +299,7 @@ impl Job {
         if let Some(crashes) = restarts.exceed(self.max_restarts, now) {
             self.say(print, &format!("ended with {status}, crash {crashes} within a minute: the run ends"));
             let reason = if last_line.is_empty() { String::new() } else { format!(" ({last_line})") };
-            return Err(ProcessEnd::GaveUp { crashes, status: format!("{status}{reason}") });
+            return Err(ProcessEnd::GaveUp(crashes, format!("{status}{reason}")));
         }
         let delay = delay.max(restarts.next(lived, now));
         let (count, ms) = (restarts.count, delay.as_millis());
@@ -348,7 +346,6 @@ fn after_shutdown(origin: Origin, status: &std::io::Result<ExitStatus>, last_lin
     }
 }
 
-/// The restarts of one process.
 #[derive(Default)]
 struct Restarts {
     /// Since the launch.

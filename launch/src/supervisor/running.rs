@@ -20,7 +20,6 @@ use super::{Channel, Print, start_error};
 use crate::LaunchError;
 use crate::plan::ProcessPlan;
 
-/// Program and arguments.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct CommandLine {
     pub program: PathBuf,
@@ -32,14 +31,12 @@ const LONGEST_LINE: u64 = 64 * 1024;
 /// How long the last output is waited for after the group has been killed.
 const LAST_WORDS: Duration = Duration::from_secs(1);
 
-/// A started process.
 pub(super) struct Running {
     child: Child,
     /// `None` once the process was reaped: from then on the group's number may be that of another process.
     group: Option<Group>,
     readers: Vec<JoinHandle<()>>,
     say: Box<dyn Fn(&str) + Send + Sync>,
-    /// The last line of its standard error.
     last_line: Arc<Mutex<String>>,
 }
 

@@ -231,7 +231,7 @@ fn every_mistake_is_found_and_nothing_that_follows_from_one() {
         let files = Files::new(text).with("b.launch.yaml", "launch:\n  - nod: {}\n  - log: {}\n");
         let mistakes = modulo_launch::check(&files.path("main.launch.yaml"), &[]).expect_err("is wrong");
         let folder = format!("{}/", files.0.path().display());
-        mistakes.all().iter().map(|mistake| mistake.to_string().replace(&folder, "")).collect::<Vec<_>>()
+        mistakes.0.iter().map(|mistake| mistake.to_string().replace(&folder, "")).collect::<Vec<_>>()
     };
     let begins = |found: Vec<String>, expected: &[&str]| {
         assert_eq!(found.len(), expected.len(), "{found:#?}");

@@ -19,7 +19,7 @@ const MAX_MAP: u64 = 1 << 20;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Classes {
     names: ClassNames,
-    map: ClassMap,
+    pub map: ClassMap,
     published: Vec<String>,
     wanted: Vec<String>,
 }
@@ -28,17 +28,14 @@ pub struct Classes {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ClassMap {
     /// Path of the file; empty where there is none.
-    file: String,
+    pub file: String,
     /// By the name in the model. Other classes are dropped. `None`: all classes keep their names.
     names: Option<BTreeMap<String, String>>,
 }
 
 impl ClassMap {
     /// Reads the file at `path` for a model with these `names`; an empty path is no map.
-    ///
-    /// # Errors
-    /// [`ParameterError`] of `class_map`: the file is no regular file of at most 1 MiB, has another form, or names a class
-    /// that the model does not have.
+    /// A file of more than 1 MiB or of another form is refused, and a class that the model does not have.
     pub fn read(path: &str, names: &ClassNames) -> Result<Self, ParameterError> {
         if path.is_empty() {
             return Ok(Self::default());
@@ -47,18 +44,10 @@ impl ClassMap {
             read_map(Path::new(path), names).map_err(|why| ParameterError::new("class_map", path, why))?;
         Ok(Self { file: path.to_owned(), names: Some(map) })
     }
-
-    /// Path of the file; empty where there is none.
-    pub fn file(&self) -> &str {
-        &self.file
-    }
 }
 
 impl Classes {
     /// `wanted` names the classes to keep as they are called after the `map`, empty = all.
-    ///
-    /// # Errors
-    /// [`ParameterError`] of `classes`, with the names that are known.
     pub fn new(names: &ClassNames, map: ClassMap, wanted: &[String]) -> Result<Self, ParameterError> {
         let names = names.clone();
         let mut classes = Self { names, map, published: Vec::new(), wanted: Vec::new() };
@@ -94,11 +83,6 @@ impl Classes {
             Some(VisionClass { class_id, class_name })
         };
         (0..self.names.all().len()).filter_map(label).collect()
-    }
-
-    /// Returns the map.
-    pub fn map(&self) -> &ClassMap {
-        &self.map
     }
 
     /// Returns whether `name` can be published. The classes of a model without names are called by their numbers.

@@ -9,9 +9,6 @@ use ndarray::Array3;
 
 /// Returns an RGB copy of `frame`, whose samples have this `scale`, with the detections `found` drawn in. An image of radiance is shown as
 /// a screen needs it ([`LightScale::shown`]); any other one as it is.
-///
-/// # Errors
-/// A message of one line when the pixels cannot be read or drawn on.
 pub fn annotated(frame: &Frame, scale: StreamScale, found: &[Detection]) -> Result<Frame, String> {
     let (height, width, channels) = frame.dim();
     let frame = tone::eight_bits(frame, scale.most() as f32);

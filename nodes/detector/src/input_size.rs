@@ -17,20 +17,12 @@ const MOST: usize = 2048;
 pub enum InputSize {
     /// The image, padded right and below to multiples of 32; never resized.
     Auto,
-    /// The image is centred in this size, and scaled down where it is larger.
-    Fixed {
-        /// Number of rows.
-        height: usize,
-        /// Number of columns.
-        width: usize,
-    },
+    /// The image is centred in this (height, width), and scaled down where it is larger.
+    Fixed(usize, usize),
 }
 
 impl InputSize {
     /// Reads `auto` or `WxH` for a model that fixes `of_model` (height, width) or nothing.
-    ///
-    /// # Errors
-    /// The possible values, as one line.
     pub fn parse(text: &str, of_model: Option<(usize, usize)>) -> Result<Self, String> {
         let asked = match text.trim() {
             "auto" => None,
@@ -40,9 +32,9 @@ impl InputSize {
         };
         match (asked, of_model) {
             (None, None) => Ok(Self::Auto),
-            (Some((height, width)), None) => Ok(Self::Fixed { height, width }),
+            (Some((height, width)), None) => Ok(Self::Fixed(height, width)),
             (asked, Some((height, width))) if asked.is_none_or(|asked| asked == (height, width)) => {
-                Ok(Self::Fixed { height, width })
+                Ok(Self::Fixed(height, width))
             }
             (_, Some((height, width))) => {
                 Err(format!("this model takes {width}x{height} only; set that or auto"))
@@ -54,18 +46,15 @@ impl InputSize {
     pub fn tensor(self, height: usize, width: usize) -> (usize, usize) {
         match self {
             Self::Auto => (padded(height), padded(width)),
-            Self::Fixed { height, width } => (height, width),
+            Self::Fixed(height, width) => (height, width),
         }
     }
 
     /// Returns the position of an image of `height x width` in the tensor.
-    ///
-    /// # Errors
-    /// [`LetterboxError`] for an image without pixels.
     pub fn place(self, height: usize, width: usize) -> Result<Letterbox, LetterboxError> {
         let align = match self {
             Self::Auto => Align::TopLeft,
-            Self::Fixed { .. } => Align::Centre,
+            Self::Fixed(..) => Align::Centre,
         };
         Letterbox::new((height, width), self.tensor(height, width), align, Scaling::ShrinkOnly)
     }
@@ -75,7 +64,7 @@ impl fmt::Display for InputSize {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Auto => write!(f, "auto"),
-            Self::Fixed { height, width } => write!(f, "{width}x{height}"),
+            Self::Fixed(height, width) => write!(f, "{width}x{height}"),
         }
     }
 }
@@ -98,9 +87,9 @@ mod tests {
 
     #[test]
     fn width_comes_first() {
-        assert_eq!(InputSize::parse("640x384", None), Ok(InputSize::Fixed { height: 384, width: 640 }));
+        assert_eq!(InputSize::parse("640x384", None), Ok(InputSize::Fixed(384, 640)));
         assert!(InputSize::parse("2048x2048", None).is_ok());
-        assert_eq!(InputSize::Fixed { height: 384, width: 640 }.to_string(), "640x384");
+        assert_eq!(InputSize::Fixed(384, 640).to_string(), "640x384");
         assert_eq!(InputSize::Auto.tensor(375, 1242), (384, 1248));
         assert_eq!(InputSize::Auto.tensor(1, 160), (128, 160));
     }
@@ -117,7 +106,7 @@ mod tests {
 
     #[test]
     fn a_static_model_takes_its_own_size_alone() {
-        let own = InputSize::Fixed { height: 480, width: 640 };
+        let own = InputSize::Fixed(480, 640);
         for possible in ["auto", "640x480"] {
             assert_eq!(InputSize::parse(possible, Some((480, 640))), Ok(own));
         }

@@ -74,9 +74,6 @@ pub struct ModelLayout {
 impl ModelLayout {
     /// Judges `signature`, and reads the names: from the metadata, else from a file `<model>.names`, else there are no
     /// names.
-    ///
-    /// # Errors
-    /// [`EngineError`] with the found and the needed shape, or with a file of names that cannot be read.
     pub fn of(model: &Path, signature: &Signature) -> Result<Self, EngineError> {
         let refuse = |found: String, needed| {
             EngineError(format!("model '{}': {found}, needed is {needed}", model.display()))
@@ -141,9 +138,6 @@ pub struct ClassNames(BTreeMap<usize, String>);
 
 impl ClassNames {
     /// Reads the names from the metadata, or else from `<model>.names` (one name a line) beside the model. There may be no names.
-    ///
-    /// # Errors
-    /// A text with the path and the fault of a file of names that cannot be read.
     pub fn of(model: &Path, metadata: Option<&str>) -> Result<Self, String> {
         if let Some(names) = metadata.and_then(python_dict).filter(|names| !names.is_empty()) {
             return Ok(Self(names));

@@ -27,7 +27,6 @@ use crate::post::detections;
 use crate::pre::Preprocessor;
 use crate::trust::TrustFollower;
 
-/// The kind of data that an input gives of its camera.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Role {
     Image,
@@ -41,7 +40,7 @@ impl Role {
     fn all(input: &StreamChoice) -> &'static [Self] {
         match input {
             StreamChoice::Stream(_) => &[Self::Image, Self::Sensor],
-            StreamChoice::Auto { .. } => &[Self::Image, Self::Sensor, Self::Recovery],
+            StreamChoice::Auto(_) => &[Self::Image, Self::Sensor, Self::Recovery],
         }
     }
 
@@ -97,7 +96,6 @@ pub struct Detector {
     labels_due: bool,
 }
 
-/// A camera that is read.
 #[derive(Default)]
 struct Camera {
     /// Its namespace, such as /front; `None` for that of the node.
@@ -106,7 +104,6 @@ struct Camera {
     described: BTreeMap<String, SensorHistory>,
     /// The choice of `input: auto`.
     trust: TrustFollower,
-    /// The codes of its images.
     codes: CodeRange,
     /// Bits of the samples of the last image; 0 before the first one.
     bits: u8,
@@ -128,7 +125,6 @@ impl Camera {
         Role::all(input).iter().map(move |role| self.topic(role.topic(stream)))
     }
 
-    /// Returns the descriptions of the sensor behind `stream`.
     fn described(&self, stream: &str) -> Option<&SensorHistory> {
         self.described.get(&self.topic(Role::Sensor.topic(stream)).name)
     }
@@ -142,16 +138,14 @@ impl Camera {
     fn stream<'a>(&self, input: &'a StreamChoice) -> &'a str {
         match input {
             StreamChoice::Stream(stream) => stream,
-            StreamChoice::Auto { .. } if !self.trust.falls_back() => TRUSTED,
-            StreamChoice::Auto { fallback: Some(stream) } => stream,
+            StreamChoice::Auto(_) if !self.trust.falls_back() => TRUSTED,
+            StreamChoice::Auto(Some(stream)) => stream,
             // Measured (docs/live.md): without blur an image that is not trusted is worse than the saturated one; with
             // blur it is better.
-            StreamChoice::Auto { fallback: None } => {
-                match self.described(TRUSTED).and_then(SensorHistory::latest) {
-                    Some(sensor) if sensor.psf() == Psf::None => SHARP_FALLBACK,
-                    _ => TRUSTED,
-                }
-            }
+            StreamChoice::Auto(None) => match self.described(TRUSTED).and_then(SensorHistory::latest) {
+                Some(sensor) if sensor.psf() == Psf::None => SHARP_FALLBACK,
+                _ => TRUSTED,
+            },
         }
     }
 }
@@ -240,7 +234,7 @@ impl Detector {
         if !parameters.same_engine(&now.parameters) {
             return again("model", &parameters.model);
         }
-        if parameters.class_map != map.file() {
+        if parameters.class_map != map.file {
             return again("class_map", &parameters.class_map);
         }
         let settings = Settings::new(&parameters, &now.engine.layout, map)?;
@@ -276,7 +270,6 @@ impl Detector {
         self.contradiction_reported = false;
     }
 
-    /// Returns the camera and the role of the input with this index.
     fn source(&self, input: usize) -> Option<(usize, Role)> {
         let roles = Role::all(&self.loaded.settings.input);
         let sources =
@@ -284,7 +277,6 @@ impl Detector {
         { sources }.nth(input)
     }
 
-    /// Publishes the meaning of the class ids, once for each version.
     fn publish_labels(&mut self, header: &Header, cx: &mut Context<'_>) {
         if !std::mem::take(&mut self.labels_due) {
             return;
@@ -452,7 +444,7 @@ impl Node for Detector {
         let first = match &input {
             same if *same == self.loaded.settings.input => self.inputs(),
             StreamChoice::Stream(stream) => all(stream),
-            StreamChoice::Auto { .. } => all(TRUSTED),
+            StreamChoice::Auto(_) => all(TRUSTED),
         };
         Ok(PlannedInputs { first, later: all(fallback.as_deref().unwrap_or(SHARP_FALLBACK)) })
     }
@@ -462,7 +454,7 @@ impl Node for Detector {
     }
 
     fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError> {
-        let map = self.loaded.settings.classes.map().clone();
+        let map = self.loaded.settings.classes.map.clone();
         self.take(parameters, None, map)
     }
 
@@ -480,7 +472,7 @@ impl Node for Detector {
     fn exchange(&mut self, parameters: &Parameters, part: Part) -> Result<(), ParameterError> {
         match part.downcast::<Loaded>() {
             Ok(loaded) => {
-                let map = loaded.settings.classes.map().clone();
+                let map = loaded.settings.classes.map.clone();
                 self.take(parameters, Some(*loaded), map)
             }
             Err(part) => {

@@ -56,7 +56,6 @@ modulo_runtime::parameters! {
 }
 
 impl DetectorParameters {
-    /// Returns the path of the model.
     pub(crate) fn model(&self) -> Result<&Path, ParameterError> {
         self.check()?;
         if self.model.is_empty() {
@@ -66,7 +65,6 @@ impl DetectorParameters {
         Ok(Path::new(&self.model))
     }
 
-    /// Returns the engine, and where and how it runs.
     pub(crate) fn engine_options(&self) -> Result<EngineOptions, ParameterError> {
         let refuse = |why: String| ParameterError::new("device", &self.device, why);
         let device = self.device.parse().map_err(refuse)?;
@@ -74,13 +72,10 @@ impl DetectorParameters {
     }
 
     /// Returns the stream to read, and the topic of `fallback` unless that is auto.
-    ///
-    /// # Errors
-    /// [`ParameterError`] of `input` or `fallback`.
     pub(crate) fn streams(&self) -> Result<(StreamChoice, Option<String>), ParameterError> {
         let fallback = stream("fallback", &self.fallback)?;
         Ok(match stream("input", &self.input)? {
-            None => (StreamChoice::Auto { fallback: fallback.clone() }, fallback),
+            None => (StreamChoice::Auto(fallback.clone()), fallback),
             Some(input) => (StreamChoice::Stream(input), fallback),
         })
     }
@@ -115,11 +110,8 @@ impl DetectorParameters {
 pub enum StreamChoice {
     /// Always this one.
     Stream(String),
-    /// `recovered` while the unwrapper trusts it, else this one.
-    Auto {
-        /// The stream in place of an image that is not trusted; `None` selects it by the lens of the sensor.
-        fallback: Option<String>,
-    },
+    /// `recovered` while the unwrapper trusts it, else this one; `None` selects it by the lens of the sensor.
+    Auto(Option<String>),
 }
 
 /// The settings that may change between two frames.
@@ -141,9 +133,6 @@ pub struct Settings {
 
 impl Settings {
     /// Returns the settings that the parameters give for a model of this `layout`, with the class `map` that they name.
-    ///
-    /// # Errors
-    /// [`ParameterError`] of the first one that is not possible.
     pub fn new(
         parameters: &DetectorParameters,
         layout: &ModelLayout,

@@ -26,9 +26,6 @@ pub struct Preprocessor {
 
 impl Preprocessor {
     /// Writes `frame`, whose largest sample is `most`, into a tensor, `1 x 3 x H x W`, RGB in `[0, 1]`; mono is repeated to three channels.
-    ///
-    /// # Errors
-    /// A message of one line when the image cannot be brought to this size.
     pub fn fill(&mut self, frame: &Frame, most: f64, size: InputSize) -> Result<Letterbox, String> {
         let (height, width, channels) = frame.dim();
         let letterbox = size.place(height, width).map_err(|error| error.to_string())?;
@@ -133,7 +130,7 @@ mod tests {
         let (rows, columns) = size.tensor(height, width);
         let (top, left) = match size {
             InputSize::Auto => (0, 0),
-            InputSize::Fixed { .. } => ((rows - height) / 2, (columns - width) / 2),
+            InputSize::Fixed(..) => ((rows - height) / 2, (columns - width) / 2),
         };
         let values = frame.to_f32();
         Array4::from_shape_fn((1, 3, rows, columns), |(_, channel, y, x)| {
@@ -165,7 +162,7 @@ mod tests {
         fn what_is_not_resized_is_as_defined(
             frames in prop::collection::vec(frames(), 1..4),
             bits in 1u8..=16,
-            size in prop_oneof![Just(InputSize::Auto), Just(InputSize::Fixed { height: 64, width: 96 })],
+            size in prop_oneof![Just(InputSize::Auto), Just(InputSize::Fixed(64, 96))],
         ) {
             let mut pre = Preprocessor::default();
             let most = (1u32 << bits) - 1;
@@ -180,7 +177,7 @@ mod tests {
     #[test]
     fn a_large_image_is_halved_into_the_middle() {
         let ramp = Array3::from_shape_fn((100, 128, 3), |(_, x, _)| 2 * x as u8);
-        let size = InputSize::Fixed { height: 64, width: 64 };
+        let size = InputSize::Fixed(64, 64);
         let mut pre = Preprocessor::default();
         pre.fill(&Frame::from_u8(ramp).expect("a frame"), 255.0, size).expect("filled");
         let tensor = pre.tensor().expect("a frame");

@@ -39,9 +39,6 @@ pub struct Mirror<'a> {
 
 impl<'a> Mirror<'a> {
     /// Prepares the mirror of `suite_node`, or with `None` the bridge's own node; nothing is created yet.
-    ///
-    /// # Errors
-    /// When `suite_node` is not a fully qualified name.
     pub fn new(
         suite_node: Option<&'a str>,
         plan: &'a BridgePlan,
@@ -61,9 +58,6 @@ impl<'a> Mirror<'a> {
     }
 
     /// Keeps the node in the DDS graph while the node of the suite is alive, until `stop`.
-    ///
-    /// # Errors
-    /// When the DDS side refuses the node, a topic or a service.
     pub fn run(&self, stop: &Stop) -> anyhow::Result<()> {
         while stop.urgency() == Urgency::None {
             if self.is_alive() { self.live(stop)? } else { thread::sleep(GLANCE) }
@@ -130,9 +124,6 @@ impl<'a> Mirror<'a> {
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Offers the six services of `suite_node` to the DDS graph.
-///
-/// # Errors
-/// When the DDS side refuses a service.
 fn offer_parameters(
     suite_node: &str,
     transport: &Arc<ZenohTransport>,
@@ -171,7 +162,6 @@ fn refusal(reason: &str) -> SetParametersResult {
     SetParametersResult { successful: false, reason: reason.to_owned() }
 }
 
-/// A service of a node of the suite.
 struct Target<'a> {
     service: Service,
     suite_node: &'a str,

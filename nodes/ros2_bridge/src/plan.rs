@@ -57,10 +57,7 @@ modulo_runtime::parameters! {
 
 impl BridgePlan {
     /// Returns the plan of a bridge `node_name`.
-    ///
-    /// # Errors
-    /// [`ParameterError`] of an entry that is no `topic:type`, has a type that the suite does not know, or would go
-    /// both ways.
+    /// An entry is refused that is no `topic:type`, has a type that the suite does not know, or would go both ways.
     pub fn new(parameters: &BridgeParameters, node_name: &NodeName) -> Result<Self, ParameterError> {
         let mut routes = Vec::new();
         let mut known: BTreeMap<String, &str> = BTreeMap::new();

@@ -27,7 +27,6 @@ pub struct Forwarding {
     waiting: ForwardQueue,
 }
 
-/// Messages on their way to the other side.
 #[derive(Clone)]
 struct ForwardQueue {
     queue: Arc<Queue<RawSample>>,
@@ -36,9 +35,6 @@ struct ForwardQueue {
 
 /// Forwards `route` on `node` for as long as the result lives. Of the messages of the suite only those pass whose publisher, a
 /// fully qualified name, `belongs` to `node`: several nodes may publish one topic, and each of them has a node on DDS.
-///
-/// # Errors
-/// When one of the two sides refuses the topic.
 pub fn forward(
     route: &Route,
     bridge: &NodeName,

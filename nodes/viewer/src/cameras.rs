@@ -17,7 +17,6 @@ pub(crate) fn namespace(topic: &str) -> &str {
 }
 
 impl GraphView {
-    /// Returns the camera of an image topic.
     pub(crate) fn camera<'a>(&'a self, topic: &'a str) -> &'a str {
         self.cameras.get(topic).map_or(namespace(topic), String::as_str)
     }

@@ -23,7 +23,6 @@ const REQUESTS: usize = 32;
 /// Time limit for an answer of the player of a bag.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Serves one browser until it goes.
 pub(crate) async fn serve(viewer: Arc<Viewer>, mut socket: WebSocket) {
     let client = Arc::new(Client { watch: Watch::new(viewer.session.clone(), Audience::Page), viewer });
     let (requests, waiting) = mpsc::channel(REQUESTS);
@@ -108,7 +107,6 @@ impl Client {
         Ok(())
     }
 
-    /// Sends the images that are due.
     async fn send_images(&self, graph: &GraphView, socket: &mut WebSocket) -> Result<(), axum::Error> {
         while let Some(moment) = self.watch.next(graph).await {
             let message = moment.message();

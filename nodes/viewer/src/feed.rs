@@ -25,14 +25,12 @@ pub(crate) const STREAMS: [&str; 4] = ["modulo", "recovered", "saturated", "idea
 /// Names of statuses that are kept; a publisher may invent more.
 const STATUSES: usize = 256;
 
-/// The session, the name and the clock of a viewer.
 pub(crate) struct Session {
     pub transport: ZenohTransport,
     pub node_name: NodeName,
     pub clock: Arc<dyn Clock>,
 }
 
-/// A message of the suite.
 pub(crate) enum Heard {
     /// An image, as CDR.
     Image(Payload),
@@ -40,7 +38,6 @@ pub(crate) enum Heard {
     Statuses(Arc<DiagnosticArray>),
 }
 
-/// The node and the topic that a message comes from.
 pub(crate) struct MessageOrigin {
     pub node: String,
     pub topic: String,
@@ -48,7 +45,6 @@ pub(crate) struct MessageOrigin {
 
 type Take = dyn Fn(&MessageOrigin, Heard) + Send + Sync;
 
-/// The subscriptions of one view.
 pub(crate) struct Feed {
     session: Arc<Session>,
     take: Arc<Take>,
@@ -111,7 +107,6 @@ impl Heard {
     }
 }
 
-/// The newest status of each name.
 #[derive(Default)]
 pub(crate) struct Statuses {
     by_name: BTreeMap<String, StatusView>,

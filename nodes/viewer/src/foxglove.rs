@@ -40,7 +40,6 @@ const BLACK: Color = Color { r: 0.0, g: 0.0, b: 0.0, a: 1.0 };
 /// Height of a label in px.
 const LABEL: f64 = 12.0;
 
-/// A server that listens.
 pub(crate) struct FoxgloveServer {
     session: Arc<Session>,
     context: Arc<Context>,
@@ -102,7 +101,6 @@ impl FoxgloveServer {
     }
 }
 
-/// The channels that clients can subscribe to, by topic.
 #[derive(Default)]
 struct StreamChannels {
     images: BTreeMap<String, Channel<CompressedImage>>,

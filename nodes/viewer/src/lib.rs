@@ -8,7 +8,7 @@
 //! topics -> Streams -> channels of the Foxglove protocol -> Foxglove, Lichtblick
 //! ```
 //!
-//! The viewer is a reader as any other: nodes never wait for it, it keeps at most [`streams::KEPT_BYTES`] of images for each
+//! The viewer is a reader as any other: nodes never wait for it, it keeps at most 64 MiB of images for each
 //! topic and browser, and sends the next images only when the browser has drawn the last ones. A token, which is part of
 //! the printed address, is needed for everything but the empty page.
 
@@ -18,10 +18,10 @@ mod feed;
 #[cfg(feature = "foxglove")]
 mod foxglove;
 mod page;
-pub mod protocol;
+mod protocol;
 mod record;
 mod shown;
-pub mod streams;
+mod streams;
 mod watch;
 
 use std::io;
@@ -47,7 +47,6 @@ use crate::feed::Session;
 use crate::page::PageFile;
 use crate::record::Recording;
 
-/// Name of the node in the graph.
 const NODE: &str = "viewer";
 
 /// Where the page is served, and who may use it.

@@ -1,10 +1,7 @@
 //! The files of the page: as a browser asks for them, and as one file with a recording.
 
-/// A file of the page.
 pub(crate) struct PageFile {
-    /// Its path on the server.
     pub path: &'static str,
-    /// Its media type.
     pub kind: &'static str,
     pub text: &'static str,
 }

@@ -20,24 +20,12 @@ pub enum PageRequest {
     Drawn(Vec<String>),
     /// Show the images of one stamp together (true), or the newest one of each topic.
     Together(bool),
-    /// Send the samples of the shown images at column `u` and row `v`.
-    Pixel {
-        /// Column from 0.
-        u: usize,
-        /// Row from 0.
-        v: usize,
-    },
-    /// Send all parameters of this node.
+    /// Send the samples of the shown images at column `u` and row `v`, both from 0.
+    Pixel { u: usize, v: usize },
+    /// Send all parameters of the node with this fully qualified name.
     Parameters(String),
     /// Set a parameter to a value in the notation of YAML.
-    Set {
-        /// Fully qualified name of the node.
-        node: String,
-        /// Name of the parameter.
-        name: String,
-        /// The value.
-        value: String,
-    },
+    Set { node: String, name: String, value: String },
     /// Call a service of the player of a bag.
     Player(PlayerCall),
 }
@@ -68,38 +56,14 @@ pub enum Event {
     Status(Vec<StatusView>),
     /// The news that nodes have told of frames since the last message.
     Notices(Vec<Notice>),
-    /// The parameters of a node.
-    Parameters {
-        /// Fully qualified name of the node.
-        node: String,
-        /// Its parameters in the order of their names.
-        parameters: Vec<ParameterView>,
-    },
-    /// The result of [`PageRequest::Set`].
-    Set {
-        /// Fully qualified name of the node.
-        node: String,
-        /// Name of the parameter.
-        name: String,
-        /// The reason of a refusal.
-        error: Option<String>,
-    },
+    /// The parameters of a node in the order of their names.
+    Parameters { node: String, parameters: Vec<ParameterView> },
+    /// The result of [`PageRequest::Set`], with the reason of a refusal.
+    Set { node: String, name: String, error: Option<String> },
     /// The state of the player of a bag.
-    Player {
-        /// Whether it is paused.
-        paused: bool,
-        /// Its speed.
-        rate: f64,
-    },
-    /// The samples of the shown images at a pixel.
-    Pixel {
-        /// Column from 0.
-        u: usize,
-        /// Row from 0.
-        v: usize,
-        /// The samples of each shown image that has this pixel.
-        samples: Vec<PixelView>,
-    },
+    Player { paused: bool, rate: f64 },
+    /// The samples of each shown image that has the pixel at column `u` and row `v`.
+    Pixel { u: usize, v: usize, samples: Vec<PixelView> },
     /// A request that could not be carried out.
     Error(String),
 }
@@ -114,7 +78,6 @@ pub struct GraphView {
     /// The camera of each image topic, by the name of its namespace.
     #[serde(skip)]
     pub cameras: BTreeMap<String, String>,
-    /// The detectors.
     pub detectors: Vec<DetectorView>,
     /// Topics of labels: boxes of a node that reads no image.
     pub truths: Vec<String>,
@@ -135,9 +98,7 @@ pub struct GraphView {
 /// A topic of boxes and the images that its publisher reads.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DetectorView {
-    /// Fully qualified name of the node.
     pub node: String,
-    /// The topic of its boxes.
     pub topic: String,
     /// The image topics that it reads now; two while its input changes.
     pub inputs: Vec<String>,
@@ -148,11 +109,8 @@ pub struct DetectorView {
 /// A topic from one node to another one.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 pub struct LinkView {
-    /// Fully qualified name of the node that publishes.
     pub from: String,
-    /// Fully qualified name of the node that reads.
     pub to: String,
-    /// The topic.
     pub topic: String,
     /// The quality of service of the publisher, such as `best effort, keep 5`.
     pub qos: String,
@@ -165,9 +123,7 @@ pub struct Notice {
     pub at_ms: f64,
     /// Stamp of the frame, seconds and nanoseconds.
     pub stamp: (i32, u32),
-    /// Fully qualified name of the node.
     pub node: String,
-    /// The fate of the frame.
     pub step: Step,
 }
 
@@ -177,16 +133,10 @@ pub struct Notice {
 pub enum Step {
     /// The camera has described it, which it does right before it sends the images.
     Sensed,
-    /// It was unwrapped.
-    Unwrapped {
-        /// Whether the result is trusted, where the method makes a claim.
-        trusted: Option<bool>,
-    },
-    /// Objects were looked for.
-    Detected {
-        /// The number of boxes of each class.
-        classes: BTreeMap<String, usize>,
-    },
+    /// It was unwrapped, and the result is `trusted` or not where the method makes a claim.
+    Unwrapped { trusted: Option<bool> },
+    /// Objects were looked for. `classes` has the number of boxes of each class.
+    Detected { classes: BTreeMap<String, usize> },
 }
 
 /// One status of `diagnostic_msgs/DiagnosticArray`.
@@ -196,7 +146,6 @@ pub struct StatusView {
     pub name: String,
     /// 0 for fine, 1 for a warning, 2 for an error, 3 for no news.
     pub level: u8,
-    /// One sentence.
     pub message: String,
     /// Measurements with their names.
     pub values: Vec<(String, String)>,
@@ -217,13 +166,10 @@ impl From<&DiagnosticStatus> for StatusView {
 /// A parameter with what a control for it needs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ParameterView {
-    /// Name of the parameter.
     pub name: String,
     /// Name of its type, such as `double`.
     pub r#type: &'static str,
-    /// The value.
     pub value: String,
-    /// A few sentences.
     pub description: String,
     /// The default, if the description ends with it, as that of this suite does: `(default 0.25)`.
     pub default: Option<String>,
@@ -237,9 +183,6 @@ pub struct ParameterView {
 
 impl ParameterView {
     /// Asks a node for all its parameters, in the order of their names.
-    ///
-    /// # Errors
-    /// [`ClientError`] when the node does not answer.
     pub fn read_all(client: &ParameterClient<'_>) -> Result<Vec<Self>, ClientError> {
         let names = client.names()?;
         let (values, descriptors) = (client.values(&names)?, client.descriptors(&names)?);
@@ -249,7 +192,6 @@ impl ParameterView {
         Ok(parameters)
     }
 
-    /// Returns the view of the parameter of `descriptor` with `value`.
     pub fn new(descriptor: &ParameterDescriptor, value: &ParameterValue) -> Self {
         let doubles = descriptor.floating_point_range.first().map(|range| (range.from_value, range.to_value));
         let integers =
@@ -273,7 +215,6 @@ impl ParameterView {
 /// The samples of one image at a pixel.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PixelView {
-    /// Topic of the image.
     pub topic: String,
     /// Stamp of the image, seconds and nanoseconds.
     pub stamp: (i32, u32),
@@ -297,13 +238,11 @@ pub struct MomentHeader {
 /// The facts that the page knows of an image.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ImageHeader {
-    /// Topic of the image.
     pub topic: String,
     /// Stamp of the image, seconds and nanoseconds.
     pub stamp: (i32, u32),
-    /// Width in pixels.
+    /// Width and height in pixels.
     pub width: usize,
-    /// Height in pixels.
     pub height: usize,
     /// Length of its JPEG file in bytes.
     pub bytes: usize,
@@ -324,7 +263,6 @@ pub struct ImageHeader {
 pub struct BoxView {
     /// Left, top, right and bottom edge.
     pub edges: [f32; 4],
-    /// Name of the class.
     pub class: String,
     /// Score in 0 to 1.
     pub score: f32,

@@ -13,12 +13,10 @@ use crate::page;
 use crate::protocol::{Event, GraphView, ParameterView};
 use crate::watch::{Audience, LOOK, Watch};
 
-/// Time that is kept.
 const KEPT_MS: f64 = 60_000.0;
 /// Bytes that are kept: fewer seconds of large images.
 const KEPT_BYTES: usize = 64 << 20;
 
-/// The messages of the last minute.
 #[derive(Default)]
 pub(crate) struct Recording {
     /// Messages that hold until the next one of their kind: the graph, and the parameters of each node.

@@ -18,7 +18,7 @@ use crate::protocol::{DetectorView, GraphView, PixelView};
 /// Images of one topic that wait for their boxes: two seconds at 30 Hz.
 const KEPT: usize = 60;
 /// Their bytes.
-pub const KEPT_BYTES: usize = 64 << 20;
+const KEPT_BYTES: usize = 64 << 20;
 /// Results of one detector that wait for their image.
 const KEPT_BOXES: usize = 32;
 /// A moment waits at most this long for its images and boxes, ns.
@@ -35,7 +35,6 @@ pub struct Streams {
     answered: BTreeMap<String, Arc<str>>,
 }
 
-/// One image topic.
 #[derive(Default)]
 struct WatchedTopic {
     /// The newest images that have not been sent.
@@ -55,14 +54,12 @@ struct WaitingImage {
     payload: Payload,
 }
 
-/// The boxes of one detector.
 #[derive(Default)]
 struct DetectorResults {
     node: String,
     newest: VecDeque<DetectorResult>,
 }
 
-/// The boxes of one image.
 struct DetectorResult {
     boxes: Arc<Detection2DArray>,
     /// When they came, in ticks of the clock.
@@ -73,9 +70,7 @@ struct DetectorResult {
 
 /// An image that may be sent now, with the boxes that belong to it.
 pub struct NextImage {
-    /// Topic of the image.
     pub topic: String,
-    /// Stamp of the image.
     pub stamp: Time,
     /// CDR of the image.
     pub payload: Payload,
@@ -85,7 +80,6 @@ pub struct NextImage {
     pub truth: Vec<TopicBoxes>,
 }
 
-/// Boxes with their topic.
 type TopicBoxes = (String, Arc<Detection2DArray>);
 
 impl Streams {
@@ -120,7 +114,6 @@ impl Streams {
         }
     }
 
-    /// Takes the boxes that a detector published.
     pub(crate) fn boxes(&mut self, origin: &MessageOrigin, boxes: Arc<Detection2DArray>, now_ns: u64) {
         let results = self.results.entry(origin.topic.clone()).or_default();
         self.awaited.insert(origin.topic.clone());
@@ -248,7 +241,6 @@ impl Streams {
         graph.detectors.iter().filter(is_missing).map(|detector| &detector.topic)
     }
 
-    /// Returns the boxes that `detector` has found in `image` of `topic`.
     fn boxes_of(
         &self,
         graph: &GraphView,

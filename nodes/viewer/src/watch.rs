@@ -43,7 +43,6 @@ pub(crate) struct Watch {
     pub news: Notify,
 }
 
-/// The messages that have arrived for one client.
 #[derive(Default)]
 pub(crate) struct Inbox {
     pub streams: Streams,
@@ -57,7 +56,6 @@ pub(crate) struct Inbox {
     sensors: BTreeMap<String, SensorHistory>,
 }
 
-/// An image that can be sent now.
 pub(crate) struct JpegImage {
     pub image: Arc<StampedFrame>,
     pub header: ImageHeader,

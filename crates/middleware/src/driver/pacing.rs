@@ -51,7 +51,6 @@ pub struct Pacing {
     stamp: Option<Time>,
     /// Topics on which the frame, or what came of it, was published.
     topics: BTreeSet<String>,
-    /// Nodes that have acknowledged it.
     acknowledged: BTreeSet<NodeId>,
     /// When [`Pacing::holds`] was asked first, in ticks of the clock.
     waiting_since: Option<u64>,

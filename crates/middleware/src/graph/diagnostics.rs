@@ -26,7 +26,6 @@ pub struct Diagnostics {
     bad: u64,
     /// The work of the node since the last message.
     window: Window,
-    /// Stamp of the last frame.
     last_frame: Option<Time>,
 }
 
@@ -128,7 +127,6 @@ impl Window {
     }
 }
 
-/// Returns the report as a diagnostics message.
 fn describe(
     now_ns: u64,
     report: &NodeReport,

@@ -125,7 +125,6 @@ fn is_stream(endpoint: &Endpoint) -> bool {
     !is_hidden(&endpoint.topic) && kinds.iter().any(|kind| kind.type_name() == type_name)
 }
 
-/// Name, session and number of a node.
 type TokenNode<'a> = (String, &'a str, u64);
 
 /// Nodes that have one name, or publish one stream, as when a suite runs twice in a domain.

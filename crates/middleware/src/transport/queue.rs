@@ -131,7 +131,6 @@ struct Waiting<T> {
 }
 
 struct WaitingItem<T> {
-    /// Number of its arrival.
     arrival: u64,
     stamp_ns: u64,
     item: T,

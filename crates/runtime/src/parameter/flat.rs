@@ -13,17 +13,11 @@ use super::{ParameterSet, Parameters, Value};
 struct Entry(#[serde(with = "Plain")] Value);
 
 /// Writes the parameters of `set`.
-///
-/// # Errors
-/// Those of `to`.
 pub fn serialize<T: ParameterSet, S: Serializer>(set: &T, to: S) -> Result<S::Ok, S::Error> {
     to.collect_map(set.declared().into_iter().map(|(declared, value)| (declared.name, Entry(value))))
 }
 
-/// Reads a set.
-///
-/// # Errors
-/// Those of `from`, and the text of a [`ParameterError`](super::ParameterError).
+/// Reads a set. An error has the text of a [`ParameterError`](super::ParameterError).
 pub fn deserialize<'de, T: ParameterSet, D: Deserializer<'de>>(from: D) -> Result<T, D::Error> {
     let given: Vec<(String, Value)> = BTreeMap::<String, Entry>::deserialize(from)?
         .into_iter()

@@ -13,11 +13,13 @@ pub const CHIP: &str = "chip";
 
 /// Which parameters of [`SensorModel`] are options of a command.
 pub trait SensorCommand {
-    /// Returns whether this parameter is an option. Others have their default, or the value of a sensor file.
-    fn has(parameter: &str) -> bool;
+    /// The parameters that are no options. They have their default, or the value of a sensor file.
+    const WITHOUT: &'static [&'static str] = &[];
 
     /// Returns whether this option takes several values.
-    fn varies(parameter: &str) -> bool;
+    fn varies(_parameter: &str) -> bool {
+        false
+    }
 }
 
 /// The values of the parameters of a sensor on the command line of `C`.
@@ -87,8 +89,8 @@ fn option<C: SensorCommand>(parameter: Descriptor) -> Arg {
 impl<C: SensorCommand> Args for SensorOptions<C> {
     fn augment_args(command: Command) -> Command {
         let mut parameters = SensorModel::descriptors();
-        parameters.retain(|parameter| C::has(parameter.name));
-        let chip = SensorModel::of_chip().into_iter().filter(|name| C::has(name));
+        parameters.retain(|parameter| !C::WITHOUT.contains(&parameter.name));
+        let chip = SensorModel::of_chip().into_iter().filter(|name| !C::WITHOUT.contains(name));
         let chip = ArgGroup::new(CHIP).multiple(true).args(chip);
         command.args(parameters.into_iter().map(option::<C>)).group(chip)
     }
@@ -101,7 +103,7 @@ impl<C: SensorCommand> Args for SensorOptions<C> {
 impl<C: SensorCommand> FromArgMatches for SensorOptions<C> {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
         let values = |Descriptor { name, default, .. }| {
-            let given = if C::has(name) { matches.get_many::<Value>(name) } else { None };
+            let given = if C::WITHOUT.contains(&name) { None } else { matches.get_many::<Value>(name) };
             (name, given.map_or_else(|| vec![default], |given| given.cloned().collect()))
         };
         let values = SensorModel::descriptors().into_iter().map(values).collect();

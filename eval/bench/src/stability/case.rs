@@ -43,7 +43,6 @@ pub fn cases() -> Vec<&'static Case> {
     FAMILIES.iter().flat_map(|family| &family.scenes).collect()
 }
 
-/// The blur of a lens.
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Lens {
@@ -60,12 +59,12 @@ enum Lens {
 #[serde(deny_unknown_fields, default)]
 pub struct Case {
     /// Unique name of lower-case letters, digits and `_`, which also names the pictures.
-    pub(super) name: String,
+    pub name: String,
     /// [`Family::name`] of its family.
     #[serde(skip_deserializing)]
     family: String,
     /// The content of the scene.
-    pub(super) what: String,
+    pub what: String,
     /// The reason for the results of the methods.
     pub(super) why: String,
     /// If k is not observable: another scene with the same modulo image.
@@ -128,20 +127,10 @@ impl Default for Case {
 }
 
 impl Case {
-    /// The unique name.
-    pub fn name(&self) -> &str {
-        &self.name
-    }
-
     /// The heading of its family.
     pub fn family(&self) -> &'static str {
         let family = FAMILIES.iter().find(|family| family.name == self.family);
         &family.expect("each case is in its family").title
-    }
-
-    /// The content of the scene.
-    pub fn what(&self) -> &str {
-        &self.what
     }
 
     /// Whether the modulo image is enough to know k.
@@ -149,12 +138,10 @@ impl Case {
         self.twin.is_none()
     }
 
-    /// Whether it is one of `family`.
     pub(super) fn is_of(&self, family: &Family) -> bool {
         self.family == family.name
     }
 
-    /// The expected result of `method`.
     pub(super) fn expected(&self, method: &str) -> &Expect {
         self.expected.get(method).or_else(|| self.expected.get("all")).unwrap_or(&Expect::Exact)
     }

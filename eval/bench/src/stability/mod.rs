@@ -39,7 +39,7 @@ pub fn run(out: &Path, mut progress: impl FnMut(BenchEvent<'_>)) -> Result<Stabi
     let cases = cases();
     let mut scenes = Vec::new();
     for (done, case) in cases.iter().copied().enumerate() {
-        progress(BenchEvent::Step { done, total: cases.len(), next: case.name() });
+        progress(BenchEvent::Step { done, total: cases.len(), next: &case.name });
         scenes.push(examine(case, out)?);
     }
     let report = StabilityReport::new(scenes, rejections::rejections());
@@ -53,7 +53,7 @@ fn examine(case: &'static Case, folder: &Path) -> Result<SceneRow, BenchError> {
     let exposure = case.expose()?;
     // All methods get the same exposure, with the same noise.
     let y = exposure.modulo();
-    let pictures = ScenePictures::new(folder, case.name(), &exposure, &y)?;
+    let pictures = ScenePictures::new(folder, &case.name, &exposure, &y)?;
     let mut trials = Vec::new();
     // Pictures of a mosaic have colours; its modulo image is shown as it is.
     for mut method in case.methods() {

@@ -80,7 +80,6 @@ fn legend() -> Markup {
     }
 }
 
-/// The table of scenes and methods.
 fn summary(report: &StabilityReport) -> Markup {
     let methods = report.scenes.first().map_or(&[][..], |scene| &scene.trials);
     let words = |trial: &Trial| trial.method.split('_').enumerate();
@@ -129,7 +128,6 @@ fn row(SceneRow { scene, trials, .. }: &SceneRow, columns: usize) -> Markup {
     }
 }
 
-/// One scene with its description and pictures.
 fn article(row: &SceneRow) -> Markup {
     let SceneRow { scene, shape, trials } = row;
     let (height, width, channels) = *shape;
@@ -198,7 +196,6 @@ fn mark(verdict: &Judgement) -> &'static str {
     }
 }
 
-/// The mark of trust.
 fn trust(trusted: Option<bool>) -> &'static str {
     match trusted {
         Some(true) => "\u{2713}",

@@ -140,14 +140,13 @@ fn a_file_that_cannot_be_read_is_named_and_the_others_go_on() {
     let mut wanted = Vec::new();
     let outcome = simulate::simulate(&request(&[&bad, &good]), &mut |event| {
         if let BenchEvent::Skipped(skipped) = event {
-            wanted.push(skipped.clone());
+            wanted.push(skipped.to_owned());
         }
     })
     .unwrap();
     assert_eq!(outcome.rows.len(), 1);
     assert_eq!(outcome.skipped, wanted);
-    assert_eq!(wanted[0].file, bad.display().to_string());
-    assert!(wanted[0].why.contains("bad.png"), "{}", wanted[0].why);
+    assert!(wanted[0].contains("bad.png"), "{}", wanted[0]);
     std::fs::remove_dir_all(&out).unwrap();
     let alone = simulate::simulate(&request(&[&bad]), &mut |_| ()).unwrap_err();
     assert!(!out.exists(), "a single picture that is refused leaves nothing behind");
@@ -345,5 +344,5 @@ fn a_folder_stands_for_its_images() {
     assert_eq!(rows.len(), 1);
     std::fs::remove_file(codes.join("a.png")).unwrap();
     let none = simulate::simulate(&request(&out, &[&codes]), &mut |_| ()).unwrap_err();
-    assert!(matches!(none, BenchError::NoFrames(_)), "{none}");
+    assert!(none.to_string().contains("there is no readable image"), "{none}");
 }

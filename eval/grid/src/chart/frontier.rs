@@ -1,6 +1,6 @@
 //! Speed against accuracy.
 
-use modulo_draw::{Axis, ChartBody, ChartPanel, DataPoint, Emphasis, Series, SeriesStyle};
+use modulo_draw::{Axis, ChartBody, ChartPanel, DataPoint, Series, SeriesStyle};
 
 use super::{NamedChart, models};
 use crate::budget::{Candidate, pareto_front};
@@ -57,7 +57,7 @@ fn frontier_panel(cells: &[&Cell], group: &str) -> ChartPanel {
                 number(100.0 * gain, 1)
             ),
             label: if several { model } else { name.clone() },
-            emphasis: if kept { Emphasis::Normal } else { Emphasis::Faded },
+            is_faded: !kept,
         };
         match series.iter_mut().find(|series| series.name == name) {
             Some(series) => series.points.push(point),

@@ -65,7 +65,6 @@ pub fn all(results: &Results) -> Vec<NamedChart> {
     frontiers.chain(over).chain(sensors::charts(results)).collect()
 }
 
-/// The distinct models of cells.
 pub(crate) fn models(cells: &[&Cell]) -> Vec<String> {
     distinct(cells.iter().map(|cell| labels::model(&cell.point)))
 }

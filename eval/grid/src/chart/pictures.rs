@@ -24,7 +24,6 @@ pub struct DetectionPicture {
 pub struct PictureChart {
     name: &'static str,
     title: String,
-    /// The cell of each column.
     columns: Vec<Point>,
     /// The heading and the images of each row.
     rows: Vec<(String, Vec<CellFrame>)>,

@@ -2,7 +2,7 @@
 //! the ideal image.
 
 use modulo_core::Mosaic;
-use modulo_draw::{Axis, ChartBody, ChartPanel, DataPoint, Emphasis, Series, SeriesStyle};
+use modulo_draw::{Axis, ChartBody, ChartPanel, DataPoint, Series, SeriesStyle};
 use modulo_runtime::SensorModel;
 
 use super::{NamedChart, file_name, models};
@@ -121,27 +121,26 @@ fn marker(scene: &[&Cell], group: &str, pixels: Pixels) -> Option<(u8, String, D
     let suffices = choices.into_iter().filter(|(_, _, ap50)| *ap50 >= ideal - LOSS);
     // Of equally simple choices, the most accurate one.
     let simplest = suffices.min_by(|a, b| a.0.cmp(&b.0).then(b.2.total_cmp(&a.2)));
-    let (rank, name, accuracy, emphasis) = match simplest {
+    let (rank, name, accuracy, is_faded) = match simplest {
         Some((rank, cell, ap50)) => {
             // The title has the mosaic.
             let mut point = cell.point.clone();
             point.sensor.mosaic = None;
-            (rank, labels::stream(&point), format!(", AP50 {}", percent(ap50)), Emphasis::Normal)
+            (rank, labels::stream(&point), format!(", AP50 {}", percent(ap50)), false)
         }
-        None => (u8::MAX, NO_CHOICE.to_owned(), String::new(), Emphasis::Faded),
+        None => (u8::MAX, NO_CHOICE.to_owned(), String::new(), true),
     };
     let hover = format!(
         "alpha {alpha}, lens blur {psf_sigma} px: {name}{accuracy}, AP50 of the ideal image {}",
         percent(ideal)
     );
-    Some((rank, name, DataPoint { x: psf_sigma, y: alpha, hover, emphasis, ..DataPoint::default() }))
+    Some((rank, name, DataPoint { x: psf_sigma, y: alpha, hover, is_faded, ..DataPoint::default() }))
 }
 
 fn percent(share: f64) -> String {
     format!("{} %", number(100.0 * share, 1))
 }
 
-/// AP50 of the ideal image of a scene.
 fn ideal(scene: &[&Cell], group: &str) -> Option<f64> {
     *scene.iter().find(|cell| cell.point.stream == Stream::Ideal)?.ap50.get(group)?
 }

@@ -26,9 +26,7 @@ const FAST: [&str; 3] = ["alpha", "mosaic", "gains"];
 const LENS: &str = "psf_sigma";
 
 impl SensorCommand for VariedParameters {
-    fn has(parameter: &str) -> bool {
-        !FIXED.contains(&parameter)
-    }
+    const WITHOUT: &'static [&'static str] = &FIXED;
 
     fn varies(parameter: &str) -> bool {
         // The frames are read once for all cells, and decoded as they are read.

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::collections::hash_map::DefaultHasher;
 use std::hash::{Hash, Hasher};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use modulo_core::{Detection, Frame, Samples};
 use modulo_detector::DetectorParameters;
@@ -28,23 +28,10 @@ const MOST_KEPT: usize = 20_000;
 /// Detections of one image by descending score. `None` if the detector gave no answer.
 pub type Found = Option<Arc<Vec<Detection>>>;
 
-/// Detections, and the durations of the stages.
-pub struct DetectorOutput {
-    /// The detections.
-    pub found: Found,
-    /// Durations of the stages.
-    pub stages: Stages,
-}
+/// Detections of one model at one input size by the number of the frame and the hash of its pixels, shared by its workers: an
+/// image that equals an earlier one of the same frame is not detected again.
+pub type DetectionCache = Mutex<HashMap<(usize, u64), Found>>;
 
-/// Detections by the number of the frame and the hash of its pixels.
-type KnownDetections = HashMap<(usize, u64), Found>;
-
-/// Detections of one model at one input size, shared by its workers: an image that equals an earlier one of the same frame
-/// is not detected again.
-#[derive(Default)]
-pub struct DetectionCache(Mutex<KnownDetections>);
-
-/// One detector.
 pub struct DetectorWorker<'a> {
     chain: Lockstep<'a>,
     /// The engine in use.
@@ -93,31 +80,25 @@ impl<'a> DetectorWorker<'a> {
         // The sharp ideal image is the same for all lenses, and a recovered image is often the same for several
         // methods.
         let key = (number, digest(&image.frame));
+        // The map is complete after every single operation, so that a panic of another worker does not harm it.
+        let lock = || cache.lock().unwrap_or_else(PoisonError::into_inner);
         // The lock is not held during the inference. Two workers never have the same frame, so that no image is
         // detected twice.
-        if let Some(found) = cache.lock().get(&key) {
+        if let Some(found) = lock().get(&key) {
             return Ok(found.clone());
         }
-        let found = self.infer(number, image)?.found;
-        let mut kept = cache.lock();
+        let (found, _) = self.infer(number, image)?;
+        let mut kept = lock();
         if kept.len() < MOST_KEPT {
             kept.insert(key, found.clone());
         }
         Ok(found)
     }
 
-    /// Detects objects in the image of frame `number`.
-    pub fn infer(&mut self, number: usize, image: Arc<StampedFrame>) -> Result<DetectorOutput, GridError> {
+    /// Detects objects in the image of frame `number`. Returns the durations of the stages as well.
+    pub fn infer(&mut self, number: usize, image: Arc<StampedFrame>) -> Result<(Found, Stages), GridError> {
         let out = self.chain.feed("/image", Message::Image(image), stamp(number))?;
-        let found = found(&out, DETECTIONS).map(Arc::new);
-        Ok(DetectorOutput { found, stages: self.chain.stages().to_vec() })
-    }
-}
-
-impl DetectionCache {
-    fn lock(&self) -> MutexGuard<'_, KnownDetections> {
-        // The map is complete after every single operation, so that a panic of another worker does not harm it.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        Ok((found(&out, DETECTIONS).map(Arc::new), self.chain.stages().to_vec()))
     }
 }
 

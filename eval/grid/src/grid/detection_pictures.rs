@@ -65,7 +65,7 @@ fn detect(
             runner.load_detector(&of.0)?;
             let input = pipeline::open(request, timer, &of.0, false)?(frame.clone())?;
             let (Some(image), Some(worker)) = (input.image, runner.workers.first_mut()) else { continue };
-            let found = worker.infer(number, image.clone())?.found.unwrap_or_default();
+            let found = worker.infer(number, image.clone())?.0.unwrap_or_default();
             let shown: Vec<&Detection> = found.iter().filter(|d| d.score >= LEAST_SHOWN).collect();
             let Some(picture) = picture(&image.frame, &of.0, &truths[number], &shown) else { continue };
             let classes = distinct(shown.into_iter().map(|d| d.class.clone()));

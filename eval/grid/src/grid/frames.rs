@@ -57,10 +57,7 @@ struct Notes {
 }
 
 impl Frames {
-    /// Reads and checks all frames.
-    ///
-    /// # Errors
-    /// [`GridError::Nothing`] if no frame can be scored; [`GridError::Source`] if the data is missing.
+    /// Reads and checks all frames, of which at least one can be scored.
     pub fn inspect(data: &Data, options: &SourceOptions) -> Result<Self, GridError> {
         // All frames are read once before the first cell. A frame that turned out to be damaged in the middle of a run
         // would be scored in some cells only.
@@ -79,13 +76,11 @@ impl Frames {
         warnings.extend(found);
         if frames.truths.is_empty() {
             let why = warnings.into_iter().next().unwrap_or_else(|| "there is no frame".to_owned());
-            return Err(GridError::Nothing { source_name: data.name(), frames: seen, why });
+            return Err(GridError::Nothing(data.name(), seen, why));
         }
-        let mut known: Vec<_> = frames.drive_of.iter().flatten().collect();
-        known.sort();
-        known.dedup();
-        let (labelled, drives) = (frames.truths.len(), known.len());
+        let drives = frames.drive_of.iter().flatten().collect::<BTreeSet<_>>().len();
         let digest = modulo_models::hex(&notes.digest.finalize());
+        let labelled = frames.len();
         frames.input = Input { frames: seen, labelled, drives, digest, warnings, ..Input::default() };
         Ok(frames)
     }
@@ -93,17 +88,6 @@ impl Frames {
     /// Number of scored frames.
     pub fn len(&self) -> usize {
         self.truths.len()
-    }
-
-    /// Goes back to the first frame.
-    pub fn rewind(&mut self) -> Result<(), SourceError> {
-        (self.place, self.drive) = (0, 0);
-        self.drives.iter_mut().try_for_each(|(_, source)| source.rewind())
-    }
-
-    /// Number of the scored frame at an index over all drives.
-    pub fn number_of(&self, place: usize) -> Option<usize> {
-        self.kept.get(&place).copied()
     }
 
     /// Reads the next frame, scored or not.
@@ -191,7 +175,6 @@ impl Notes {
 pub struct FrameWithNeighbours {
     /// Number among the frames that are scored.
     pub number: usize,
-    /// The frame.
     pub frame: SourceFrame,
     /// Radiance of the frames before and after it, with or without labels. At the ends of a drive the frame itself stands
     /// in. `None` if no pipeline needs it.
@@ -210,7 +193,8 @@ pub struct FramesWithNeighbours<'a> {
 impl<'a> FramesWithNeighbours<'a> {
     /// Starts at the first frame. Each frame comes with its neighbours or without them.
     pub fn new(frames: &'a mut Frames, with_neighbours: bool) -> Result<Self, SourceError> {
-        frames.rewind()?;
+        (frames.place, frames.drive) = (0, 0);
+        frames.drives.iter_mut().try_for_each(|(_, source)| source.rewind())?;
         Ok(Self { frames, with_neighbours, before: None, ahead: None })
     }
 
@@ -240,7 +224,7 @@ impl Iterator for FramesWithNeighbours<'_> {
                 around = self.around(&raw);
                 self.before = raw.frame.as_ref().ok().map(|frame| (raw.drive, frame.radiance.clone()));
             }
-            if let Some(number) = self.frames.number_of(raw.place) {
+            if let Some(&number) = self.frames.kept.get(&raw.place) {
                 return Some(raw.frame.map(|frame| FrameWithNeighbours { number, frame, around }));
             }
         }

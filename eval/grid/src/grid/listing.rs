@@ -20,7 +20,6 @@ const COUNTED: f32 = 0.25;
 /// Least IoU of a box and the object that it finds.
 const LEAST_IOU: f64 = 0.5;
 
-/// A line of the file.
 #[derive(Serialize)]
 struct FrameLine<'a> {
     frame: usize,

@@ -134,13 +134,11 @@ impl Request {
         self.options.groups.as_deref().map_or_else(|| Ok(ClassGroups::default()), ClassGroups::read)
     }
 
-    /// How the frames are read.
     pub(super) fn source(&self) -> SourceOptions {
         let GridOptions { white, axes, .. } = &self.options;
         SourceOptions { white: *white, transfer: axes.sensor.first().transfer, topic: None }
     }
 
-    /// The objects that are scored.
     pub(super) fn difficulty(&self) -> Difficulty {
         self.options.difficulty.unwrap_or_else(|| self.data.difficulty())
     }
@@ -192,21 +190,16 @@ impl Request {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shard {
     /// Number of this part, 1 to `of`.
-    pub index: usize,
+    index: usize,
     /// Number of parts, at least 1.
-    pub of: usize,
+    of: usize,
 }
 
 impl Shard {
     /// The cells of the part.
     pub(super) fn of<T>(self, cells: &[T]) -> impl Iterator<Item = &T> {
         // Every n-th cell: models and inputs vary slowest, so that blocks would give one shard all the slow models.
-        cells.iter().enumerate().filter(move |(index, _)| self.has(*index)).map(|(_, cell)| cell)
-    }
-
-    /// Whether the cell of this index (from 0) belongs to the part.
-    fn has(self, cell: usize) -> bool {
-        cell % self.of.max(1) + 1 == self.index
+        cells.iter().skip(self.index - 1).step_by(self.of)
     }
 }
 
@@ -252,7 +245,6 @@ pub enum Data {
 pub(super) type Drive = (Option<String>, Box<dyn Source>);
 
 impl Data {
-    /// Opens all sources.
     pub(super) fn open(&self, options: &SourceOptions) -> Result<Vec<Drive>, SourceError> {
         match self {
             Self::Kitti { folder, list: None } => {
@@ -332,10 +324,11 @@ mod tests {
 
     #[test]
     fn every_cell_is_in_one_shard() {
+        let cells: Vec<usize> = (0..20).collect();
         for of in 1..5 {
-            for cell in 0..20 {
-                assert_eq!((1..=of).filter(|&index| Shard { index, of }.has(cell)).count(), 1);
-            }
+            let mut all: Vec<_> = (1..=of).flat_map(|index| Shard { index, of }.of(&cells)).collect();
+            all.sort();
+            assert!(all.into_iter().eq(&cells));
         }
     }
 

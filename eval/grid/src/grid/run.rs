@@ -69,7 +69,6 @@ pub fn run(
     Ok(GridOutcome { whole: points.iter().all(|point| results.has(point)), results })
 }
 
-/// The definition of each figure, by its name.
 fn definitions() -> Table {
     [
         ("ap50", average::DEFINITION),

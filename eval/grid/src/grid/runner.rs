@@ -11,12 +11,10 @@ use super::pipeline::{DetectorInput, FramePipeline, Nodes, RecoveryQuality};
 use super::{GridError, Request, pipeline};
 use crate::results::{Point, Stream};
 
-/// The result of one frame of one cell.
 #[derive(Clone, Debug, Default)]
 pub struct FrameResult {
     /// The detections.
     pub found: Found,
-    /// Quality of a recovered image.
     pub recovery: Option<RecoveryQuality>,
 }
 

@@ -37,7 +37,6 @@ pub struct Scorer {
     mapped: MappedClasses,
     /// The objects that are scored.
     pub difficulty: Difficulty,
-    /// Units that the bootstrap draws.
     units: bootstrap::Units,
 }
 
@@ -50,9 +49,6 @@ pub type Found = Vec<Vec<Detection>>;
 impl Scorer {
     /// The rules of `request` for `frames`. Notes in `frames.input` the units of the bootstrap, and the classes without a group or
     /// a counterpart.
-    ///
-    /// # Errors
-    /// [`GridError`] for a model that cannot be opened.
     pub fn new(
         request: &Request,
         map: ClassMap,
@@ -67,7 +63,6 @@ impl Scorer {
         Ok(Self { names, drives, truths, map, groups, mapped, difficulty: request.difficulty(), units })
     }
 
-    /// The figures of the cell at `point`.
     pub fn cell(&self, point: Point, frames: &[FrameResult]) -> Cell {
         let (found, mapped) = (self.mapped_detections(frames), &self.mapped[&point.model]);
         let groups: BTreeMap<&str, Vec<ImageBoxes>> = self

@@ -43,9 +43,6 @@ impl Clock for SwitchClock<'_> {
 
 /// Measures the times of the cells anew if some of them have none or were measured in another pass. Cells whose models this
 /// request does not have keep their times.
-///
-/// # Errors
-/// [`GridError`] if a node cannot be made or a step fails.
 pub fn measure(
     request: &Request,
     nodes: &dyn Nodes,
@@ -133,7 +130,6 @@ fn measure_group(
 }
 
 impl TimedCell<'_, '_> {
-    /// Adds the durations of `frame`.
     fn measure(
         &mut self,
         detector: &mut DetectorWorker<'_>,
@@ -150,7 +146,6 @@ impl TimedCell<'_, '_> {
         Ok(())
     }
 
-    /// Puts the durations into the cell.
     fn store(self, device: &Device, pass: &str) {
         let Self { cell, wall, cpu, .. } = self;
         let sums = |frames: &[Stages]| {
@@ -180,6 +175,6 @@ fn run_frame(
 ) -> Result<Option<Stages>, GridError> {
     let input = pipeline(frame.clone())?;
     let Some(image) = input.image else { return Ok(None) };
-    let output = detector.infer(frame.number, image)?;
-    Ok(output.found.is_some().then(|| [input.stages, output.stages].concat()))
+    let (found, stages) = detector.infer(frame.number, image)?;
+    Ok(found.map(|_| [input.stages, stages].concat()))
 }

@@ -57,17 +57,6 @@ pub struct EvaluationPlan {
     pub bagged: Vec<String>,
 }
 
-/// Why nodes cannot be evaluated. The message has the remedy.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct PlanError(String);
-
-impl From<NameError> for PlanError {
-    fn from(why: NameError) -> Self {
-        Self(why.to_string())
-    }
-}
-
 /// The topics of a node by what they are for.
 struct Ports {
     name: String,
@@ -105,21 +94,22 @@ impl EvaluationPlan {
     /// Finds the cameras among `nodes` and the detectors of each. Results go into `folder`, and messages on `bagged` into a bag.
     ///
     /// # Errors
-    /// [`PlanError`] where a detector would get no image, or it is not known from which camera.
-    pub fn new(nodes: &NamedNodes, folder: PathBuf, bagged: Vec<String>) -> Result<Self, PlanError> {
-        let ports = nodes.iter().map(Ports::of).collect::<Result<Vec<_>, _>>()?;
+    /// The reason with its remedy where a detector would get no image, or it is not known from which camera.
+    pub fn new(nodes: &NamedNodes, folder: PathBuf, bagged: Vec<String>) -> Result<Self, String> {
+        let ports =
+            nodes.iter().map(Ports::of).collect::<Result<Vec<_>, _>>().map_err(|why| why.to_string())?;
         let mut names = BTreeSet::new();
         if let Some(twice) = ports.iter().find(|node| !names.insert(&node.name)) {
             let name = &twice.name;
             let why = format!("two nodes are called {name}; give each node a name or a namespace of its own");
-            return Err(PlanError(why));
+            return Err(why);
         }
         let known: BTreeSet<&String> = ports.iter().flat_map(|node| &node.published).collect();
         if let Some(topic) = bagged.iter().find(|topic| !known.contains(topic)) {
             let known = known.into_iter().map(String::as_str).collect::<Vec<_>>().join(", ");
-            return Err(PlanError(format!(
+            return Err(format!(
                 "--topics {topic}: no node of the launch file publishes it; these topics are there: {known}"
-            )));
+            ));
         }
         let mut cameras = Vec::new();
         for (member, node) in ports.iter().enumerate() {
@@ -134,7 +124,7 @@ impl EvaluationPlan {
         }
         if cameras.is_empty() {
             let why = "no node of the launch file is a source of frames: a modulo_camera is needed";
-            return Err(PlanError(why.to_owned()));
+            return Err(why.to_owned());
         }
         for (member, stream) in streams(&ports)? {
             let camera = cameras.iter_mut().find(|camera| camera.member == member);
@@ -142,7 +132,7 @@ impl EvaluationPlan {
         }
         if cameras.iter().all(|camera| camera.streams.is_empty()) {
             let why = "no node of the launch file turns images into boxes: a detector is needed";
-            return Err(PlanError(why.to_owned()));
+            return Err(why.to_owned());
         }
         Ok(Self { cameras, folder, bagged })
     }
@@ -154,7 +144,7 @@ impl EvaluationPlan {
 }
 
 /// Returns the stream of every detector, with the place of the camera that it comes from.
-fn streams(nodes: &[Ports]) -> Result<Vec<(usize, DetectorStream)>, PlanError> {
+fn streams(nodes: &[Ports]) -> Result<Vec<(usize, DetectorStream)>, String> {
     let dotted = |topic: &str| topic.trim_start_matches('/').replace('/', ".");
     let mut streams = Vec::new();
     // A source answers no image, although it publishes the boxes of its labels.
@@ -184,11 +174,11 @@ fn streams(nodes: &[Ports]) -> Result<Vec<(usize, DetectorStream)>, PlanError> {
 }
 
 /// Follows the images on the topic that a node reads back to their camera, and returns its place.
-fn camera_of(nodes: &[Ports], (reader, wanted): (&str, &str)) -> Result<usize, PlanError> {
+fn camera_of(nodes: &[Ports], (reader, wanted): (&str, &str)) -> Result<usize, String> {
     let missing = || {
-        PlanError(format!(
+        format!(
             "{reader} would get no image: no camera of the launch file leads to the topic {wanted}, which it reads"
-        ))
+        )
     };
     let mut topic = wanted;
     // An image passes a node at most once.
@@ -198,9 +188,9 @@ fn camera_of(nodes: &[Ports], (reader, wanted): (&str, &str)) -> Result<usize, P
         let (member, maker) = makers.next().ok_or_else(missing)?;
         if let Some((_, other)) = makers.next() {
             let (first, second) = (&maker.name, &other.name);
-            return Err(PlanError(format!(
+            return Err(format!(
                 "{first} and {second} both publish {topic}; give each camera with its nodes a namespace of its own"
-            )));
+            ));
         }
         if maker.period.is_some() {
             return Ok(member);

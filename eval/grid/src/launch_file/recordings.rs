@@ -41,7 +41,6 @@ struct Shown {
     title: String,
     /// `None` where the frame has none.
     picture: Option<Picture>,
-    /// The classes of its boxes.
     classes: Vec<String>,
 }
 

@@ -8,7 +8,6 @@ use rand_pcg::Pcg64;
 
 use crate::results::Drawn;
 
-/// Number of draws.
 const DRAWS: usize = 1000;
 
 /// The definition of the intervals for the report.

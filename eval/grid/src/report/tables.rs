@@ -7,7 +7,6 @@ use crate::results::{Cell, Results};
 
 /// One cell of a table.
 pub enum Td {
-    /// A text.
     Text(String),
     /// A displayed text and the number by which it is sorted. `None` sorts first.
     Number(String, Option<f64>),
@@ -81,7 +80,6 @@ pub fn summary(results: &Results) -> Markup {
     }
 }
 
-/// The tables of one model and lens, one for each group.
 fn group_tables(results: &Results, model: &str, conditions: &Conditions) -> Markup {
     let own = |cell: &&Cell| labels::model(&cell.point) == model && labels::belongs(&cell.point, conditions);
     let cells: Vec<&Cell> = results.cells.iter().filter(own).collect();

@@ -15,14 +15,12 @@ use ndarray::{Array2, ArrayView4};
 
 use crate::model::{ModelLayout, embedded};
 use onnxruntime::Provider;
+pub use onnxruntime::places_here as onnxruntime_places;
 
 /// A loaded model, ready to run.
 pub trait Engine: Send {
     /// Runs the model on `input`, `1 x 3 x H x W`, RGB in `[0, 1]`, contiguous. Gives N x 6 rows of x1, y1, x2, y2,
     /// score, class in input pixels.
-    ///
-    /// # Errors
-    /// [`EngineError`] when the model cannot work on this input.
     fn run(&mut self, input: ArrayView4<'_, f32>) -> Result<Array2<f32>, EngineError>;
 }
 
@@ -161,11 +159,6 @@ pub struct OpenedEngine {
 /// [`EngineError`] when there is none: `auto` takes rten.
 pub fn onnxruntime_library() -> Result<String, EngineError> {
     onnxruntime::library().map(|found| found.place)
-}
-
-/// Returns the places where ONNX Runtime is looked for, in order; one without a folder is left to the system's loader.
-pub fn onnxruntime_places() -> Vec<PathBuf> {
-    onnxruntime::places_here()
 }
 
 /// Returns the bytes of `model` and of the files with its weights, each with the path of the file. All of them together are the

@@ -36,9 +36,6 @@ pub struct Library {
 static LOADED: Mutex<Option<Library>> = Mutex::new(None);
 
 /// Returns the library that is loaded already, or the first one found.
-///
-/// # Errors
-/// [`EngineError`] with all places and the fault of each.
 pub fn library() -> Result<Library, EngineError> {
     let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(library) = loaded.as_ref() {
@@ -74,7 +71,6 @@ fn load(place: &Path) -> Result<Environment, String> {
 /// A model in ONNX Runtime.
 pub struct OnnxRuntime {
     session: Session,
-    /// The word for the engine.
     engine: &'static str,
     output: String,
 }
@@ -115,10 +111,7 @@ impl Provider {
 
 impl OnnxRuntime {
     /// Loads `model` with all graph optimisations.
-    ///
-    /// # Errors
-    /// [`EngineError`] of a file that is no model for this node, and when `library` has no such provider or the machine no such
-    /// device.
+    /// It fails where `library` has no such provider or the machine no such device.
     pub fn load(
         model: &Path,
         provider: Provider,
@@ -196,14 +189,10 @@ fn openvino_config(bf16: bool) -> String {
 }
 
 /// Returns whether the processor multiplies numbers of 16 bits (bf16).
-#[cfg(target_arch = "x86_64")]
 pub fn has_bf16() -> bool {
-    std::arch::is_x86_feature_detected!("avx512bf16")
-}
-
-/// Returns whether the processor multiplies numbers of 16 bits (bf16).
-#[cfg(not(target_arch = "x86_64"))]
-pub fn has_bf16() -> bool {
+    #[cfg(target_arch = "x86_64")]
+    return std::arch::is_x86_feature_detected!("avx512bf16");
+    #[cfg(not(target_arch = "x86_64"))]
     false
 }
 
@@ -251,7 +240,7 @@ impl Engine for OnnxRuntime {
     }
 }
 
-/// Returns the places that this process tries, in order.
+/// Returns the places where ONNX Runtime is looked for, in order; one without a folder is left to the system's loader.
 pub fn places_here() -> Vec<PathBuf> {
     let variable = std::env::var_os("ORT_DYLIB_PATH").map(PathBuf::from);
     places(variable, std::env::current_exe().ok().as_deref())

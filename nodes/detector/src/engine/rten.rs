@@ -23,9 +23,6 @@ pub struct Rten {
 
 impl Rten {
     /// Loads `model`, an ONNX file.
-    ///
-    /// # Errors
-    /// [`EngineError`] of a file that is no model for this node.
     pub fn load(path: &Path, threads: NonZeroUsize) -> Result<(Self, ModelLayout), EngineError> {
         let failed = |why: String| EngineError::load(path, NAME, why);
         let bytes = match embedded(path) {

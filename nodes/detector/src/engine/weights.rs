@@ -23,9 +23,7 @@ pub struct ModelFile {
 }
 
 /// Reads the model at `path` with the weights that lie beside it. A file that is no ONNX model is given as it is.
-///
-/// # Errors
-/// A text with the file that is missing, too short, no regular file, or not in the folder of the model or below it.
+/// An error names a file that is missing, too short, no regular file, or not in the folder of the model or below it.
 pub fn read(path: &Path) -> Result<ModelFile, String> {
     let file = read_bytes(path, MOST).map_err(|why| why.to_string())?;
     let folder = path.parent().unwrap_or(Path::new(""));
@@ -76,7 +74,6 @@ struct Weights<'a> {
     folder: &'a Path,
     /// The files that were read, by the name in the model.
     files: Vec<(String, Vec<u8>)>,
-    /// Bytes that were read.
     read: u64,
     fault: Option<String>,
 }
@@ -108,7 +105,6 @@ impl Weights<'_> {
         Some(whole)
     }
 
-    /// Returns the bytes at `place`.
     fn bytes(&mut self, place: &Place) -> Result<Vec<u8>, String> {
         let name = &place.location;
         let is_inside = |path: &Path| path.components().all(|part| matches!(part, Component::Normal(_)));

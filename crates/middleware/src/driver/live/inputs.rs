@@ -27,7 +27,6 @@ struct PlannedInput {
 /// The next inputs of a node, in the order of its topics, with the subscriptions that they need in addition.
 pub(super) struct Renewal(Vec<PlannedInput>);
 
-/// The subscriptions of a node.
 pub(super) struct Inputs {
     queue: Arc<EventQueue>,
     slots: Vec<Slot>,

@@ -58,7 +58,6 @@ pub struct NodeSetup {
     pub report_file: Option<ReportFile>,
 }
 
-/// Something that the node's loop has to deal with.
 enum LiveEvent {
     /// A message on one of the inputs.
     Message(Incoming),
@@ -83,7 +82,6 @@ impl Queued for LiveEvent {
 
 type EventQueue = Queue<LiveEvent>;
 
-/// A node with everything it needs to run.
 struct Live<'a> {
     node: Box<dyn Node>,
     node_name: NodeName,
@@ -211,7 +209,6 @@ impl Live<'_> {
         })
     }
 
-    /// Subscribes to the inputs that the node has now.
     fn subscribe(&mut self) -> Result<(), RunError> {
         let topics = self.node.inputs();
         let renewal = self.open_inputs(topics, &self.settings.read())?;

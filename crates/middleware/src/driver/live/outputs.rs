@@ -84,7 +84,6 @@ impl LiveOutput {
     }
 }
 
-/// Returns the address of the compressed variant of an image topic.
 pub(super) fn compressed(address: &Address) -> Address {
     let topic = format!("{}/compressed", address.topic);
     Address { topic, kind: MessageKind::CompressedImage, ..address.clone() }

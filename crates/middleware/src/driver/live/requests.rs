@@ -85,7 +85,6 @@ impl Live<'_> {
         self.transport.serve_parameters(&self.node_name, port)
     }
 
-    /// Offers the service that pauses the node.
     pub(super) fn serve_enable(&self) -> Result<Guard, TransportError> {
         let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::All));
         let enable = move |enabled| {

@@ -7,14 +7,13 @@ use modulo_runtime::{Node, Parameters};
 use crate::parameter::events::ParameterEvents;
 use crate::process::node_files::SavedState;
 
-/// The parameters of one node.
 pub(super) struct Settings {
     /// Shared with the service that reads them.
     now: Arc<Mutex<Parameters>>,
     saved: Option<SavedState>,
     events: ParameterEvents,
     /// Number of changes so far.
-    changes: u64,
+    pub changes: u64,
 }
 
 impl Settings {
@@ -32,11 +31,6 @@ impl Settings {
     pub fn reader(&self) -> impl Fn() -> Parameters + Send + Sync + use<> {
         let now = self.now.clone();
         move || now.lock().unwrap_or_else(PoisonError::into_inner).clone()
-    }
-
-    /// Returns the number of changes so far.
-    pub fn changes(&self) -> u64 {
-        self.changes
     }
 
     /// Publishes the parameters that the node starts with.

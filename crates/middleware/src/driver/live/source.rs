@@ -79,7 +79,7 @@ impl Live<'_> {
 
     /// Makes the next frame and sends it, `paced` when all readers have taken the last one. Returns whether it was the last.
     fn send_frame(&mut self, paced: bool) -> Result<Flow, RunError> {
-        let changes = self.settings.changes();
+        let changes = self.settings.changes;
         let (flow, messages) = self.step(Trigger::Tick, "source", None, None)?;
         // The step has made the next frame meanwhile; only its sending waits.
         if paced {
@@ -90,7 +90,7 @@ impl Live<'_> {
         }
         self.send_all(&messages);
         // A request that was answered while readers were waited for may have given the node another source.
-        Ok(if self.settings.changes() == changes { flow } else { Flow::Continue })
+        Ok(if self.settings.changes == changes { flow } else { Flow::Continue })
     }
 
     /// Returns when the first frame is due. A node that watches the graph has found all publishers by then, those of nodes that this

@@ -24,7 +24,6 @@ const WARNING_PERIOD: Duration = Duration::from_secs(1);
 /// more than this belongs to another time base, such as that of a recording.
 const MAX_LAG: Duration = Duration::from_secs(10);
 
-/// A topic that a node reads, with its subscription.
 pub(super) struct SlotInput {
     /// The topic as the node declares it.
     pub topic: Topic,

@@ -13,7 +13,6 @@ use crate::graph::diagnostics::{Diagnostics, NodeCondition, StateTopic};
 use crate::process::node_files::{ReportFile, WriteReason};
 use crate::transport::Transport;
 
-/// The telemetry of one node.
 pub(super) struct Telemetry {
     pub report: NodeReport,
     file: Option<ReportFile>,
@@ -23,7 +22,6 @@ pub(super) struct Telemetry {
     trace: Option<TraceFile>,
 }
 
-/// A step that has ended.
 pub(super) struct EndedStep<'a> {
     /// Ticks of its begin.
     pub begin: u64,

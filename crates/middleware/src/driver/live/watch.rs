@@ -17,7 +17,6 @@ pub(super) struct Silence {
     waits: BTreeMap<String, Wait>,
 }
 
-/// The wait for the next image of one topic.
 struct Wait {
     /// Ticks of its begin.
     since: u64,

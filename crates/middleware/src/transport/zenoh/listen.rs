@@ -135,7 +135,8 @@ const ANSWER: Duration = Duration::from_secs(2);
 
 /// A subscription to a topic of any type; its samples wait in a bounded queue.
 pub struct TopicListener {
-    endpoint: Endpoint,
+    /// The endpoint that is read.
+    pub endpoint: Endpoint,
     samples: Arc<Queue<RawSample>>,
     lane: Lane,
     stop: Stop,
@@ -143,11 +144,6 @@ pub struct TopicListener {
 }
 
 impl TopicListener {
-    /// Returns the endpoint that is read.
-    pub fn endpoint(&self) -> &Endpoint {
-        &self.endpoint
-    }
-
     /// Returns the next sample within `patience`, or without a time limit for `None`.
     pub fn next(&self, patience: Option<Duration>) -> Option<Arrived<RawSample>> {
         match self.samples.take(patience) {

@@ -97,7 +97,7 @@ impl ZenohTransport {
                 .declare_queryable(self.key(&endpoint))
                 .complete(true)
                 .callback(move |query| {
-                    if let Some(Call { query, .. }) = queue.push(lane, Call { service: index, query }) {
+                    if let Some((_, query)) = queue.push(lane, (index, query)) {
                         refuse(&query, "the node is busy with other calls, or is ending; call again");
                     }
                 })
@@ -111,7 +111,7 @@ impl ZenohTransport {
             .name("services".into())
             .spawn(move || {
                 while let Next::Item(arrived) = calls.take(None) {
-                    let Call { service, query } = arrived.item;
+                    let (service, query) = arrived.item;
                     let handler = &handlers[service];
                     // The caller gets the error, too: without any reply it would wait for its timeout.
                     if let Err(why) = reply(handler, &query, &*clock) {
@@ -140,16 +140,9 @@ impl ZenohTransport {
 /// Calls that wait for a node at most; each caller waits for its answer.
 const CALLS: usize = 64;
 
-/// A call of one of a node's services.
-struct Call {
-    /// Index of the service.
-    service: usize,
-    query: Query,
-}
+/// A call of the service with this index.
+impl Queued for (usize, Query) {}
 
-impl Queued for Call {}
-
-/// Sends an error to the caller in place of a response.
 fn refuse(query: &Query, why: &str) {
     if let Err(failed) = query.reply_err(why).wait() {
         tracing::debug!("a caller is gone: {failed}");
@@ -189,7 +182,6 @@ fn handlers(port: ParameterPort) -> Vec<RawService> {
     parameters.chain([described]).collect()
 }
 
-/// Returns the service `~/enable` of a node.
 pub(super) fn enable_service(enable: Enable) -> RawService {
     let answer = Box::new(move |request: &[u8]| {
         let SetBoolRequest { data } = cdr::from_slice(request)?;

@@ -21,30 +21,21 @@ const PORT_LOCK: Duration = Duration::from_secs(3);
 const LINGERING: Duration = Duration::from_secs(1);
 const GLANCE: Duration = Duration::from_millis(10);
 
-/// The part of a session in the meeting of the sessions of a machine.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum SessionRole {
-    /// Listens on the meeting port.
-    Host,
-    /// Connects to it, again and again if it must.
-    Guest,
-}
-
 /// Returns a session in `domain`, on the meeting port where that is free. Its connections hold `shared` while shared memory is
 /// enabled.
 pub(super) fn open_session(domain: u32, shared: &Arc<ShmClientStorage>) -> Result<Session, TransportError> {
-    let open = |role| {
-        let opened = zenoh::open(configuration(domain, role)?).with_shm_clients(shared.clone()).wait();
+    let open = |is_host| {
+        let opened = zenoh::open(configuration(domain, is_host)?).with_shm_clients(shared.clone()).wait();
         opened.map_err(|why| TransportError::new(format!("zenoh session, domain {domain}"), why))
     };
     // Without the lock, another session may take the port between the look and the opening, of which zenoh would warn.
     let lock = port_lock(domain);
     let free = std::net::TcpListener::bind(("127.0.0.1", meeting_port(domain))).is_ok();
-    if free && let Ok(session) = open(SessionRole::Host) {
+    if free && let Ok(session) = open(true) {
         return Ok(session);
     }
     drop(lock);
-    open(SessionRole::Guest)
+    open(false)
 }
 
 /// Waits until no connection of a closed session holds `shared` any more, at most for [`LINGERING`].
@@ -98,13 +89,13 @@ pub fn meeting_port(domain: u32) -> u16 {
     u16::try_from(domain).unwrap_or(u16::MAX).saturating_add(MEETING_PORT)
 }
 
-fn configuration(domain: u32, role: SessionRole) -> Result<Config, TransportError> {
+fn configuration(domain: u32, is_host: bool) -> Result<Config, TransportError> {
     let mut config = match std::env::var("ZENOH_SESSION_CONFIG_URI") {
         Ok(path) if !path.is_empty() => Config::from_file(&path)
             .map_err(|why| TransportError::new(format!("ZENOH_SESSION_CONFIG_URI = {path}"), why))?,
         _ => {
             let mut config = Config::default();
-            for (key, value) in defaults(domain, role) {
+            for (key, value) in defaults(domain, is_host) {
                 insert(&mut config, key, &value)?;
             }
             config
@@ -129,13 +120,12 @@ fn insert(config: &mut Config, key: &str, value: &str) -> Result<(), TransportEr
 }
 
 /// Returns rmw_zenoh's session, plus the meeting port, plus queues that hold a whole image: with zenoh's default of two
-/// batches a 1.4 MB image is dropped as soon as its reader is a millisecond late.
-fn defaults(domain: u32, role: SessionRole) -> Vec<(&'static str, String)> {
+/// batches a 1.4 MB image is dropped as soon as its reader is a millisecond late. The host of the sessions of a machine listens on
+/// the meeting port; all others connect to it, again and again if they must.
+fn defaults(domain: u32, is_host: bool) -> Vec<(&'static str, String)> {
     let meeting = format!("\"tcp/127.0.0.1:{}\"", meeting_port(domain));
-    let (listen, connect) = match role {
-        SessionRole::Host => (format!(", {meeting}"), String::new()),
-        SessionRole::Guest => (String::new(), format!(", {meeting}")),
-    };
+    let (mut listen, mut connect) = (String::new(), String::new());
+    *if is_host { &mut listen } else { &mut connect } = format!(", {meeting}");
     vec![
         ("mode", "\"peer\"".into()),
         ("connect/endpoints", format!("[\"tcp/127.0.0.1:7447\"{connect}]")),

@@ -155,11 +155,6 @@ fn payload(bytes: &ZBytes) -> Payload {
 }
 
 impl RawPublisher {
-    /// Returns whether the topic has a reader now.
-    pub fn wanted(&self) -> bool {
-        self.publisher.matching_status().wait().is_ok_and(|status| status.matching())
-    }
-
     /// Sends CDR with its encapsulation header.
     pub fn put(&self, payload: Vec<u8>) -> Result<(), TransportError> {
         let attachment = Attachment {
@@ -174,7 +169,7 @@ impl RawPublisher {
 
 impl Publisher for RawPublisher {
     fn wanted(&self) -> bool {
-        self.wanted()
+        self.publisher.matching_status().wait().is_ok_and(|status| status.matching())
     }
 
     fn put(&self, message: &Message) -> Result<(), TransportError> {

@@ -19,8 +19,7 @@ use super::Request;
 use super::frames::FrameWithNeighbours;
 use crate::GridError;
 use crate::results::{Point, Protocol, Stream};
-use multi_exposure::MultiExposurePipeline;
-use paper::{PaperPipeline, PublishedSpudPipeline, SPUD_AS_PUBLISHED};
+use paper::{PaperPipeline, SPUD_AS_PUBLISHED};
 use suite::SuitePipeline;
 
 /// (stage, nanoseconds) in the order of the stages.
@@ -70,9 +69,6 @@ pub struct PipelineConfig<'a> {
 }
 
 /// The pipeline of the cell at `point`. `compares`: see [`PipelineConfig::compares`].
-///
-/// # Errors
-/// [`GridError`] for an impossible parameter.
 pub fn open<'a>(
     request: &Request,
     timer: &'a dyn Clock,
@@ -85,12 +81,10 @@ pub fn open<'a>(
         return Ok(Box::new(move |frame| pipeline.run(&frame.frame)));
     }
     if matches!(point.stream, Stream::MultiExposure | Stream::MultiExposureStill) {
-        let mut pipeline = MultiExposurePipeline::new(point, config)?;
-        return Ok(Box::new(move |frame| pipeline.run(&frame)));
+        return multi_exposure::pipeline(point, config);
     }
     if point.method.as_deref() == Some(SPUD_AS_PUBLISHED) {
-        let mut pipeline = PublishedSpudPipeline::new(point, config)?;
-        return Ok(Box::new(move |frame| pipeline.run(frame.number, &frame.frame)));
+        return paper::published_spud(point, config);
     }
     let mut pipeline = SuitePipeline::new(point, config)?;
     Ok(Box::new(move |frame| pipeline.run(frame.number, frame.frame)))
@@ -122,7 +116,6 @@ fn unstamped(frame: Frame) -> Arc<StampedFrame> {
 struct Truth([Sensor; 2]);
 
 impl Truth {
-    /// The truth of a sensor.
     fn of(sensor: SensorConfig) -> Result<Self, GridError> {
         Ok(Self([Sensor::new(sensor)?, Sensor::new(SensorConfig { psf: Psf::None, ..sensor })?]))
     }

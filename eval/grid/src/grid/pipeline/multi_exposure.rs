@@ -1,13 +1,13 @@
-//! [`MultiExposurePipeline`]: three captures with different exposure times, merged as a normal camera does for a high
+//! [`pipeline`]: three captures with different exposure times, merged as a normal camera does for a high
 //! dynamic range.
 //!
 //! The captures are three consecutive frames of the drive with the longest exposure last; the middle one is the frame
 //! that is scored. Moving objects leave ghosts: the captures are not aligned.
 
-use modulo_core::{Bracket, Range, Sensor, SensorConfig, SensorError, Transfer, tone};
+use modulo_core::{Bracket, Sensor, SensorConfig, SensorError, Transfer, tone};
 use ndarray::Array3;
 
-use super::{DetectorInput, FrameWithNeighbours, PipelineConfig, Stages, Truth, timed};
+use super::{FramePipeline, FrameWithNeighbours, PipelineConfig, Stages, Truth, timed};
 use crate::GridError;
 use crate::grid::{Data, Request};
 use crate::results::{Point, Protocol, Stream};
@@ -32,56 +32,37 @@ pub fn check(request: &Request, points: &[Point]) -> Result<(), GridError> {
     }
 }
 
-/// The captures and the merging of one cell.
-pub struct MultiExposurePipeline<'a> {
-    bracket: Bracket,
-    /// One sensor for each capture.
-    sensors: Vec<Sensor>,
-    truth: Truth,
-    range: Range,
-    transfer: Transfer,
-    config: PipelineConfig<'a>,
-}
-
-impl<'a> MultiExposurePipeline<'a> {
-    /// The pipeline of the cell at `point`.
-    pub fn new(point: &Point, config: PipelineConfig<'a>) -> Result<Self, GridError> {
-        let (range, sensor) = (point.sensor.range()?, point.sensor.config()?);
-        let bracket = Bracket::new(range, CAPTURES);
-        // An exposure of a fraction of the time sees that fraction of the light: alpha is multiplied by the time.
-        let of_time = |time: &f32| {
-            let alpha = sensor.alpha * f64::from(*time);
-            // Captures are merged before they are shown.
-            Sensor::new(SensorConfig { alpha, transfer: Transfer::Linear, ..sensor })
-        };
-        let sensors = bracket.times().iter().map(of_time).collect::<Result<_, _>>()?;
-        let truth = Truth::of(sensor)?;
-        Ok(Self { bracket, sensors, truth, range, transfer: sensor.transfer, config })
-    }
-
-    /// Processes one frame.
-    pub fn run(
-        &mut self,
-        FrameWithNeighbours { number, frame, around }: &FrameWithNeighbours,
-    ) -> Result<DetectorInput, GridError> {
+/// The captures and the merging of the cell at `point`.
+pub fn pipeline<'a>(point: &Point, config: PipelineConfig<'a>) -> Result<FramePipeline<'a>, GridError> {
+    let (range, sensor) = (point.sensor.range()?, point.sensor.config()?);
+    let bracket = Bracket::new(range, CAPTURES);
+    // An exposure of a fraction of the time sees that fraction of the light: alpha is multiplied by the time.
+    let of_time = |time: &f32| {
+        let alpha = sensor.alpha * f64::from(*time);
+        // Captures are merged before they are shown.
+        Sensor::new(SensorConfig { alpha, transfer: Transfer::Linear, ..sensor })
+    };
+    let sensors = bracket.times().iter().map(of_time).collect::<Result<Vec<_>, _>>()?;
+    let (truth, transfer) = (Truth::of(sensor)?, sensor.transfer);
+    Ok(Box::new(move |FrameWithNeighbours { number, frame, around }| {
         let now = &frame.radiance;
         // The scene of the scored frame is in the middle, so that the ghosts lie on both sides of a moving object.
-        let scenes: [&Array3<f32>; CAPTURES] = match around {
+        let scenes: [&Array3<f32>; CAPTURES] = match &around {
             Some([before, after]) => [before, now, after],
             None => [now; CAPTURES],
         };
-        let PipelineConfig { timer, seed, .. } = self.config;
-        let seed = seed.wrapping_add(*number as u64);
+        let PipelineConfig { timer, seed, .. } = config;
+        let seed = seed.wrapping_add(number as u64);
         let capture = |(index, (sensor, scene)): (u64, (&Sensor, &Array3<f32>))| {
             // Each capture has its own noise. The upper bits keep its seed apart from those of the following frames.
             Ok(sensor.expose(scene.view(), seed.wrapping_add(index << 48))?.saturated())
         };
         let mut stages = Stages::new();
         let captures = timed(timer, &mut stages, "sense", || {
-            (0..).zip(self.sensors.iter().zip(scenes)).map(capture).collect::<Result<Vec<_>, SensorError>>()
+            (0..).zip(sensors.iter().zip(scenes)).map(capture).collect::<Result<Vec<_>, SensorError>>()
         })?;
-        let x = timed(timer, &mut stages, "merge", || self.bracket.merge(&captures))?;
-        let image = timed(timer, &mut stages, "tone", || tone::picture(&x, self.range, self.transfer));
-        self.truth.compared(self.config, (now, seed), image.map_err(SensorError::from)?, stages)
-    }
+        let x = timed(timer, &mut stages, "merge", || bracket.merge(&captures))?;
+        let image = timed(timer, &mut stages, "tone", || tone::picture(&x, range, transfer));
+        truth.compared(config, (now, seed), image.map_err(SensorError::from)?, stages)
+    }))
 }

@@ -1,15 +1,17 @@
 //! The steps of a frame before the detector as in the scripts of the paper: all of them ([`PaperPipeline`],
-//! `--protocol paper`), or their SPUD behind the sensor of the suite ([`PublishedSpudPipeline`]).
+//! `--protocol paper`), or their SPUD behind the sensor of the suite ([`published_spud`]).
 //!
 //! The nodes of the suite work differently. For the detector, values become 8 bits by truncation, not by rounding.
 
 use modulo_bags::source::SourceFrame;
 use modulo_core::unwrap::{Range, Recovered, Spud, ThresholdOn, Unwrap};
-use modulo_core::{Frame, Psf, Sensor, UnwrapError, optics, tone};
+use modulo_core::{Frame, Psf, UnwrapError, optics, tone};
 use modulo_runtime::Clock;
 use ndarray::Array3;
 
-use super::{DetectorInput, PipelineConfig, Stages, Truth, timed, unstamped};
+use super::{
+    DetectorInput, FramePipeline, FrameWithNeighbours, PipelineConfig, Stages, Truth, timed, unstamped,
+};
 use crate::GridError;
 use crate::results::{Point, Stream};
 
@@ -21,35 +23,22 @@ pub const SPUD_AS_PUBLISHED: &str = "spud_as_published";
 /// Threshold of SPUD on phi, in units of the peak.
 const TAU: f64 = 0.1;
 
-/// SPUD on the exposures of the suite's sensor as the scripts of the paper apply it, for one cell.
-pub struct PublishedSpudPipeline<'a> {
-    sensor: Sensor,
-    spud: Spud,
-    truth: Truth,
-    config: PipelineConfig<'a>,
-}
-
-impl<'a> PublishedSpudPipeline<'a> {
-    /// Creates the pipeline of the cell at `point`.
-    pub fn new(point: &Point, config: PipelineConfig<'a>) -> Result<Self, GridError> {
-        let truth = Truth::of(point.sensor.config()?)?;
-        let spud = Spud::new(TAU, ThresholdOn::Phi)?;
-        Ok(Self { sensor: point.sensor.simulated()?, spud, truth, config })
-    }
-
-    /// Processes frame `number`. Its noise is that of the other cells.
-    pub fn run(&mut self, number: usize, frame: &SourceFrame) -> Result<DetectorInput, GridError> {
-        let PipelineConfig { timer, seed, .. } = self.config;
-        let seed = seed.wrapping_add(number as u64);
-        let (mut stages, range) = (Stages::new(), self.sensor.range());
+/// SPUD on the exposures of the suite's sensor as the scripts of the paper apply it, for the cell at `point`.
+pub fn published_spud<'a>(point: &Point, config: PipelineConfig<'a>) -> Result<FramePipeline<'a>, GridError> {
+    let (sensor, truth) = (point.sensor.simulated()?, Truth::of(point.sensor.config()?)?);
+    let (mut spud, range) = (Spud::new(TAU, ThresholdOn::Phi)?, sensor.range());
+    Ok(Box::new(move |FrameWithNeighbours { number, frame, .. }| {
+        let PipelineConfig { timer, seed, .. } = config;
+        // The noise of a frame is that of the other cells.
+        let (seed, mut stages) = (seed.wrapping_add(number as u64), Stages::new());
         let y = timed(timer, &mut stages, "sense", || {
-            let exposure = self.sensor.expose(frame.radiance.view(), seed)?;
+            let exposure = sensor.expose(frame.radiance.view(), seed)?;
             Ok::<_, GridError>(exposure.x().mapv(|x| x % range.peak()))
         })?;
-        let image = timed(timer, &mut stages, "unwrap", || bytes(&published(&mut self.spud, &y, range)?))?;
+        let image = timed(timer, &mut stages, "unwrap", || bytes(&published(&mut spud, &y, range)?))?;
         // The result has an arbitrary offset and scale, and therefore no wrap counts.
-        self.truth.compared(self.config, (&frame.radiance, seed), image, stages)
-    }
+        truth.compared(config, (&frame.radiance, seed), image, stages)
+    }))
 }
 
 /// Unwraps `y` (code units, not quantised) by SPUD, then maps minimum and maximum of the whole tensor to 0 and 255.
@@ -248,8 +237,9 @@ mod tests {
             ..Point::default()
         };
         let config = PipelineConfig { timer: &clock, seed: 0, compares: true };
-        let mut pipeline = PublishedSpudPipeline::new(&point(SPUD_AS_PUBLISHED), config).expect("possible");
-        let image = pipeline.run(0, &ramp).expect("passed").image.expect("an image");
+        let mut pipeline = published_spud(&point(SPUD_AS_PUBLISHED), config).expect("possible");
+        let scored = FrameWithNeighbours { number: 0, frame: ramp.clone(), around: None };
+        let image = pipeline(scored).expect("passed").image.expect("an image");
         let brightest = |image: &[u8]| *image.iter().max().expect("pixels");
         assert_eq!(brightest(image.frame.as_u8().expect("8 bits").as_slice().expect("in order")), 255);
         // The protocol of the paper stretches x itself, too: there, full scale is the brightest sample in both.

@@ -24,7 +24,6 @@ pub struct SuitePipeline<'a> {
 }
 
 impl<'a> SuitePipeline<'a> {
-    /// The pipeline of the cell at `point`.
     pub fn new(point: &Point, config: PipelineConfig<'a>) -> Result<Self, GridError> {
         let sensor = &point.sensor;
         let recovers = point.method.as_ref().filter(|_| point.stream == Stream::Recovered);
@@ -111,7 +110,6 @@ impl<'a> SuitePipeline<'a> {
     }
 }
 
-/// A source that has a single frame.
 struct SingleFrame(Option<SourceFrame>);
 
 impl Source for SingleFrame {
