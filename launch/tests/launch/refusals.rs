@@ -203,7 +203,7 @@ fn a_mistake_has_the_line_of_its_own_file() {
         ),
     ] {
         let refusal = Files::new(main).with("b.launch.yaml", included).refusal(&[]);
-        assert!(refusal.starts_with(message), "{refusal}");
+        assert!(refusal.starts_with(message), "not \"{message}\" but: {refusal}");
     }
 }
 
