@@ -12,7 +12,7 @@ use modulo_middleware::parameter::client::ParameterClient;
 use modulo_runtime::parameter::ros::{from_ros, to_ros};
 use modulo_runtime::{Descriptor, Message, MessageKind, ParameterSet as _, Value};
 
-use harness::{Bench, Heard, Peer, model, text, wait_until};
+use harness::{Bench, Heard, Peer, assert_has, model, text, wait_until};
 use modulo_msgs::cdr;
 use modulo_msgs::rcl_interfaces::{Parameter, SetParametersRequest, SetParametersResponse};
 
@@ -61,15 +61,10 @@ fn changeable(peer: &Peer, node: &str) -> Vec<(String, Value)> {
     let client = ParameterClient::new(&peer.transport, node);
     let names = client.names().expect("the node answers");
     let descriptors = client.descriptors(&names).expect("the node answers");
-    let values = client
-        .values(&names)
-        .expect("the node answers")
-        .into_iter()
-        .map(|value| from_ros(value).expect("set"));
-    let all = descriptors.into_iter().zip(values);
-    all.filter(|(descriptor, _)| !descriptor.read_only)
-        .map(|(descriptor, value)| (descriptor.name, value))
-        .collect()
+    let values = client.values(&names).expect("the node answers").into_iter();
+    let all = descriptors.into_iter().zip(values.map(|value| from_ros(value).expect("set")));
+    let changeable = all.filter(|(descriptor, _)| !descriptor.read_only);
+    changeable.map(|(descriptor, value)| (descriptor.name, value)).collect()
 }
 
 /// Returns the stamp of the next result, which must come within 2 s.
@@ -80,28 +75,16 @@ fn next_stamp(results: &Heard, what: &str) -> u64 {
     let Some(message) = results.next(Duration::from_secs(30)) else {
         panic!("no frame is answered after {what}")
     };
-    assert!(
-        start.elapsed() < Duration::from_secs(2),
-        "{:?} until the next frame after {what}",
-        start.elapsed()
-    );
+    let waited = start.elapsed();
+    assert!(waited < Duration::from_secs(2), "{waited:?} until the next frame after {what}");
     message.stamp().as_ns()
 }
 
 #[test]
 fn no_value_of_a_parameter_stops_a_running_node() {
     let bench = Bench::new();
-    let (model, rate) = (format!("model:={}", model()), format!("rate:={RATE}"));
-    let source = "source:=scene://glare?seed=1&width=96&height=64";
-    let running = bench.start(&[
-        "launch",
-        "launch/recovered.launch.yaml",
-        source,
-        &model,
-        "engine:=rten",
-        "loop:=true",
-        &rate,
-    ]);
+    let source = "source:=scene://glare?seed=1&width=96&height=64 model:=% engine:=rten loop:=true";
+    let running = bench.starts(&format!("launch launch/recovered.launch.yaml {source} rate:={RATE}"));
     let peer = Peer::new(&bench);
     let results = peer.hear("/detector/detections", MessageKind::Detections);
     wait_until("the first frame is answered", || results.next(Duration::from_secs(1)).is_some());
@@ -116,10 +99,8 @@ fn no_value_of_a_parameter_stops_a_running_node() {
                     Ok(()) => accepted.push(what.clone()),
                     Err(why) => {
                         assert!(why.contains(&format!("'{name}'")), "{what}: {why}");
-                        assert!(
-                            !why.contains("did not answer") && !why.contains("still loading"),
-                            "{what}: {why}"
-                        );
+                        let late = ["did not answer", "still loading"].map(|late| why.contains(late));
+                        assert_eq!(late, [false; 2], "{what}: {why}");
                         refused += 1;
                     }
                 }
@@ -159,9 +140,8 @@ fn results_in_order(results: &Heard) -> u64 {
 #[test]
 fn a_slow_rate_is_made_fast() {
     let bench = Bench::new();
-    let model = format!("model:={}", model());
-    let fixed = ["source:=scene://glare?width=96&height=64", "engine:=rten", "loop:=true", "rate:=20"];
-    let _running = bench.start(&[&["launch", "launch/raw.launch.yaml", &model][..], &fixed].concat());
+    let fixed = "source:=scene://glare?width=96&height=64 model:=% engine:=rten loop:=true rate:=20";
+    let _running = bench.starts(&format!("launch launch/raw.launch.yaml {fixed}"));
     let peer = Peer::new(&bench);
     let results = peer.hear("/detector/detections", MessageKind::Detections);
     wait_until("the first frame is answered", || results.next(Duration::from_secs(1)).is_some());
@@ -246,8 +226,7 @@ fn is_refused(bench: &Bench, node: &str, descriptor: &Descriptor, value: &str) -
 #[test]
 fn a_launch_refuses_a_bad_argument() {
     let bench = Bench::new();
-    let shown = bench.run(&["launch", "launch/recovered.launch.yaml", "--show-args"]);
-    let shown = text(&shown);
+    let shown = bench.says(0, "launch launch/recovered.launch.yaml --show-args");
     let names: Vec<&str> =
         shown.lines().filter_map(|line| line.split_once(" (default")).map(|(name, _)| name).collect();
     assert!(names.len() > 20, "{shown}");
@@ -258,9 +237,6 @@ fn a_launch_refuses_a_bad_argument() {
         let fixed = fixed.iter().filter(|argument| !argument.starts_with(&format!("{name}:=")));
         let mut arguments = vec!["launch", "launch/recovered.launch.yaml", &set];
         arguments.extend(fixed);
-        let output = bench.run(&arguments);
-        let printed = text(&output);
-        assert_eq!(output.status.code(), Some(2), "{set}: {printed}");
-        assert!(printed.contains("a b"), "{set}: {printed}");
+        assert_has(&bench.ends(2, &arguments), &["a b"]);
     }
 }

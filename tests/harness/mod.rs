@@ -65,6 +65,37 @@ impl Bench {
         self.modulo(arguments).output().expect("the binary starts")
     }
 
+    /// Runs it to its end, which must have this exit code. Returns all that it prints.
+    #[track_caller]
+    pub fn ends(&self, code: i32, arguments: &[&str]) -> String {
+        let output = self.run(arguments);
+        let message = text(&output);
+        assert_eq!(output.status.code(), Some(code), "modulo {}\n{message}", arguments.join(" "));
+        message
+    }
+
+    /// The words of a command line, in which `@` stands for the folder of the test, and `%` for [`model`].
+    pub fn words(&self, line: &str) -> Vec<String> {
+        let (folder, model) = (self.folder.path().display().to_string(), model());
+        line.split_whitespace().map(|word| word.replace('@', &folder).replace('%', &model)).collect()
+    }
+
+    /// Does what `ends` does, with the [`words`](Self::words) of a line.
+    #[track_caller]
+    pub fn says(&self, code: i32, line: &str) -> String {
+        self.ends(code, &borrowed(&self.words(line)))
+    }
+
+    /// Does what `start` does, with the [`words`](Self::words) of a line.
+    pub fn starts(&self, line: &str) -> Background {
+        self.start(&borrowed(&self.words(line)))
+    }
+
+    /// A JSON file of the test's folder.
+    pub fn json(&self, name: &str) -> Value {
+        json(&self.path(name))
+    }
+
     /// Starts it in the background, with the `RUST_LOG` that rmw_zenoh sets in all that `ros2 launch` starts.
     pub fn start(&self, arguments: &[&str]) -> Background {
         let child = self
@@ -100,6 +131,10 @@ impl Bench {
         }
         folder
     }
+}
+
+pub fn borrowed(words: &[String]) -> Vec<&str> {
+    words.iter().map(String::as_str).collect()
 }
 
 /// A process that is ended with the test.
@@ -176,6 +211,14 @@ pub fn arg(name: &str, value: impl AsRef<Path>) -> String {
 /// Standard output and error as text.
 pub fn text(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
+}
+
+/// Checks that a text has each of `parts`.
+#[track_caller]
+pub fn assert_has(text: &str, parts: &[&str]) {
+    for part in parts {
+        assert!(text.contains(part), "no {part:?} in\n{text}");
+    }
 }
 
 /// A JSON file.

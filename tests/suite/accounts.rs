@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use modulo_middleware::transport::{Publisher as _, Transport};
 use modulo_runtime::{Clock, Message, MessageKind, Qos, SystemClock};
 
-use crate::harness::{Background, Bench, Heard, Peer, arg, json, model, signal, text, wait_until};
+use crate::harness::{Background, Bench, Heard, Peer, assert_has, borrowed, json, model, signal, wait_until};
 use modulo_core::Frame;
 use modulo_msgs::cdr;
 use modulo_msgs::sensor_msgs::Image;
@@ -21,13 +21,14 @@ use serde_json::Value;
 /// The nodes of a run.
 const NODES: [&str; 3] = ["detector", "unwrap", "modulo_camera"];
 
+/// The suite with the small model on the pictures of the test.
+const RECOVERED: &str = "launch launch/recovered.launch.yaml source:=@/images model:=% engine:=rten \
+                         --summary @/summary.json";
+
 /// All three nodes at 10 Hz without end; the summary goes to `summary.json`.
-fn suite(bench: &Bench, more: &[&str]) -> Background {
-    let (source, model) = (arg("source", bench.images(4)), arg("model", model()));
-    let summary = bench.path("summary.json").display().to_string();
-    let fixed =
-        ["launch", "launch/recovered.launch.yaml", &source, &model, "engine:=rten", "rate:=10", "loop:=true"];
-    bench.start(&[&fixed[..], &["--summary", &summary], more].concat())
+fn suite(bench: &Bench, more: &str) -> Background {
+    bench.images(4);
+    bench.starts(&format!("{RECOVERED} rate:=10 loop:=true {more}"))
 }
 
 fn stamp(message: &Message) -> u64 {
@@ -55,10 +56,8 @@ fn stop_for_frames(input: &Heard, count: usize, process: u32) {
 
 /// The sum of `field` over the topics that carry the frames.
 fn sum(summary: &Value, field: &str) -> u64 {
-    ["/modulo", "/recovered"]
-        .iter()
-        .map(|topic| summary["topics"][topic][field].as_u64().expect("a count"))
-        .sum()
+    let of = |topic| summary["topics"][topic][field].as_u64().expect("a count");
+    of("/modulo") + of("/recovered")
 }
 
 /// `MODULO_CRASH_ROUNDS` is how often each node is killed; once if it is not set.
@@ -67,7 +66,7 @@ fn every_frame_is_answered_or_counted_when_nodes_are_killed() {
     let rounds = std::env::var("MODULO_CRASH_ROUNDS").map_or(1, |text| text.parse().expect("a number"));
     let bench = Bench::new();
     // Many rounds crash a node more often than a run usually takes.
-    let running = suite(&bench, &["--max-restarts", "0"]);
+    let running = suite(&bench, "--max-restarts 0");
     let peer = Peer::new(&bench);
     wait_until("the camera", || peer.transport.is_ready("/modulo_camera"));
     let detections = peer.hear("/detector/detections", MessageKind::Detections);
@@ -95,7 +94,7 @@ fn every_frame_is_answered_or_counted_when_nodes_are_killed() {
         }
     }
     assert_eq!(running.interrupt(), Some(3), "frames were lost");
-    let summary = json(&bench.path("summary.json"));
+    let summary = bench.json("summary.json");
     for kind in NODES {
         assert_eq!(summary["restarts"][kind], rounds, "{summary}");
     }
@@ -113,14 +112,13 @@ fn every_frame_is_answered_or_counted_when_nodes_are_killed() {
 /// A reader that stands still for some frames gets the newest image then.
 #[test]
 fn a_replaced_image_is_a_loss_only_when_that_is_asked_for() {
-    for (more, code) in [(&[][..], 0), (&["--strict"], 3)] {
+    for (more, code) in [("", 0), ("--strict", 3)] {
         let bench = Bench::new();
         let running = suite(&bench, more);
         let peer = Peer::new(&bench);
         wait_until("the camera", || peer.transport.is_ready("/modulo_camera"));
-        let [frames, detections] =
-            [("/modulo", MessageKind::Image), ("/detector/detections", MessageKind::Detections)]
-                .map(|(topic, kind)| peer.hear(topic, kind));
+        let frames = peer.hear("/modulo", MessageKind::Image);
+        let detections = peer.hear("/detector/detections", MessageKind::Detections);
         next_answer(&detections, "boxes before the pause");
         let reader = running.node("unwrap").expect("it runs");
         // Many come at once after the pause, far faster than they are unwrapped.
@@ -128,37 +126,20 @@ fn a_replaced_image_is_a_loss_only_when_that_is_asked_for() {
         signal(reader, "CONT");
         next_answer(&detections, "boxes after the pause");
         assert_eq!(running.interrupt(), Some(code), "{more:?}");
-        let summary = json(&bench.path("summary.json"));
+        let summary = bench.json("summary.json");
         assert!(summary["topics"]["/modulo"]["replaced"].as_u64() >= Some(2), "{summary}");
         assert_eq!(summary["lost_in_crashes"], serde_json::json!([]));
     }
 }
 
-/// One unreadable image among good ones: the others are sensed, and the exit code tells of it.
 #[test]
 fn an_unreadable_image_is_skipped_and_counted() {
     let bench = Bench::new();
-    let images = bench.images(5);
-    std::fs::write(images.join("000002.png"), "no picture").expect("writable");
-    let (source, model) = (arg("source", images), arg("model", model()));
-    let file = bench.path("summary.json").display().to_string();
-    let output = bench.run(&[
-        "launch",
-        "launch/recovered.launch.yaml",
-        &source,
-        &model,
-        "engine:=rten",
-        "--summary",
-        &file,
-    ]);
-    assert_eq!(output.status.code(), Some(3), "{}", text(&output));
-    let summary = json(&bench.path("summary.json"));
-    assert_eq!(
-        (&summary["frames"], &summary["topics"]["source"]["bad"]),
-        (&4.into(), &1.into()),
-        "{summary}"
-    );
-    assert_eq!(summary["topics"]["/detector/detections"]["out"], 4, "{summary}");
+    std::fs::write(bench.images(5).join("000002.png"), "no picture").expect("writable");
+    bench.says(3, RECOVERED);
+    let (summary, topics) = (bench.json("summary.json"), &bench.json("summary.json")["topics"]);
+    let counts = [&summary["frames"], &topics["source"]["bad"], &topics["/detector/detections"]["out"]];
+    assert_eq!(counts.map(Value::as_u64), [4, 1, 4].map(Some), "{summary}");
 }
 
 /// An image of 8 bits with this stamp, in seconds.
@@ -174,6 +155,13 @@ fn sick_images() -> Vec<(&'static str, Vec<u8>)> {
         change(&mut image);
         cdr::to_vec(&image).expect("encodes")
     };
+    let endless =
+        |image: &mut Image| (image.height, image.width, image.step) = (u32::MAX, u32::MAX, u32::MAX);
+    let not_a_number = |image: &mut Image| {
+        image.encoding = "32FC3".into();
+        image.width /= 4;
+        image.data.fill(0xff);
+    };
     vec![
         ("empty", vec![]),
         ("cut", bytes(|_| ())[..200].to_vec()),
@@ -181,18 +169,8 @@ fn sick_images() -> Vec<(&'static str, Vec<u8>)> {
         ("wrong height", bytes(|image| image.height += 1)),
         ("rows that overlap", bytes(|image| image.step = 1)),
         ("no pixel", bytes(|image| (image.height, image.width) = (0, 0))),
-        (
-            "largest size",
-            bytes(|image| (image.height, image.width, image.step) = (u32::MAX, u32::MAX, u32::MAX)),
-        ),
-        (
-            "NaN",
-            bytes(|image| {
-                image.encoding = "32FC3".into();
-                image.width /= 4;
-                image.data.fill(0xff);
-            }),
-        ),
+        ("largest size", bytes(endless)),
+        ("NaN", bytes(not_a_number)),
     ]
 }
 
@@ -211,7 +189,7 @@ fn images_of_sick_publishers_are_answered_or_counted() {
             .stderr(Stdio::null());
         Background(node.spawn().expect("the binary starts"))
     };
-    let model = arg("model", model());
+    let model = format!("model:={}", model());
     let unwrap = start(&["unwrap", "--ros-args", "-p", "bits:=8", "-p", "alpha:=4.0"]);
     let detector = start(&["detector", "--ros-args", "-p", &model, "-p", "engine:=rten"]);
     let peer = Peer::new(&bench);
@@ -271,22 +249,13 @@ fn images_of_sick_publishers_are_answered_or_counted() {
 #[test]
 fn a_closed_pipe_costs_neither_the_exit_code_nor_the_summary() {
     let bench = Bench::new();
-    let (source, model) = (arg("source", bench.images(2)), arg("model", model()));
-    let file = bench.path("summary.json").display().to_string();
-    let arguments = [
-        "launch",
-        "--compose",
-        "launch/raw.launch.yaml",
-        &source,
-        &model,
-        "engine:=rten",
-        "--summary",
-        &file,
-    ];
-    let mut child = bench.modulo(&arguments).stdout(std::process::Stdio::piped()).spawn().expect("it starts");
+    bench.images(2);
+    let words = bench.words(&format!("{RECOVERED} --compose"));
+    let words = borrowed(&words);
+    let mut child = bench.modulo(&words).stdout(Stdio::piped()).spawn().expect("it starts");
     drop(child.stdout.take());
     assert_eq!(child.wait().expect("it ends").code(), Some(0));
-    assert_eq!(json(&bench.path("summary.json"))["frames"], 2);
+    assert_eq!(bench.json("summary.json")["frames"], 2);
 }
 
 /// A detector and what it publishes, in a suite whose camera shows one image again and again at rate 0.
@@ -310,10 +279,8 @@ impl Swapped {
         let peer = Peer::new(bench);
         let detections = peer.hear("/detector/detections", MessageKind::Detections);
         let state = peer.hear_as("/detector/state", MessageKind::Diagnostics, Qos::Latched);
-        let (source, model) = (arg("source", bench.images(1)), arg("model", model()));
-        let summary = bench.path("summary.json").display().to_string();
-        let fixed = ["launch", "launch/recovered.launch.yaml", &source, &model, "engine:=rten", "loop:=true"];
-        let running = bench.start(&[&fixed[..], &["score_threshold:=0.0", "--summary", &summary]].concat());
+        bench.images(1);
+        let running = bench.starts(&format!("{RECOVERED} loop:=true score_threshold:=0.0"));
         next_answer(&detections, "boxes");
         Self { running, peer, detections, heard: Vec::new(), state, states: RefCell::default() }
     }
@@ -338,7 +305,7 @@ impl Swapped {
         // It has sent more frames than one, and so it ends when the last one is answered.
         self.peer.set("/modulo_camera", "frames", "1").expect("possible");
         assert_eq!(self.running.0.wait().expect("it ends").code(), Some(0));
-        let summary = json(&bench.path("summary.json"));
+        let summary = bench.json("summary.json");
         assert_eq!(summary["frames"], summary["topics"]["/detector/detections"]["out"], "{summary}");
         self.heard.extend(std::iter::from_fn(|| self.detections.next(Duration::ZERO)));
         self.states.borrow_mut().extend(std::iter::from_fn(|| self.state.next(Duration::ZERO)));
@@ -371,10 +338,14 @@ fn every_frame_is_answered_once_while_the_input_is_swapped() {
         let input = ["modulo", "saturated", "recovered"][round % 3];
         run.swap("input", input, "stream", input);
     }
+    let why = run.peer.set("/detector", "input", "recoverd").expect_err("no stream");
+    assert!(why.contains("recoverd") && why.contains("saturated"), "{why}");
     let mut means: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
     for (state, answer) in run.end(&bench) {
         means.entry(in_use(&state, "stream").to_owned()).or_default().insert(found(&answer, &["7"]).1);
     }
+    let counted = &bench.json("summary.json")["detections"];
+    assert!(means.keys().all(|stream| counted[stream]["car"].as_u64() > Some(3)), "{counted}");
     assert_eq!(means.keys().collect::<Vec<_>>(), ["modulo", "recovered", "saturated"]);
     let all: BTreeSet<_> = means.values().flatten().collect();
     assert!(means.values().all(|means| means.len() == 1) && all.len() == 3, "{means:?}");
@@ -397,8 +368,7 @@ fn every_frame_is_answered_once_while_the_model_is_swapped() {
         why.as_ref().is_err_and(|why| why.contains("person, bicycle, car")),
         "the model is kept: {why:?}"
     );
-    let kept = bench.run(&["param", "get", "/detector", "model"]);
-    assert!(text(&kept).contains("rows.onnx"), "{}", text(&kept));
+    assert_has(&bench.says(0, "param get /detector model"), &["rows.onnx"]);
     run.swap("threads", "3", "threads", "3");
     next_answer(&run.detections, "boxes after all swaps");
     let mut classes = BTreeSet::new();
@@ -450,13 +420,10 @@ fn every_frame_is_answered_once_while_other_settings_are_swapped() {
 #[test]
 fn every_frame_of_two_cameras_is_answered_once_while_the_input_is_swapped() {
     let bench = Bench::new();
-    let model = arg("model", model());
-    let summary = bench.path("summary.json").display().to_string();
     let [front, rear] = [("front", "tunnel"), ("rear", "glare")]
         .map(|(camera, scene)| format!("{camera}:=scene://{scene}?seed=1&width=96&height=64&frames=1000000"));
-    let fixed =
-        ["launch", "launch/cameras.launch.yaml", "shared:=true", "input:=auto", "rate:=20.0", "engine:=rten"];
-    let running = bench.start(&[&fixed[..], &[&front, &rear, &model, "--summary", &summary]].concat());
+    let detector = "shared:=true input:=auto rate:=20.0 engine:=rten model:=% --summary @/summary.json";
+    let running = bench.starts(&format!("launch launch/cameras.launch.yaml {detector} {front} {rear}"));
     let peer = Peer::new(&bench);
     let heard = ["front", "rear"]
         .map(|camera| peer.hear(&format!("/detector/{camera}/detections"), MessageKind::Detections));
@@ -467,7 +434,7 @@ fn every_frame_of_two_cameras_is_answered_once_while_the_input_is_swapped() {
         next();
     }
     assert_eq!(running.interrupt(), Some(0));
-    let summary = json(&bench.path("summary.json"));
+    let summary = bench.json("summary.json");
     for camera in ["front", "rear"] {
         let image = &summary["topics"][format!("/{camera}/recovered")];
         let answered = summary["topics"][format!("/detector/{camera}/detections")]["out"].as_u64();

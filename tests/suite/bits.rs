@@ -6,23 +6,18 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::harness::{Bench, classes, json, text};
+use crate::harness::{Bench, classes};
 
 const COMPARE: &str = "launch/compare.launch.yaml";
-/// It wraps, and the demonstration model finds each of its objects.
-const SCENE: &str = "source:=scene://glare?seed=4&frames=2&width=480&height=192";
-/// Without a size, the model would run once on a larger image.
-const SENSOR: [&str; 4] = ["alpha:=2", "psf_sigma:=1.4", "engine:=rten", "input_size:=480x192"];
+/// It wraps, and the demonstration model finds each of its objects. Without a size, the model would run once on a larger image.
+const SENSOR: &str = "source:=scene://glare?seed=4&frames=2&width=480&height=192 alpha:=2 psf_sigma:=1.4 engine:=rten \
+                      input_size:=480x192";
 const STREAMS: [&str; 4] = ["modulo", "saturated", "recovered", "ideal"];
 
 /// Evaluates the streams of a sensor of `bits` in lockstep.
-fn evaluated(bench: &Bench, bits: u8, more: &[&str]) -> (Value, Value) {
-    let (out, bits) = (bench.path(&format!("out{bits}")), format!("bits:={bits}"));
-    let out_text = out.display().to_string();
-    let arguments = ["eval", COMPARE, SCENE, &bits, "-o", &out_text];
-    let output = bench.run(&[&arguments, &SENSOR[..], more].concat());
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
-    (json(&out.join("scores.json")), json(&out.join("summary.json")))
+fn evaluated(bench: &Bench, bits: u8, more: &str) -> (Value, Value) {
+    bench.says(0, &format!("eval {COMPARE} {SENSOR} bits:={bits} -o @/out {more}"));
+    (bench.json("out/scores.json"), bench.json("out/summary.json"))
 }
 
 /// Where the counts are exact, the boxes of a picture do not depend on the bits of the sensor. With fewer than 4, even the ideal picture is as
@@ -32,7 +27,7 @@ fn pictures_are_detected_alike_at_any_bits() {
     let bench = Bench::new();
     let ap50: BTreeMap<u8, [f64; 4]> = (1..=16)
         .map(|bits| {
-            let scores = evaluated(&bench, bits, &[]).0;
+            let scores = evaluated(&bench, bits, "").0;
             (bits, STREAMS.map(|stream| scores[stream]["ap50"].as_f64().expect("a score")))
         })
         .collect();
@@ -45,24 +40,18 @@ fn pictures_are_detected_alike_at_any_bits() {
     assert_eq!(ap50[&3][2], ap50[&3][3], "3 bits: the counts are exact");
 }
 
-/// Checks that a run of `arguments` has the detections of `expected` on each stream.
-fn check(bench: &Bench, arguments: &[&str], expected: &Value) {
-    let file = bench.path("live.json");
-    let summary = ["--summary", file.to_str().expect("UTF-8")];
-    let output = bench.run(&[&["launch"], arguments, &summary].concat());
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
-    let got = json(&file);
+/// Checks that a run has the detections of `expected` on each stream.
+fn check(bench: &Bench, line: &str, expected: &Value) {
+    bench.says(0, &format!("launch {line} --summary @/live.json"));
+    let got = bench.json("live.json");
     for stream in STREAMS {
-        let found = classes(&got, stream);
-        assert_eq!(found, classes(expected, stream), "{stream}, {arguments:?}");
+        assert_eq!(classes(&got, stream), classes(expected, stream), "{stream}, {line}");
     }
     assert!(!classes(&got, "ideal").is_empty() && !classes(&got, "recovered").is_empty());
 }
 
-fn written(bench: &Bench, name: &str, text: &str) -> String {
-    let file = bench.path(name);
-    std::fs::write(&file, text).expect("a writable folder");
-    file.display().to_string()
+fn write(bench: &Bench, name: &str, actions: &str) {
+    std::fs::write(bench.path(name), format!("launch:\n{actions}")).expect("a writable folder");
 }
 
 #[test]
@@ -70,20 +59,18 @@ fn live_compressed_and_replayed_streams_are_read_as_in_lockstep() {
     let bench = Bench::new();
     let share = Path::new(env!("CARGO_MANIFEST_DIR")).display();
     let compressed = format!(
-        "launch:\n  - set_parameter: {{ name: image_transport, value: compressed }}\n  - set_parameter: {{ name: compressed_format, value: \
-         png }}\n  - include: {{ file: {share}/{COMPARE} }}\n"
+        "  - set_parameter: {{ name: image_transport, value: compressed }}\n  - set_parameter: {{ name: compressed_format, \
+         value: png }}\n  - include: {{ file: {share}/{COMPARE} }}\n"
     );
-    let compressed = written(&bench, "compressed.launch.yaml", &compressed);
+    write(&bench, "compressed.launch.yaml", &compressed);
     for bits in [5, 10] {
         let bag = bench.path(&format!("bag{bits}")).display().to_string();
-        let topics = STREAMS.map(|stream| format!("/{stream}"));
-        let topics: Vec<&str> = topics.iter().map(String::as_str).chain(["/sensor_info"]).collect();
-        let (_, expected) = evaluated(&bench, bits, &[&["--bag", &bag, "--topics"], &topics[..]].concat());
+        let topics = STREAMS.map(|stream| format!("/{stream}")).join(" ");
+        let (_, expected) = evaluated(&bench, bits, &format!("--bag {bag} --topics {topics} /sensor_info"));
 
-        let bits = format!("bits:={bits}");
-        let camera = [&["--compose", SCENE, &bits], &SENSOR[..]].concat();
-        check(&bench, &[&[COMPARE], &camera[..]].concat(), &expected);
-        check(&bench, &[&[&*compressed, "image_transport:=compressed"], &camera[..]].concat(), &expected);
+        let camera = format!("--compose {SENSOR} bits:={bits}");
+        check(&bench, &format!("{COMPARE} {camera}"), &expected);
+        check(&bench, &format!("@/compressed.launch.yaml image_transport:=compressed {camera}"), &expected);
 
         let detectors = STREAMS.map(|stream| {
             let arguments = [
@@ -100,8 +87,7 @@ fn live_compressed_and_replayed_streams_are_read_as_in_lockstep() {
         let player = format!(
             "  - executable: {{ name: player, cmd: modulo bag play {bag} --rate 0 --wait-for {nodes}, on_exit: shutdown }}\n"
         );
-        let replay =
-            written(&bench, "replay.launch.yaml", &format!("launch:\n{}{player}", detectors.concat()));
-        check(&bench, &[&replay], &expected);
+        write(&bench, "replay.launch.yaml", &(detectors.concat() + &player));
+        check(&bench, "@/replay.launch.yaml", &expected);
     }
 }

@@ -1,10 +1,11 @@
 //! Inputs of public bug reports, with the result that their users expect: a test for each folder of `cases` in the test data.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::process::Stdio;
 use std::time::Duration;
 
-use crate::harness::{Bench, data, json, text};
+use crate::harness::{Bench, assert_has, borrowed, data, text};
 
 /// A case: its folder, and a bench to run commands on it.
 struct Case {
@@ -21,9 +22,8 @@ impl Case {
     }
 
     fn output(&self, words: &[String]) -> (Option<i32>, String) {
-        let words: Vec<&str> = words.iter().map(String::as_str).collect();
-        let output = self.bench.run(&words);
-        (output.status.code(), format!("modulo {}\n{}", words.join(" "), text(&output)))
+        let output = self.bench.run(&borrowed(words));
+        (output.status.code(), text(&output))
     }
 
     /// Runs a command line, and checks its exit code and that its output has each of `wanted`. Returns the output.
@@ -32,11 +32,8 @@ impl Case {
     }
 
     fn run_words(&self, words: &[String], code: i32, wanted: &[&str]) -> String {
-        let (found, message) = self.output(words);
-        assert_eq!(found, Some(code), "{message}");
-        for wanted in wanted {
-            assert!(message.contains(wanted), "no \"{wanted}\" in\n{message}");
-        }
+        let message = self.bench.ends(code, &borrowed(words));
+        assert_has(&message, wanted);
         message
     }
 
@@ -46,7 +43,7 @@ impl Case {
             "eval {labels} --stream ideal --alpha 1 --psf-sigma 0 --time-frames 0 --engine rten -o %/scored"
         );
         self.run(&line, code, message);
-        let results = json(&self.bench.path("scored/results.json"));
+        let results = self.bench.json("scored/results.json");
         let objects = results["cells"][0]["objects"].as_object().expect("objects by group");
         objects.values().map(|objects| objects.as_u64().expect("a count")).sum()
     }
@@ -95,11 +92,11 @@ cases! {
         let images = ["raw", "compressed"].map(|kind| {
             let line = "alpha:=1 optical_black:=0 psf_sigma:=0 --images";
             case.run(&format!("eval launch/raw.launch.yaml source:=@/{kind} {line} -o %/{kind}"), 0, &[]);
-            let files = files(&case.bench.path(kind), "png");
-            files.iter().map(|file| std::fs::read(file).expect("a picture")).collect::<Vec<_>>()
+            pictures(&case.bench.path(kind))
         });
-        assert!(!images[0].is_empty());
-        assert!(images[0] == images[1], "both forms of one picture are the same colours");
+        let [raw, compressed] = images.map(|images| images.into_values().collect::<Vec<_>>());
+        assert!(!raw.is_empty());
+        assert!(raw == compressed, "both forms of one picture are the same colours");
     };
     coco_image_twice: |case| {
         let labels = "--coco @/ann.json --coco-images @/images";
@@ -216,20 +213,16 @@ cases! {
     };
 }
 
-/// Returns the files with an extension below a folder, by path.
-fn files(folder: &std::path::Path, extension: &str) -> Vec<PathBuf> {
-    let mut files = Vec::new();
-    let mut folders = vec![folder.to_owned()];
-    while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(folder).expect("a folder") {
-            let path = entry.expect("an entry").path();
-            if path.is_dir() {
-                folders.push(path);
-            } else if path.extension().is_some_and(|found| found == extension) {
-                files.push(path);
-            }
+/// Returns the PNG files below a folder, by path.
+fn pictures(folder: &std::path::Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    for entry in std::fs::read_dir(folder).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        if path.is_dir() {
+            found.extend(pictures(&path));
+        } else if path.extension().is_some_and(|extension| extension == "png") {
+            found.insert(path.clone(), std::fs::read(path).expect("a picture"));
         }
     }
-    files.sort();
-    files
+    found
 }

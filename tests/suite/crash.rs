@@ -11,17 +11,19 @@ use modulo_middleware::transport::Transport;
 use modulo_runtime::sensor_info::SensorHistory;
 use modulo_runtime::{Message, MessageKind};
 
-use crate::harness::{Background, Bench, Peer, arg, command_line, model, signal, text, wait_until};
+use crate::harness::{
+    Background, Bench, Peer, assert_has, borrowed, command_line, model, signal, text, wait_until,
+};
 use modulo_core::Frame;
 
 /// The names of the nodes' executables.
 const NODES: [&str; 3] = ["detector", "unwrap", "modulo_camera"];
 
 /// All three nodes, without end.
-fn suite(bench: &Bench, more: &[&str]) -> Background {
-    let (source, model) = (arg("source", bench.images(4)), arg("model", model()));
-    let fixed = ["engine:=rten", "rate:=10", "loop:=true"];
-    bench.start(&[&["launch", "launch/recovered.launch.yaml", &source, &model][..], &fixed, more].concat())
+fn suite(bench: &Bench, more: &str) -> Background {
+    bench.images(4);
+    let fixed = "source:=@/images model:=% engine:=rten rate:=10 loop:=true";
+    bench.starts(&format!("launch launch/recovered.launch.yaml {fixed} {more}"))
 }
 
 /// Whether a crash took a frame is a matter of timing; `accounts.rs` looks at the accounts.
@@ -33,15 +35,12 @@ fn end_after_crash(running: Background) {
 #[test]
 fn a_crashed_node_is_back_with_its_last_accepted_parameters() {
     let bench = Bench::new();
-    let running = suite(&bench, &[]);
+    let running = suite(&bench, "");
     let peer = Peer::new(&bench);
     wait_until("the camera", || peer.transport.is_ready("/modulo_camera"));
-    for (name, value) in [("input", "modulo"), ("score_threshold", "0.125")] {
-        let set = bench.run(&["param", "set", "/detector", name, value]);
-        assert_eq!(set.status.code(), Some(0), "{}", text(&set));
-    }
-    let refused = bench.run(&["param", "set", "/detector", "score_threshold", "7"]);
-    assert_eq!(refused.status.code(), Some(1), "{}", text(&refused));
+    bench.says(0, "param set /detector input modulo");
+    bench.says(0, "param set /detector score_threshold 0.125");
+    bench.says(1, "param set /detector score_threshold 7");
 
     let [victim, unwrap, camera] =
         ["detector", "unwrap", "modulo_camera"].map(|kind| running.node(kind).expect("it runs"));
@@ -58,21 +57,18 @@ fn a_crashed_node_is_back_with_its_last_accepted_parameters() {
     // Shown and not held to a limit, since it depends on the load of the machine.
     println!("back after {:?}", crashed.elapsed());
 
-    for (name, value) in [("input", "modulo"), ("score_threshold", "0.125")] {
-        let got = bench.run(&["param", "get", "/detector", name]);
-        assert!(text(&got).contains(value), "{name}: {}", text(&got));
-    }
+    assert_has(&bench.says(0, "param get /detector input"), &["modulo"]);
+    assert_has(&bench.says(0, "param get /detector score_threshold"), &["0.125"]);
     let now = ["unwrap", "modulo_camera"].map(|kind| running.node(kind).expect("it runs"));
     assert_eq!(now, [unwrap, camera], "the neighbours have not noticed");
     end_after_crash(running);
 
     // Another launch is another life.
-    let running = suite(&bench, &[]);
+    let running = suite(&bench, "");
     // The saved state belongs to the launch that has ended, so the parameter has its value from the file
     // again.
     wait_until("the next launch", || {
-        let got = bench.run(&["param", "get", "/detector", "input"]);
-        text(&got).contains("recovered")
+        text(&bench.run(&["param", "get", "/detector", "input"])).contains("recovered")
     });
     assert_eq!(running.interrupt(), Some(0));
 }
@@ -81,7 +77,7 @@ fn a_crashed_node_is_back_with_its_last_accepted_parameters() {
 #[test]
 fn a_node_whose_accepted_parameters_are_not_possible_any_more_takes_those_of_its_launch() {
     let bench = Bench::new();
-    let running = suite(&bench, &["--max-restarts", "1"]);
+    let running = suite(&bench, "--max-restarts 1");
     let peer = Peer::new(&bench);
     let detections = peer.hear("/detector/detections", MessageKind::Detections);
     detections.until("boxes", |_| true);
@@ -95,8 +91,7 @@ fn a_node_whose_accepted_parameters_are_not_possible_any_more_takes_those_of_its
     wait_until("another camera", || running.node("modulo_camera").is_some_and(|pid| pid != victim));
     while detections.next(Duration::ZERO).is_some() {}
     detections.until("boxes after the crash", |_| true);
-    let source = bench.run(&["param", "get", "/modulo_camera", "source"]);
-    assert!(text(&source).contains("images"), "{}", text(&source));
+    assert_has(&bench.says(0, "param get /modulo_camera source"), &["images"]);
     end_after_crash(running);
 }
 
@@ -106,7 +101,7 @@ fn a_node_whose_accepted_parameters_are_not_possible_any_more_takes_those_of_its
 fn a_node_that_hangs_is_replaced() {
     let rounds = std::env::var("MODULO_CRASH_ROUNDS").map_or(1, |text| text.parse().expect("a number"));
     let bench = Bench::new();
-    let running = suite(&bench, &["--hang-timeout", "4"]);
+    let running = suite(&bench, "--hang-timeout 4");
     let peer = Peer::new(&bench);
     for kind in std::iter::repeat_n(NODES, rounds).flatten() {
         let (_heard, detections) = peer.listen("/detector/detections", MessageKind::Detections);
@@ -134,12 +129,12 @@ fn a_node_that_hangs_is_replaced() {
 fn a_node_that_crashes_at_each_start_ends_the_run() {
     for (kind, file, reason) in [("modulo_camera", "images", "source"), ("detector", "rows.onnx", "model")] {
         let bench = Bench::new();
-        let (source, rows) = (arg("source", bench.images(4)), bench.path("rows.onnx"));
-        std::fs::copy(model(), &rows).expect("copied");
-        let (rows, fixed) = (arg("model", &rows), ["engine:=rten", "rate:=10", "loop:=true"]);
-        let launch = ["launch", "launch/recovered.launch.yaml", "--max-restarts", "2", &source, &rows];
-        let arguments = [&launch[..], &fixed].concat();
-        let child = bench.modulo(&arguments).stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
+        bench.images(4);
+        std::fs::copy(model(), bench.path("rows.onnx")).expect("copied");
+        let fixed = "source:=@/images model:=@/rows.onnx engine:=rten rate:=10 loop:=true";
+        let words = bench.words(&format!("launch launch/recovered.launch.yaml --max-restarts 2 {fixed}"));
+        let words = borrowed(&words);
+        let child = bench.modulo(&words).stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
         let running = Background(child.expect("the binary starts"));
         let peer = Peer::new(&bench);
         wait_until("the camera", || peer.transport.is_ready("/modulo_camera"));
@@ -156,7 +151,7 @@ fn a_node_that_crashes_at_each_start_ends_the_run() {
 #[test]
 fn nodes_end_with_a_launcher_that_was_killed() {
     let bench = Bench::new();
-    let mut running = suite(&bench, &[]);
+    let mut running = suite(&bench, "");
     let mut nodes = Vec::new();
     wait_until("the nodes", || {
         nodes = NODES.iter().filter_map(|kind| running.node(kind)).collect();
@@ -170,9 +165,7 @@ fn nodes_end_with_a_launcher_that_was_killed() {
     wait_until("the end of the nodes", || !nodes.iter().any(|&pid| !command_line(pid).is_empty()));
     // What it has left in memory is removed by the next launcher.
     assert!(reports.is_dir(), "{}", reports.display());
-    let output =
-        bench.run(&["launch", "launch/raw.launch.yaml", "source:=scene://day?frames=1&width=64&height=32"]);
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    bench.says(0, "launch launch/raw.launch.yaml source:=scene://day?frames=1&width=64&height=32");
     assert!(!reports.exists(), "{}", reports.display());
 }
 

@@ -13,7 +13,7 @@ use modulo_msgs::std_srvs::{SetBoolRequest, SetBoolResponse};
 use modulo_runtime::{Message, MessageKind, Qos, StampedFrame};
 use serde_json::Value;
 
-use crate::harness::{Background, Bench, Heard, Peer, arg, json, model, signal, text, wait_until};
+use crate::harness::{Background, Bench, Heard, Peer, assert_has, signal, text, wait_until};
 
 /// Waits for a log line that contains `text`.
 fn line(log: &Heard, text: &str) -> String {
@@ -72,14 +72,12 @@ fn a_replay_without_sensor_descriptions_is_not_held_up() {
     let _node = bench.start(&["run", "unwrap"]);
     wait_until("the node", || peer.transport.is_ready("/unwrap"));
     let begin = std::time::Instant::now();
-    let played = bench.run(&["bag", "play", "bags/samples/tunnel", "--rate", "0", "--topics", "/modulo"]);
-    assert_eq!(played.status.code(), Some(0), "{}", text(&played));
+    bench.says(0, "bag play bags/samples/tunnel --rate 0 --topics /modulo");
     // Twelve frames: without an answer, the player would wait for a minute.
     assert!(begin.elapsed() < Duration::from_secs(40), "{:?}", begin.elapsed());
     line(&log, "no sensor description has come on the topic sensor_info");
 }
 
-/// A publisher whose images cannot be read is not silent.
 #[test]
 fn images_that_cannot_be_read_are_not_called_silence() {
     let bench = Bench::new();
@@ -100,6 +98,13 @@ fn images_that_cannot_be_read_are_not_called_silence() {
     });
 }
 
+/// A suite at 20 Hz without end.
+fn suite(bench: &Bench, more: &str) -> Background {
+    bench.images(4);
+    let fixed = "source:=@/images model:=% engine:=rten rate:=20 loop:=true";
+    bench.starts(&format!("launch launch/recovered.launch.yaml {fixed} {more}"))
+}
+
 /// Calls `~/enable` of a node.
 fn enable(peer: &Peer, node: &str, data: bool) {
     let request = cdr::to_vec(&SetBoolRequest { data }).expect("short");
@@ -113,15 +118,8 @@ fn enable(peer: &Peer, node: &str, data: bool) {
 #[test]
 fn a_closed_pipe_ends_a_command_that_prints_without_end() {
     let bench = Bench::new();
-    let _camera = bench.start(&[
-        "run",
-        "modulo_camera",
-        "--ros-args",
-        "-p",
-        "source:=scene://day?width=64&height=32",
-        "-p",
-        "rate:=20.0",
-    ]);
+    let camera = "run modulo_camera --ros-args -p source:=scene://day?width=64&height=32 -p rate:=20.0";
+    let _camera = bench.starts(camera);
     for command in [["topic", "echo", "/camera_info"], ["topic", "hz", "/modulo"]] {
         let child = bench.modulo(&command).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
         let mut printing = Background(child.expect("it starts"));
@@ -138,11 +136,7 @@ fn a_closed_pipe_ends_a_command_that_prints_without_end() {
 #[test]
 fn a_disabled_node_rests_and_goes_on() {
     let bench = Bench::new();
-    let (source, model) = (arg("source", bench.images(4)), arg("model", model()));
-    let summary = bench.path("summary.json");
-    let fixed = ["launch", "launch/recovered.launch.yaml", "engine:=rten", "rate:=20", "loop:=true"];
-    let out = summary.display().to_string();
-    let running = bench.start(&[&fixed[..], &["--summary", &out, &source, &model]].concat());
+    let running = suite(&bench, "--summary @/summary.json");
     let peer = Peer::new(&bench);
     wait_until("the camera", || peer.transport.is_ready("/modulo_camera"));
     for (node, input, output, kind) in [
@@ -179,7 +173,7 @@ fn a_disabled_node_rests_and_goes_on() {
         peer.hear(output, kind).until("messages again", |_| true);
     }
     assert_eq!(running.interrupt(), Some(0));
-    let topics = json(&summary)["topics"].clone();
+    let topics = bench.json("summary.json")["topics"].clone();
     let lost = topics.as_object().expect("topics").values().map(|topic| topic["lost"].as_u64());
     assert_eq!(lost.sum::<Option<u64>>(), Some(0), "{topics}");
 }
@@ -190,9 +184,7 @@ fn diagnostics_tell_the_rate_the_age_and_what_runs() {
     let bench = Bench::new();
     let peer = Peer::new(&bench);
     let diagnostics = peer.hear("/diagnostics", MessageKind::Diagnostics);
-    let (source, model) = (arg("source", bench.images(4)), arg("model", model()));
-    let fixed = ["launch", "launch/recovered.launch.yaml", "engine:=rten", "rate:=20", "loop:=true"];
-    let running = bench.start(&[&fixed[..], &[&source, &model]].concat());
+    let running = suite(&bench, "");
     for (node, keys) in [
         ("modulo_camera", &["sense_ms"][..]),
         ("unwrap", &["unwrap_ms", "method", "trusted_share"]),
@@ -213,10 +205,7 @@ fn diagnostics_tell_the_rate_the_age_and_what_runs() {
 #[test]
 fn an_auto_input_follows_the_trust_of_the_unwrapper() {
     let bench = Bench::new();
-    let (source, model) = (arg("source", bench.images(4)), arg("model", model()));
-    let fixed =
-        ["launch", "launch/recovered.launch.yaml", "engine:=rten", "alpha:=1.0", "rate:=20", "loop:=true"];
-    let running = bench.start(&[&fixed[..], &[&source, &model]].concat());
+    let running = suite(&bench, "alpha:=1.0");
     let peer = Peer::new(&bench);
     wait_until("the camera", || peer.transport.is_ready("/modulo_camera"));
     let state = peer.hear_as("/detector/state", MessageKind::Diagnostics, Qos::Latched);
@@ -240,14 +229,11 @@ fn an_auto_input_follows_the_trust_of_the_unwrapper() {
 #[test]
 fn a_trace_follows_each_frame_through_all_nodes() {
     let bench = Bench::new();
-    let (source, model, trace) =
-        (arg("source", bench.images(4)), arg("model", model()), bench.path("trace.json"));
-    let file = trace.display().to_string();
-    let fixed = ["launch", "launch/recovered.launch.yaml", "engine:=rten", "--trace", &file];
-    let output = bench.run(&[&fixed[..], &[&source, &model]].concat());
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
-    assert!(text(&output).contains("spans of 3 nodes, 0 spans were lost"), "{}", text(&output));
-    let trace = json(&trace);
+    bench.images(4);
+    let fixed = "source:=@/images model:=% engine:=rten --trace @/trace.json";
+    let message = bench.says(0, &format!("launch launch/recovered.launch.yaml {fixed}"));
+    assert_has(&message, &["spans of 3 nodes, 0 spans were lost"]);
+    let trace = bench.json("trace.json");
     let events = trace["traceEvents"].as_array().expect("events");
     let named = |event: &Value, name: &str| event["name"] == name;
     let pids = events.iter().filter(|event| named(event, "process_name"));
@@ -276,14 +262,10 @@ fn a_trace_follows_each_frame_through_all_nodes() {
     }
 }
 
-/// Returns a suite of rate 0 that goes on until it is interrupted, with the file of its summary.
-fn endless_suite(bench: &Bench, name: &str) -> (Background, std::path::PathBuf) {
-    let (summary, model) = (bench.path(name), arg("model", model()));
-    let source = "source:=scene://day?frames=8&width=96&height=64";
-    let fixed =
-        ["launch", "launch/recovered.launch.yaml", source, "loop:=true", "engine:=rten", &model, "--summary"];
-    let arguments = [&fixed[..], &[summary.to_str().expect("UTF-8")]].concat();
-    (bench.start(&arguments), summary)
+/// Returns a suite of rate 0 that goes on until it is interrupted.
+fn endless_suite(bench: &Bench, summary: &str) -> Background {
+    let fixed = "source:=scene://day?frames=8&width=96&height=64 loop:=true engine:=rten model:=%";
+    bench.starts(&format!("launch launch/recovered.launch.yaml {fixed} --summary @/{summary}"))
 }
 
 /// Two suites in one domain mixed their cameras without a word, and the second camera stood still for a minute.
@@ -297,7 +279,7 @@ fn two_suites_in_one_domain_say_so() {
         _ => false,
     };
     let list = || bench.run(&["node", "list"]);
-    let (first, _) = endless_suite(&bench, "first.json");
+    let first = endless_suite(&bench, "first.json");
     let detections = peer.hear("/detector/detections", MessageKind::Detections);
     detections.until("boxes", |_| true);
     // A recorder, a second look from outside, and a node that is started again are no second suite.
@@ -314,7 +296,7 @@ fn two_suites_in_one_domain_say_so() {
     assert_eq!(recording.interrupt(), Some(0));
 
     let (_heard, frames) = peer.listen("/modulo", MessageKind::Image);
-    let (second, summary) = endless_suite(&bench, "second.json");
+    let second = endless_suite(&bench, "second.json");
     let mut sent = BTreeMap::new();
     wait_until("both cameras go on", || {
         for frame in frames.try_iter() {
@@ -340,13 +322,10 @@ fn two_suites_in_one_domain_say_so() {
     let listed = text(&list());
     assert_eq!(listed.matches("/unwrap\n").count(), 2, "{listed}");
     assert!(listed.contains("nodes in the graph that share an exact name"), "{listed}");
-    let got = text(&bench.run(&["param", "get", "/unwrap", "method"]));
-    assert!(got.contains("2 nodes are called /unwrap") && got.contains("auto"), "{got}");
+    assert_has(&bench.says(0, "param get /unwrap method"), &["2 nodes are called /unwrap", "auto"]);
 
     assert_eq!((second.interrupt(), first.interrupt()), (Some(3), Some(3)));
-    let foreign = &json(&summary)["foreign"];
-    assert!(
-        foreign.as_array().is_some_and(|all| all.iter().any(|one| one["topic"] == "/modulo")),
-        "{foreign}"
-    );
+    let foreign = &bench.json("second.json")["foreign"];
+    let is_told = foreign.as_array().is_some_and(|all| all.iter().any(|one| one["topic"] == "/modulo"));
+    assert!(is_told, "{foreign}");
 }

@@ -77,15 +77,8 @@ fn help_says_what_the_nodes_declare() {
 fn unwrap(bench: &Bench, arguments: &[&str]) -> Background {
     let node = bench.start(&[&["run", "unwrap", "--ros-args"], arguments].concat());
     let named = arguments.iter().find_map(|argument| argument.strip_prefix("__node:=")).expect("a name");
-    let listed = bench.run(&["param", "list", &format!("/front/{named}")]);
-    assert_eq!(listed.status.code(), Some(0), "{}", text(&listed));
+    bench.ends(0, &["param", "list", &format!("/front/{named}")]);
     node
-}
-
-fn out(bench: &Bench, arguments: &[&str]) -> String {
-    let output = bench.run(arguments);
-    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output));
-    String::from_utf8(output.stdout).expect("UTF-8")
 }
 
 #[test]
@@ -95,9 +88,9 @@ fn a_running_node_tells_and_takes_parameters_as_ros2_param_shows_them() {
     let named = ["-r", "__node:=u", "-r", "__ns:=/front", "-p", "alpha:=2", "-p", "v:alpha:=3"];
     let node = unwrap(&bench, &named);
 
-    let listed = out(&bench, &["param", "list"]);
+    let listed = bench.says(0, "param list");
     assert!(listed.starts_with("/front/u:\n  alpha\n"), "{listed}");
-    let typed = out(&bench, &["param", "list", "/front/u", "--param-type"]);
+    let typed = bench.says(0, "param list /front/u --param-type");
     assert!(
         typed.contains("  bits (type: integer)\n") && typed.contains("  wait_for (type: string array)\n")
     );
@@ -107,18 +100,18 @@ fn a_running_node_tells_and_takes_parameters_as_ros2_param_shows_them() {
         ("method", "String value is: auto\n"),
         ("wait_for", "String values are: []\n"),
     ] {
-        assert_eq!(out(&bench, &["param", "get", "/front/u", name]), expected);
+        assert_eq!(bench.says(0, &format!("param get /front/u {name}")), expected);
     }
-    assert_eq!(out(&bench, &["param", "get", "--hide-type", "/front/u", "alpha"]), "2.0\n");
-    let described = out(&bench, &["param", "describe", "/front/u", "alpha", "wait_timeout"]);
+    assert_eq!(bench.says(0, "param get --hide-type /front/u alpha"), "2.0\n");
+    let described = bench.says(0, "param describe /front/u alpha wait_timeout");
     let expected = "Parameter name: alpha\n  Type: double\n  Description: ";
     assert!(described.starts_with(expected), "{described}");
     for line in ["(default 0.0)", "    Min value: ", "    Max value: 256.0", "    Read only: true"] {
         assert!(described.contains(line), "{described}");
     }
 
-    assert_eq!(out(&bench, &["param", "set", "/front/u", "alpha", "3"]), "Set parameter successful\n");
-    assert_eq!(out(&bench, &["param", "get", "/front/u", "alpha"]), "Double value is: 3.0\n");
+    assert_eq!(bench.says(0, "param set /front/u alpha 3"), "Set parameter successful\n");
+    assert_eq!(bench.says(0, "param get /front/u alpha"), "Double value is: 3.0\n");
     for (name, value, why) in [
         ("alpha", "257", "Setting parameter failed: parameter 'alpha' = 257"),
         ("alpha", "-4.0", "parameter 'alpha' = -4: must be a finite number in 0 to 256"),
@@ -134,48 +127,25 @@ fn a_running_node_tells_and_takes_parameters_as_ros2_param_shows_them() {
     assert_eq!(bench.run(&["param", "get", "/front/u", "alhpa"]).status.code(), Some(1));
     assert_eq!(node.interrupt(), Some(0));
     let node = bench.start(&[&["run", "unwrap", "--ros-args"], place.as_slice()].concat());
-    assert!(out(&bench, &["param", "list", "/front/u"]).contains("alpha"));
+    assert!(bench.says(0, "param list /front/u").contains("alpha"));
     assert_eq!(node.interrupt(), Some(0));
 }
 
-/// What `dump` prints starts the same node again.
 #[test]
 fn a_dump_is_a_parameter_file() {
     let bench = Bench::new();
     let place = ["-r", "__node:=u", "-r", "__ns:=/front"];
     let set = ["-p", "alpha:=2.5", "-p", "method:=lines", "-p", "wait_timeout:=7", "-p", "tau:=.25"];
     let first = unwrap(&bench, &[place.as_slice(), &set].concat());
-    let dumped = out(&bench, &["param", "dump", "/front/u"]);
+    let dumped = bench.says(0, "param dump /front/u");
     assert_eq!(first.interrupt(), Some(0));
     assert!(dumped.starts_with("/front/u:\n  ros__parameters:\n    alpha: 2.5\n"), "{dumped}");
     let file = bench.path("dump.yaml");
     std::fs::write(&file, &dumped).expect("writable");
     let file = file.to_str().expect("UTF-8");
     let second = unwrap(&bench, &[place.as_slice(), &["--params-file", file]].concat());
-    assert_eq!(out(&bench, &["param", "dump", "/front/u"]), dumped);
+    assert_eq!(bench.says(0, "param dump /front/u"), dumped);
     assert_eq!(second.interrupt(), Some(0));
-}
-
-/// A negative number is a value, not an option: its refusal names the range.
-#[test]
-fn negative_values_reach_what_refuses_them() {
-    let bench = Bench::new();
-    let (out, launch) =
-        (bench.path("out"), concat!(env!("CARGO_MANIFEST_DIR"), "/launch/recovered.launch.yaml"));
-    let grid = ["eval", "--source", "scene://day?frames=1", "--out", out.to_str().expect("UTF-8")];
-    for (arguments, why) in [
-        (
-            [&grid[..], &["--read-noise", "-1"]].concat(),
-            "'read_noise' = -1: must be a finite number in 0 to 65536",
-        ),
-        ([&grid[..], &["--alpha", "-4,2"]].concat(), "'alpha' = -4: must be a finite number in 0.001 to 256"),
-        ([&grid[..], &["--threads", "-1"]].concat(), "invalid value '-1' for '--threads"),
-        (vec!["launch", launch, "--check", "alpha:=-1"], "'alpha' = -1: must be a finite number"),
-    ] {
-        let output = bench.run(&arguments);
-        assert_ne!(output.status.code(), Some(0), "{arguments:?}");
-        assert!(text(&output).contains(why), "{arguments:?}: {}", text(&output));
-    }
 }
 
 #[test]
@@ -196,14 +166,11 @@ fn wrong_ros_arguments_end_with_exit_code_2_and_one_line() {
         (&["-r", "__node:=1st"], "'1st' is not a ROS name"),
         (&["--", "alpha"], "'alpha' is unknown"),
     ] {
-        let output = bench.run(&[&["run", "unwrap", "--ros-args"], arguments].concat());
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", text(&output));
-        let message = text(&output);
+        let message = bench.ends(2, &[&["run", "unwrap", "--ros-args"], arguments].concat());
         assert!(message.contains(why) && message.lines().count() == 1, "{arguments:?}: {message}");
     }
 }
 
-/// A node ignores parameters that it does not have, as `rclcpp` does, and names them in one warning.
 #[test]
 fn parameters_of_other_nodes_are_ignored_with_one_warning() {
     let bench = Bench::new();
@@ -220,9 +187,7 @@ fn parameters_of_other_nodes_are_ignored_with_one_warning() {
     let given = given.iter().chain([&overrides]).flat_map(|setting| ["-p", setting]);
     let arguments: Vec<&str> =
         ["run", "modulo_camera", "--ros-args", "--params-file", file].into_iter().chain(given).collect();
-    let output = bench.run(&arguments);
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
-    let message = text(&output);
+    let message = bench.ends(0, &arguments);
     assert_eq!(message.matches("are ignored").count(), 1, "{message}");
     for name in [
         "'robot_base_frame'",

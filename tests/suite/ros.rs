@@ -13,7 +13,7 @@ use modulo_middleware::transport::{Publisher as _, Transport};
 use modulo_runtime::wire::keys::{Endpoint, EntityKind, Hashes, NO_HASH, SERVICE_QOS};
 use modulo_runtime::{Message, MessageKind, StampedFrame};
 
-use crate::harness::{Background, Bench, Peer, arg, json, model, signal, text, wait_until};
+use crate::harness::{Background, Bench, Peer, assert_has, signal, text, wait_until};
 use modulo_bags::bag::{BagReader, Selection};
 use modulo_core::Frame;
 use modulo_msgs::cdr;
@@ -28,11 +28,13 @@ use modulo_msgs::type_description_interfaces::{GetTypeDescriptionResponse, TypeS
 use modulo_msgs::vision_msgs::Detection2DArray;
 use ndarray::Array3;
 
+const DETECTOR: &str = "run detector --ros-args -p model:=% -p engine:=rten";
+
 /// A camera that sends small images for ever.
-fn camera(bench: &Bench, more: &[&str]) -> Background {
-    let source = arg("source", bench.images(3));
-    let own = ["run", "modulo_camera", "--ros-args", "-p", &source, "-p", "loop:=true", "-p", "rate:=20"];
-    bench.start(&[&own[..], more].concat())
+fn camera(bench: &Bench, more: &str) -> Background {
+    bench.images(3);
+    let fixed = "-p source:=@/images -p loop:=true -p rate:=20";
+    bench.starts(&format!("run modulo_camera --ros-args {fixed} {more}"))
 }
 
 fn log(message: Message) -> Log {
@@ -62,9 +64,8 @@ fn log_lines_are_on_rosout_and_outlast_their_moment() {
     assert_eq!(writers.map(|token| token.node_name()).collect::<Vec<_>>(), ["/car/unwrap"]);
 
     // The same by the shipped reader.
-    let echoed = bench.run(&["topic", "echo", "/rosout", "--once"]);
-    assert_eq!(echoed.status.code(), Some(0), "{}", text(&echoed));
-    assert!(text(&echoed).contains("car.unwrap"), "{}", text(&echoed));
+    let echoed = bench.says(0, "topic echo /rosout --once");
+    assert!(echoed.contains("car.unwrap"), "{echoed}");
 }
 
 #[test]
@@ -73,7 +74,7 @@ fn stamps_follow_the_clock_topic_while_use_sim_time_is_on() {
     let peer = Peer::new(&bench);
     let images = peer.hear("/modulo", MessageKind::Image);
     let clock = peer.advertise("/clock", MessageKind::Clock);
-    let _camera = camera(&bench, &["-p", "use_sim_time:=true"]);
+    let _camera = camera(&bench, "-p use_sim_time:=true");
 
     let first = images.until("an image", |_| true);
     assert_eq!(first.stamp(), Time::default(), "0 before the first time on /clock");
@@ -83,13 +84,11 @@ fn stamps_follow_the_clock_topic_while_use_sim_time_is_on() {
     clock.put(&Message::Clock(rosgraph_msgs::Clock { clock: expected }.into())).expect("sent");
     images.until("an image of the simulated time", |image| image.stamp() == expected);
 
-    let off = bench.run(&["param", "set", "/modulo_camera", "use_sim_time", "false"]);
-    assert_eq!(off.status.code(), Some(0), "{}", text(&off));
+    bench.says(0, "param set /modulo_camera use_sim_time false");
     images.until("an image of the machine's time", |image| image.stamp().sec > 1_000_000_000);
     assert!(!clock.wanted(), "nobody reads /clock any more");
 
-    let on = bench.run(&["param", "set", "/modulo_camera", "use_sim_time", "true"]);
-    assert_eq!(on.status.code(), Some(0), "{}", text(&on));
+    bench.says(0, "param set /modulo_camera use_sim_time true");
     images.until("an image of the simulated time again", |image| image.stamp() == expected);
 }
 
@@ -100,7 +99,7 @@ fn verdicts_need_no_reader_of_the_images() {
     let peer = Peer::new(&bench);
     let verdicts = peer.hear("/diagnostics", MessageKind::Diagnostics);
     let _unwrap = bench.start(&["run", "unwrap"]);
-    let _camera = camera(&bench, &[]);
+    let _camera = camera(&bench, "");
     for name in ["unwrap: recovery", "unwrap"] {
         let named = |m: &Message| matches!(m, Message::Diagnostics(all) if all.status[0].name == name);
         verdicts.until(name, named);
@@ -110,7 +109,6 @@ fn verdicts_need_no_reader_of_the_images() {
     assert_eq!(writers.filter(|name| name == "/unwrap").count(), 1);
 }
 
-/// Warnings of messages that cannot be read are few, and together they count each of them.
 #[test]
 fn unreadable_messages_are_warned_of_by_count() {
     let bench = Bench::new();
@@ -147,7 +145,6 @@ fn unreadable_messages_are_warned_of_by_count() {
     assert!(expected.len() < 40, "{expected:?}");
 }
 
-/// The level of the log changes while the node runs, by the services that nodes of ROS 2 have for it.
 #[test]
 fn the_level_of_the_log_is_read_and_set_by_services() {
     let bench = Bench::new();
@@ -174,7 +171,7 @@ fn the_level_of_the_log_is_read_and_set_by_services() {
     };
     // A refusal is a warning.
     let refused = |alpha: &str| {
-        assert_eq!(bench.run(&["param", "set", "/unwrap", "alpha", alpha]).status.code(), Some(1));
+        bench.says(1, &format!("param set /unwrap alpha {alpha}"));
     };
     assert_eq!(level(), u32::from(Log::INFO));
     assert!(set(Log::ERROR.into()) && level() == u32::from(Log::ERROR));
@@ -206,13 +203,10 @@ fn images_travel_as_files_where_they_are_asked_for() {
     let _unwrap = bench.start(&["run", "unwrap", "--ros-args", "-p", "image_transport:=compressed"]);
     wait_until("the node", || peer.transport.is_ready("/unwrap"));
     let graph = peer.transport.graph();
-    assert_eq!(
-        graph.endpoints(EntityKind::Subscription, "/modulo").count(),
-        0,
-        "only the compressed variant"
-    );
+    let readers = graph.endpoints(EntityKind::Subscription, "/modulo").count();
+    assert_eq!(readers, 0, "only the compressed variant");
     let infos = peer.hear("/camera_info", MessageKind::CameraInfo);
-    let _camera = camera(&bench, &[]);
+    let _camera = camera(&bench, "");
 
     let file = files.until("a file", |_| true);
     let CompressedImage { header, format, data } = compressed(&file);
@@ -222,8 +216,7 @@ fn images_travel_as_files_where_they_are_asked_for() {
     let Message::CameraInfo(info) = info else { panic!("a camera info, not {info:?}") };
     assert_eq!((info.width, info.height, info.header.frame_id.as_str()), (96, 64, "camera_optical"));
 
-    let set = bench.run(&["param", "set", "/unwrap", "compressed_format", "png"]);
-    assert_eq!(set.status.code(), Some(0), "{}", text(&set));
+    bench.says(0, "param set /unwrap compressed_format png");
     let file = files.until("a PNG file", |m| compressed(m).format == "rgb8; png compressed bgr8");
     let pixels = image::load_from_memory(&compressed(&file).data).expect("a file").to_rgb8();
     let truth = image::open(bench.path("images").join("000000.png")).expect("an image").to_rgb8();
@@ -247,11 +240,7 @@ fn codes_of_twelve_bits_in_sixteen_are_told_once() {
     let images = peer.advertise("/camera/image_raw", MessageKind::Image);
     let (logs, boxes) =
         (peer.hear("/rosout", MessageKind::Log), peer.hear("/detector/detections", MessageKind::Detections));
-    let model = arg("model", model());
-    let input = ["-p", "input:=/camera/image_raw"];
-    let _detector = bench.start(
-        &[&["run", "detector", "--ros-args", "-p", &model, "-p", "engine:=rten"][..], &input].concat(),
-    );
+    let _detector = bench.starts(&format!("{DETECTOR} -p input:=/camera/image_raw"));
     wait_until("the detector", || peer.transport.is_ready("/detector") && images.wanted());
     let pixels = Array3::from_elem((64, 96, 1), 4000u16);
     let frame = Frame::from_u16(pixels).expect("a frame");
@@ -345,13 +334,10 @@ fn the_calibration_of_a_camera_is_beside_each_stream() {
 #[test]
 fn class_ids_have_a_meaning_on_a_topic() {
     let bench = Bench::new();
-    let model = arg("model", model());
     let peer = Peer::new(&bench);
     let boxes = peer.hear("/detector/detections", MessageKind::Detections);
-    let detector =
-        ["run", "detector", "--ros-args", "-p", &model, "-p", "engine:=rten", "-p", "input:=ideal"];
-    let _detector = bench.start(&detector);
-    let _camera = camera(&bench, &[]);
+    let _detector = bench.starts(&format!("{DETECTOR} -p input:=ideal"));
+    let _camera = camera(&bench, "");
     boxes.until("an answer", |_| true);
     let late = Peer::new(&bench);
     let infos = late.hear("/detector/vision_info", MessageKind::VisionInfo);
@@ -359,25 +345,19 @@ fn class_ids_have_a_meaning_on_a_topic() {
     let version = |wanted: i32| {
         let of_version = |m: &Message| matches!(m, Message::VisionInfo(i) if i.database_version == wanted);
         let Message::VisionInfo(info) = infos.until("a vision info", of_version) else { unreachable!() };
-        assert_eq!(
-            (info.method.as_str(), info.database_location.as_str()),
-            ("rows.onnx", "/detector/label_info")
-        );
+        let meaning = (info.method.as_str(), info.database_location.as_str());
+        assert_eq!(meaning, ("rows.onnx", "/detector/label_info"));
     };
     version(1);
     let Message::LabelInfo(all) = labels.until("the labels", |_| true) else { unreachable!() };
-    assert!(
-        all.class_map.len() > 1 && all.class_map.iter().any(|class| class.class_name == "car"),
-        "{all:?}"
-    );
-    let set = bench.run(&["param", "set", "/detector", "classes", "[car]"]);
-    assert_eq!(set.status.code(), Some(0), "{}", text(&set));
+    let has_car = all.class_map.iter().any(|class| class.class_name == "car");
+    assert!(all.class_map.len() > 1 && has_car, "{all:?}");
+    bench.says(0, "param set /detector classes [car]");
     version(2);
     let one = |m: &Message| matches!(m, Message::LabelInfo(info) if info.class_map.len() == 1);
     labels.until("the one class that is published", one);
 }
 
-/// The quality of service of a publisher is a parameter, as in `rclcpp`.
 #[test]
 fn quality_of_service_is_overridden_by_parameters() {
     let bench = Bench::new();
@@ -395,18 +375,16 @@ fn quality_of_service_is_overridden_by_parameters() {
     assert_eq!((qos("/car/recovered"), qos("/car/hdr")), ("::,7:,:,:,,".into(), "2::,5:,:,:,,".into()));
     let got = bench.run(&["param", "get", "/car/unwrap", &own("reliability")]);
     assert_eq!(text(&got), "String value is: reliable\n");
-    let set = bench.run(&["param", "set", "/car/unwrap", &own("reliability"), "best_effort"]);
-    assert!(text(&set).contains("is read-only"), "{}", text(&set));
+    let set = bench.ends(1, &["param", "set", "/car/unwrap", &own("reliability"), "best_effort"]);
+    assert_has(&set, &["is read-only"]);
     for (setting, why) in
         [(own("history:=keep_all"), "must be one of keep_last"), (own("depth:=0"), "must be in 1 to")]
     {
-        let refused = bench.run(&[&place[..], &[&setting]].concat());
-        assert_eq!(refused.status.code(), Some(2), "{setting}: {}", text(&refused));
-        assert!(text(&refused).contains(why), "{}", text(&refused));
+        let refused = bench.ends(2, &[&place[..], &[&setting]].concat());
+        assert!(refused.contains(why), "{refused}");
     }
 }
 
-/// Names with a leading underscore are listed only where they are asked for, as by `ros2 node list` and `ros2 topic list`.
 #[test]
 fn hidden_names_are_listed_on_request() {
     let bench = Bench::new();
@@ -457,8 +435,7 @@ fn a_peer_that_does_not_fit_is_reported_once() {
     let warned = log(logs.until("a warning", |m| log(m.clone()).level == Log::WARN));
     assert!(warned.msg.contains("std_msgs/msg/String"), "{}", warned.msg);
 
-    let info = bench.run(&["topic", "info", "/modulo"]);
-    assert!(text(&info).contains(&other) && text(&info).contains("nothing arrives"), "{}", text(&info));
+    assert_has(&bench.says(0, "topic info /modulo"), &[&other, "nothing arrives"]);
 }
 
 /// `--hash none` speaks as ROS 2 Humble does, and says so to those that do not.
@@ -472,17 +449,13 @@ fn without_hashes_it_speaks_with_humble() {
     let hashes: Vec<_> = graph.tokens().filter_map(|t| t.endpoint.clone()).map(|e| e.type_hash).collect();
     assert!(hashes.len() > 8 && hashes.iter().all(|hash| hash == NO_HASH), "{hashes:?}");
 
-    let got = bench.run(&["--hash", "none", "param", "get", "/unwrap", "method"]);
-    assert!(got.status.success() && text(&got).contains("auto"), "{}", text(&got));
-    let by_variable =
-        bench.modulo(&["param", "get", "/unwrap", "method"]).env("MODULO_TYPE_HASH", "none").output();
-    assert_eq!(by_variable.expect("the binary starts").status.code(), Some(0));
-
-    let deaf = bench.run(&["param", "get", "/unwrap", "method"]);
-    assert_eq!(deaf.status.code(), Some(1));
-    assert!(text(&deaf).contains("--hash none"), "{}", text(&deaf));
-    let wrong = bench.modulo(&["param", "get", "/unwrap", "method"]).env("MODULO_TYPE_HASH", "md5").output();
-    assert_eq!(wrong.expect("the binary starts").status.code(), Some(2));
+    assert_has(&bench.says(0, "--hash none param get /unwrap method"), &["auto"]);
+    assert_has(&bench.says(1, "param get /unwrap method"), &["--hash none"]);
+    for (hash, code) in [("none", 0), ("md5", 2)] {
+        let mut get = bench.modulo(&["param", "get", "/unwrap", "method"]);
+        let output = get.env("MODULO_TYPE_HASH", hash).output().expect("the binary starts");
+        assert_eq!(output.status.code(), Some(code), "{hash}: {}", text(&output));
+    }
 }
 
 /// A type that the suite does not know is described by the node that publishes it.
@@ -536,7 +509,6 @@ fn messages_of_other_packages_are_shown_and_recorded_with_their_definition() {
     assert_eq!(String::from_utf8_lossy(&topic.schema), text.trim_end());
 }
 
-/// A late reader of a latched topic gets the last message, and no other.
 #[test]
 fn a_latched_message_waits_for_late_readers() {
     let bench = Bench::new();
@@ -588,13 +560,11 @@ fn images(bag: &Path, topic: &str) -> Vec<Image> {
 #[test]
 fn a_recorded_run_replayed_gives_the_same_boxes() {
     let bench = Bench::new();
-    let source = arg("source", bench.images(5));
-    let model = arg("model", model());
+    bench.images(5);
     let (live, again) = (bench.path("live"), bench.path("again"));
 
     let recording = bench.record(&live, &[]);
-    let output = bench.run(&["launch", "launch/recovered.launch.yaml", &source, &model, "engine:=rten"]);
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    bench.says(0, "launch launch/recovered.launch.yaml source:=@/images model:=% engine:=rten");
     assert_eq!(recording.interrupt(), Some(0));
     let first = detections(&live);
     assert_eq!(first.len(), 5);
@@ -615,61 +585,20 @@ fn a_recorded_run_replayed_gives_the_same_boxes() {
     }
 
     let recording = bench.record(&again, &[]);
-    let replayed = live.display().to_string();
-    let bag = arg("bag", &replayed);
-    let output =
-        bench.run(&["launch", "launch/replay.launch.yaml", &bag, &model, "engine:=rten", "play_rate:=0"]);
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    bench.says(0, "launch launch/replay.launch.yaml bag:=@/live model:=% engine:=rten play_rate:=0");
     assert_eq!(recording.interrupt(), Some(0));
     // The recorder may subscribe to the topic after the first results, but then it misses no result.
     let second = detections(&again);
     assert!(!second.is_empty() && first.ends_with(&second), "{second:?}\n{first:?}");
 }
 
-#[test]
-fn the_input_is_swapped_while_the_suite_runs() {
-    let bench = Bench::new();
-    let source = arg("source", bench.images(4));
-    let model = arg("model", model());
-    let (bag, summary) = (bench.path("bag"), bench.path("summary.json"));
-    let recording = bench.record(&bag, &[]);
-    let file = summary.display().to_string();
-    let fixed = ["launch", "launch/recovered.launch.yaml", "engine:=rten", "rate:=10", "loop:=true"];
-    let running = bench.start(&[&fixed[..], &[&source, &model, "--summary", &file]].concat());
-    wait_until("the detector", || {
-        let got = bench.run(&["param", "get", "/detector", "input"]);
-        text(&got).contains("recovered")
-    });
-    let swapped = bench.run(&["param", "set", "/detector", "input", "modulo"]);
-    let peer = Peer::new(&bench);
-    let answers = peer.hear("/detector/detections", MessageKind::Detections);
-    assert_eq!(swapped.status.code(), Some(0), "{}", text(&swapped));
-    let refused = bench.run(&["param", "set", "/detector", "input", "recoverd"]);
-    assert_eq!(refused.status.code(), Some(1));
-    assert!(
-        text(&refused).contains("recoverd") && text(&refused).contains("saturated"),
-        "{}",
-        text(&refused)
-    );
-    assert!(text(&bench.run(&["param", "get", "/detector", "input"])).contains("modulo"));
-    // Frames of the new stream are answered, and counted for it.
-    let counted = || json(&summary)["detections"]["modulo"]["car"].as_u64() > Some(3);
-    for _ in 0..8 {
-        answers.until("an answer after the swap", |_| true);
-    }
-    assert_eq!(running.interrupt(), Some(0));
-    assert_eq!(recording.interrupt(), Some(0));
-    assert!(detections(&bag).len() > 3 && counted(), "{}", json(&summary));
-}
-
 /// A camera may run on another machine, and is not ended together with its readers.
 #[test]
 fn a_node_ends_when_asked_although_its_camera_goes_on() {
     let bench = Bench::new();
-    let mut camera = camera(&bench, &[]);
+    let mut camera = camera(&bench, "");
     let unwrap = bench.start(&["run", "unwrap"]);
-    let model = arg("model", model());
-    let detector = bench.start(&["run", "detector", "--ros-args", "-p", &model, "-p", "engine:=rten"]);
+    let detector = bench.starts(DETECTOR);
     let peer = Peer::new(&bench);
     let boxes = peer.hear("/detector/detections", MessageKind::Detections);
     boxes.until("the boxes of an image", |_| true);

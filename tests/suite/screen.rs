@@ -2,14 +2,14 @@
 
 use std::process::{Command, Output};
 
-use crate::harness::{Bench, arg, data, model, text};
+use crate::harness::{Bench, assert_has, borrowed, data, text};
 
 /// Variables that change what is printed.
 const VARIABLES: [&str; 5] = ["NO_COLOR", "CLICOLOR", "CLICOLOR_FORCE", "CI", "TERM"];
 
 /// The binary with `arguments` and without `VARIABLES`.
-fn plain(bench: &Bench, arguments: &[&str]) -> Command {
-    let mut command = bench.modulo(arguments);
+fn plain(bench: &Bench, arguments: &[String]) -> Command {
+    let mut command = bench.modulo(&borrowed(arguments));
     for name in VARIABLES {
         command.env_remove(name);
     }
@@ -17,7 +17,7 @@ fn plain(bench: &Bench, arguments: &[&str]) -> Command {
 }
 
 /// Returns the output of the binary on a terminal of 80 columns; `None` where there is no program `script`.
-fn on_terminal(bench: &Bench, variables: &[(&str, &str)], arguments: &[&str]) -> Option<Output> {
+fn on_terminal(bench: &Bench, variables: &[(&str, &str)], arguments: &[String]) -> Option<Output> {
     let modulo = plain(bench, arguments);
     let words: Vec<_> = [modulo.get_program()]
         .into_iter()
@@ -50,8 +50,9 @@ fn progress(screen: &str) -> Vec<&str> {
     parts.filter(|part| part.starts_with("frames ") && part.contains(" infer ")).collect()
 }
 
-fn run_arguments<'a>(command: &'a [&'a str], source: &'a str, model: &'a str) -> Vec<&'a str> {
-    [command, &["launch/recovered.launch.yaml", source, model, "engine:=rten"]].concat()
+/// The arguments of a run with the small model on the pictures of the test.
+fn run_arguments(bench: &Bench, command: &str) -> Vec<String> {
+    bench.words(&format!("{command} launch/recovered.launch.yaml source:=@/images model:=% engine:=rten"))
 }
 
 /// The number of frames grows in place, and the summary is the end.
@@ -66,23 +67,22 @@ fn assert_redrawn(screen: &str, least: usize) {
 #[test]
 fn a_terminal_shows_a_line_that_is_redrawn() {
     let bench = Bench::new();
-    let (source, model) = (arg("source", bench.images(30)), arg("model", model()));
-    for command in [&["launch"][..], &["launch", "--compose"]] {
-        let arguments = [run_arguments(command, &source, &model), vec!["rate:=10"]].concat();
+    bench.images(30);
+    for command in ["launch", "launch --compose"] {
+        let arguments = [run_arguments(&bench, command), bench.words("rate:=10")].concat();
         let Some(output) = on_terminal(&bench, &[], &arguments) else { return };
         assert_eq!(output.status.code(), Some(0), "{}", text(&output));
         assert_redrawn(&text(&output), 5);
-        assert!(text(&output).contains(" Hz, infer "), "{}", text(&output));
+        assert_has(&text(&output), &[" Hz, infer "]);
     }
 }
 
 #[test]
 fn lockstep_shows_a_line_for_each_source() {
     let bench = Bench::new();
-    let (images, model) = (bench.images(5).display().to_string(), arg("model", model()));
-    let out = bench.path("out").display().to_string();
-    let command = ["eval", "-o", &out, "--source", &images, "--source", &images];
-    let arguments = [&command, &["launch/recovered.launch.yaml", &model, "engine:=rten"][..]].concat();
+    bench.images(5);
+    let file = "launch/recovered.launch.yaml model:=% engine:=rten";
+    let arguments = bench.words(&format!("eval -o @/out --source @/images --source @/images {file}"));
     let Some(output) = on_terminal(&bench, &[], &arguments) else { return };
     let screen = text(&output);
     assert_eq!(output.status.code(), Some(0), "{screen}");
@@ -94,21 +94,9 @@ fn lockstep_shows_a_line_for_each_source() {
 #[test]
 fn the_bar_of_a_grid_fits_the_terminal() {
     let bench = Bench::new();
-    let [model, out] = [model(), bench.path("out").display().to_string()];
     let scene = "scene://day?seed=3&frames=2&width=96&height=64";
-    let arguments = [
-        "eval",
-        "--source",
-        scene,
-        "--model",
-        &model,
-        "--read-noise",
-        "0.125",
-        "--engine",
-        "rten",
-        "-o",
-        &out,
-    ];
+    let options = "--model % --read-noise 0.125 --engine rten -o @/out";
+    let arguments = bench.words(&format!("eval --source {scene} {options}"));
     let Some(output) = on_terminal(&bench, &[], &arguments) else { return };
     let screen = text(&output);
     assert!(matches!(output.status.code(), Some(0 | 3)), "{screen}");
@@ -122,9 +110,9 @@ fn the_bar_of_a_grid_fits_the_terminal() {
 #[test]
 fn a_pipe_gets_a_line_at_the_start_and_the_summary() {
     let bench = Bench::new();
-    let (source, model) = (arg("source", bench.images(3)), arg("model", model()));
-    for command in [&["launch"][..], &["launch", "--compose"]] {
-        let output = plain(&bench, &run_arguments(command, &source, &model)).output().expect("it starts");
+    bench.images(3);
+    for command in ["launch", "launch --compose"] {
+        let output = plain(&bench, &run_arguments(&bench, command)).output().expect("it starts");
         let error = String::from_utf8_lossy(&output.stderr);
         let lines: Vec<&str> = error.lines().collect();
         let [start, pictures] = lines[..] else { panic!("two lines: {error}") };
@@ -136,36 +124,27 @@ fn a_pipe_gets_a_line_at_the_start_and_the_summary() {
     }
 }
 
-/// The last line of a run is a command that works: it makes pictures.
 #[test]
 fn the_command_for_pictures_makes_them() {
     let bench = Bench::new();
-    let (source, model) = (arg("source", bench.images(2)), arg("model", model()));
-    let message = text(&bench.run(&run_arguments(&["launch", "--compose"], &source, &model)));
+    bench.images(2);
+    let message = bench.ends(0, &borrowed(&run_arguments(&bench, "launch --compose")));
     let command = message.lines().find_map(|line| line.strip_prefix("pictures with boxes: modulo "));
+    let words = command.expect("a command").split(' ').map(|word| word.trim_matches('\''));
     let out = bench.path("pictures").display().to_string();
-    let words: Vec<&str> =
-        command.expect("a command").split(' ').map(|word| word.trim_matches('\'')).collect();
-    let words: Vec<&str> = words.into_iter().map(|word| if word == "out" { &out } else { word }).collect();
-    let output = bench.run(&words);
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
-    assert!(text(&output).contains("pictures/grid.png"), "{}", text(&output));
+    let words: Vec<&str> = words.map(|word| if word == "out" { &out } else { word }).collect();
+    assert_has(&bench.ends(0, &words), &["pictures/grid.png"]);
     assert!(bench.path("pictures/grid.png").is_file());
 }
 
 #[test]
 fn verbose_prints_a_line_for_each_frame() {
     let bench = Bench::new();
-    let (source, model) = (arg("source", bench.images(3)), arg("model", model()));
-    let out = bench.path("out").display().to_string();
-    for command in
-        [&["launch", "-v"][..], &["launch", "--verbose", "--compose"], &["eval", "--verbose", "-o", &out]]
-    {
-        let output = bench.run(&run_arguments(command, &source, &model));
-        let message = text(&output);
-        let boxes =
-            message.lines().filter(|line| line.contains("DEBUG") && line.contains(" boxes: ")).count();
-        assert_eq!((output.status.code(), boxes), (Some(0), 3), "{command:?}: {message}");
+    bench.images(3);
+    for command in ["launch -v", "launch --verbose --compose", "eval --verbose -o @/out"] {
+        let message = bench.ends(0, &borrowed(&run_arguments(&bench, command)));
+        let is_step = |line: &&str| line.contains("DEBUG") && line.contains(" boxes: ");
+        assert_eq!(message.lines().filter(is_step).count(), 3, "{command}: {message}");
     }
 }
 
@@ -173,11 +152,12 @@ fn verbose_prints_a_line_for_each_frame() {
 #[test]
 fn the_slower_engine_is_told_once() {
     let bench = Bench::new();
-    let (source, model) = (arg("source", bench.images(1)), arg("model", model()));
-    for (engine, hints) in [("engine:=auto", 1), ("engine:=rten", 0)] {
-        let arguments = ["launch", "--compose", "launch/compare.launch.yaml", &source, &model, engine];
-        let output = bench.modulo(&arguments).env("ORT_DYLIB_PATH", "").output().expect("it starts");
-        let message = text(&output);
+    bench.images(1);
+    for (engine, hints) in [("auto", 1), ("rten", 0)] {
+        let file = "launch --compose launch/compare.launch.yaml source:=@/images model:=%";
+        let arguments = bench.words(&format!("{file} engine:={engine}"));
+        let output = bench.modulo(&borrowed(&arguments)).env("ORT_DYLIB_PATH", "").output();
+        let message = text(&output.expect("it starts"));
         // Where ONNX Runtime is installed system-wide, `auto` finds it without the variable.
         let hints = if message.contains("engine rten") { hints } else { 0 };
         assert_eq!(message.matches("no ONNX Runtime library was found").count(), hints, "{message}");
@@ -192,13 +172,13 @@ fn no_library_writes_on_the_screen() {
     let accepted = std::net::TcpListener::bind(("127.0.0.1", 0)).expect("a free port");
     let port = accepted.local_addr().expect("a port").port();
     let keys = format!("listen/endpoints=[\"tcp/127.0.0.1:{port}\"];listen/exit_on_failure=false");
-    let node = ["run", "unwrap", "--ros-args", "-p", "wait_for:=[absent]", "-p", "wait_timeout:=0.2"];
+    let node = bench.words("run unwrap --ros-args -p wait_for:=[absent] -p wait_timeout:=0.2");
     for (level, shown) in [(None, false), (Some("warn"), true)] {
         let mut command = plain(&bench, &node);
         command.env("ZENOH_CONFIG_OVERRIDE", &keys).envs(level.map(|level| ("RUST_LOG", level)));
         let message = text(&command.output().expect("it starts"));
         assert_eq!(message.contains("Unable to open listener"), shown, "{message}");
-        assert!(message.contains("modulo: /unwrap: waited"), "{message}");
+        assert_has(&message, &["modulo: /unwrap: waited"]);
     }
 }
 
@@ -266,52 +246,48 @@ fn the_version_names_engines_target_and_commit() {
 #[test]
 fn only_commands_with_other_nodes_show_the_form_of_hashes() {
     let bench = Bench::new();
-    for (arguments, shown) in [
-        (&["launch"][..], true),
-        (&["bag", "record"], true),
-        (&["topic", "hz"], true),
-        (&["param"], true),
-        (&[], false),
-        (&["eval"], false),
-        (&["bag", "info"], false),
-        (&["simulate"], false),
+    for (command, shown) in [
+        ("launch", true),
+        ("bag record", true),
+        ("topic hz", true),
+        ("param", true),
+        ("", false),
+        ("eval", false),
+        ("bag info", false),
+        ("simulate", false),
     ] {
-        let help = text(&bench.run(&[arguments, &["--help"]].concat()));
-        assert_eq!(help.contains("--hash"), shown, "{arguments:?}: {help}");
+        let help = bench.says(0, &format!("{command} --help"));
+        assert_eq!(help.contains("--hash"), shown, "{command}: {help}");
     }
-    for arguments in [["--hash", "none", "doctor"], ["doctor", "--hash", "none"]] {
-        assert_eq!(bench.run(&arguments).status.code(), Some(0), "{arguments:?}");
-    }
+    bench.says(0, "--hash none doctor");
+    bench.says(0, "doctor --hash none");
 }
 
 #[test]
 fn doctor_tells_what_to_expect_of_a_sensor() {
     let bench = Bench::new();
-    let file = |name: &str| format!("{}/sensors/{name}.yaml", env!("CARGO_MANIFEST_DIR"));
-    let message = |name: &str| text(&bench.run(&["doctor", "--sensor", &file(name)]));
-    let (paper, mosaic) = (message("paper"), message("mosaic"));
-    assert!(paper.contains("sensor   fit up to alpha"), "{paper}");
-    let line = |message: &str| message.lines().find(|line| line.starts_with("sensor")).map(str::to_owned);
-    assert_ne!(line(&paper), line(&mosaic), "a mosaic needs a softer lens");
-    let refused = bench.run(&["doctor", "--sensor", &file("arguments")]);
-    assert_eq!(refused.status.code(), Some(2), "{}", text(&refused));
+    let line = |name: &str| {
+        let message = bench.says(0, &format!("doctor --sensor sensors/{name}.yaml"));
+        message.lines().find(|line| line.starts_with("sensor")).expect("a line").to_owned()
+    };
+    let (paper, mosaic) = (line("paper"), line("mosaic"));
+    assert_has(&paper, &["sensor   fit up to alpha"]);
+    assert_ne!(paper, mosaic, "a mosaic needs a softer lens");
+    bench.says(2, "doctor --sensor sensors/arguments.yaml");
 }
 
 /// The rules of cargo: `NO_COLOR`, then `CLICOLOR_FORCE`, then whether it is a terminal. For clap's help, and for the log.
 #[test]
 fn colours_follow_the_variables_and_the_terminal() {
     let bench = Bench::new();
-    let (source, model) = (arg("source", bench.images(1)), arg("model", model()));
-    let log = run_arguments(&["launch", "--compose", "--verbose"], &source, &model);
+    bench.images(1);
     // A colour or another attribute; moving the cursor is none.
     let coloured = |output: Output| {
-        let message = text(&output);
-        message
-            .split("\u{1b}[")
-            .skip(1)
-            .any(|part| part.trim_start_matches(|c: char| c.is_ascii_digit()).starts_with('m'))
+        let is_attribute =
+            |part: &str| part.trim_start_matches(|c: char| c.is_ascii_digit()).starts_with('m');
+        text(&output).split("\u{1b}[").skip(1).any(is_attribute)
     };
-    for arguments in [&["--help"][..], &log] {
+    for arguments in [bench.words("--help"), run_arguments(&bench, "launch --compose --verbose")] {
         for (variables, in_pipe, at_terminal) in [
             (&[][..], false, true),
             (&[("NO_COLOR", "1")], false, false),
@@ -320,9 +296,10 @@ fn colours_follow_the_variables_and_the_terminal() {
             (&[("CLICOLOR", "0")], false, false),
             (&[("TERM", "dumb")], false, false),
         ] {
-            let piped = plain(&bench, arguments).envs(variables.iter().copied()).output().expect("it starts");
+            let piped =
+                plain(&bench, &arguments).envs(variables.iter().copied()).output().expect("it starts");
             assert_eq!(coloured(piped), in_pipe, "{arguments:?} {variables:?} in a pipe");
-            let Some(shown) = on_terminal(&bench, variables, arguments) else { return };
+            let Some(shown) = on_terminal(&bench, variables, &arguments) else { return };
             assert_eq!(coloured(shown), at_terminal, "{arguments:?} {variables:?} on a terminal");
         }
     }

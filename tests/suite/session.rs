@@ -10,7 +10,7 @@ use modulo_middleware::transport::Transport;
 use modulo_middleware::transport::zenoh::meeting_port;
 use modulo_runtime::MessageKind;
 
-use crate::harness::{Background, Bench, Peer, arg, json, model, signal, text, wait_until};
+use crate::harness::{Background, Bench, Peer, borrowed, signal, text, wait_until};
 use zenoh::Wait;
 
 /// The meeting port is taken by somebody who does not speak zenoh: nodes then see each other through the router alone.
@@ -42,27 +42,21 @@ fn a_router_is_used_when_there_is_one() {
     wait_until("the node behind the router", || {
         text(&bench.run(&["node", "list"])).lines().any(|line| line == "/unwrap")
     });
-    let got = bench.run(&["param", "get", "/unwrap", "method"]);
-    assert_eq!(got.status.code(), Some(0), "{}", text(&got));
+    bench.says(0, "param get /unwrap method");
 }
 
 /// One key turns it on, and frames then really lie in shared memory.
 #[test]
 fn images_go_through_shared_memory() {
     let bench = Bench::new();
-    let (source, model) = (arg("source", bench.images(4)), arg("model", model()));
-    let summary = bench.path("summary.json");
-    let file = summary.display().to_string();
+    bench.images(4);
     let peer = Peer::new(&bench);
     let detections = peer.hear("/detector/detections", MessageKind::Detections);
-    let mut launch = bench.modulo(&["launch", "launch/recovered.launch.yaml", &source, &model]);
-    launch.args(["engine:=rten", "rate:=10", "loop:=true", "--summary", &file]);
-    let running = Background(
-        launch
-            .env("ZENOH_CONFIG_OVERRIDE", "transport/shared_memory/enabled=true")
-            .spawn()
-            .expect("it starts"),
-    );
+    let fixed = "source:=@/images model:=% engine:=rten rate:=10 loop:=true --summary @/summary.json";
+    let words = bench.words(&format!("launch launch/recovered.launch.yaml {fixed}"));
+    let mut launch = bench.modulo(&borrowed(&words));
+    launch.env("ZENOH_CONFIG_OVERRIDE", "transport/shared_memory/enabled=true");
+    let running = Background(launch.spawn().expect("it starts"));
     wait_until("a node with shared memory of zenoh", || {
         // A process that shares memory has a file of /dev/shm among its mappings.
         let maps = |node| std::fs::read_to_string(format!("/proc/{node}/maps")).unwrap_or_default();
@@ -72,7 +66,7 @@ fn images_go_through_shared_memory() {
         detections.until("an answer", |_| true);
     }
     assert_eq!(running.interrupt(), Some(0));
-    let summary = json(&summary);
+    let summary = bench.json("summary.json");
     assert!(summary["topics"]["/recovered"]["in"].as_u64() >= Some(5), "{summary}");
     assert_eq!(summary["topics"]["/modulo"]["bad"], 0, "{summary}");
 }
@@ -154,7 +148,6 @@ fn what_is_wrong_with_a_variable_is_said() {
     }
 }
 
-/// A file replaces the configuration; single keys go above it.
 #[test]
 fn a_configuration_file_is_used() {
     let bench = Bench::new();

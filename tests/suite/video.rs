@@ -1,7 +1,7 @@
 //! Videos in the shipped binary: launch, eval, simulate, import and the annotated video; what is no video; and passwords of cameras.
 
-use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::path::Path;
+use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use modulo_bags::IMAGE_TOPIC;
@@ -10,130 +10,100 @@ use modulo_bags::source::{self, SourceOptions};
 use modulo_runtime::MessageKind;
 use modulo_video::{Encoder, VideoFile};
 
-use crate::harness::{Bench, Peer, arg, data, json, model, text};
+use crate::harness::{Bench, Peer, arg, assert_has, borrowed, data, text};
 
-/// A video of 12 frames of a rendered scene at 10 Hz; `None`, and the test is skipped, without ffmpeg.
-fn video(bench: &Bench) -> Option<PathBuf> {
+/// Makes a video of 12 frames of a rendered scene at 10 Hz; without ffmpeg, the test is skipped.
+fn has_video(bench: &Bench) -> bool {
     if let Err(why) = modulo_video::version() {
         data::skip(&why);
-        return None;
+        return false;
     }
-    let path = bench.path("drive.mp4");
     let mut scene =
         source::open("scene://day?seed=3&frames=12&width=320&height=192", &SourceOptions::default())
             .expect("a scene");
-    let mut encoder = Encoder::create(&path, (320, 192), 10.0).expect("ffmpeg");
+    let mut encoder = Encoder::create(&bench.path("drive.mp4"), (320, 192), 10.0).expect("ffmpeg");
     while let Some(frame) = scene.next() {
         let codes = frame.expect("a frame").radiance.mapv(|value| (value * 255.0) as u8);
         encoder.add(&codes.into_raw_vec_and_offset().0).expect("written");
     }
     encoder.finish().expect("written");
-    Some(path)
+    true
 }
 
 #[test]
 fn a_video_is_a_source_of_every_command() {
     let bench = Bench::new();
-    let Some(video) = video(&bench) else { return };
-    let (source, model) = (arg("source", &video), arg("model", model()));
-    let (out, annotated) = (bench.path("out"), bench.path("boxes.mp4"));
-    let [out_text, annotated_text, video_text] =
-        [&out, &annotated, &video].map(|path| path.display().to_string());
-    let file = "launch/recovered.launch.yaml";
-    let run = bench.run(&["eval", file, &source, &model, "-o", &out_text, "--video", &annotated_text]);
-    assert!(run.status.success(), "{}", text(&run));
-    assert_eq!(json(&out.join("summary.json"))["frames"], 12);
+    if !has_video(&bench) {
+        return;
+    }
+    let file = "launch/recovered.launch.yaml source:=@/drive.mp4 model:=%";
+    bench.says(0, &format!("eval {file} -o @/out --video @/boxes.mp4"));
+    let lockstep = bench.json("out/summary.json");
+    assert_eq!(lockstep["frames"], 12);
 
-    let mut written = VideoFile::open(&annotated).expect("a video");
+    let mut written = VideoFile::open(&bench.path("boxes.mp4")).expect("a video");
     let frames: Vec<_> =
         std::iter::from_fn(|| written.next_frame()).collect::<Result<_, _>>().expect("frames");
-    assert_eq!(
-        (frames.len(), frames[11].time_ns),
-        (12, Some(1_100_000_000)),
-        "the rate is that of the source"
-    );
+    let last = frames[11].time_ns;
+    assert_eq!((frames.len(), last), (12, Some(1_100_000_000)), "the rate is that of the source");
     assert!(frames[0].pixels.frame.height() > 192, "with a title");
 
     // All frames at the pace of the readers, and the same boxes.
-    let summary = bench.path("summary.json");
-    let run = bench.run(&["launch", file, &source, &model, "--summary", &summary.display().to_string()]);
-    assert!(run.status.success(), "{}", text(&run));
-    let (live, lockstep) = (json(&summary), json(&out.join("summary.json")));
+    bench.says(0, &format!("launch {file} --summary @/summary.json"));
+    let live = bench.json("summary.json");
     assert_eq!((&live["frames"], &live["detections"]), (&lockstep["frames"], &lockstep["detections"]));
 
-    let bag = bench.path("bag");
-    let run = bench.run(&["bag", "import", "video", &video_text, &bag.display().to_string()]);
-    assert!(run.status.success() && text(&run).contains("12 frames, 0 missing"), "{}", text(&run));
-    let reader = BagReader::open(&bag).expect("a bag");
-    let times: Vec<_> = reader
-        .messages(&Selection::of([IMAGE_TOPIC]))
-        .map(|message| message.expect("readable").log_time)
-        .collect();
+    assert_has(&bench.says(0, "bag import video @/drive.mp4 @/bag"), &["12 frames, 0 missing"]);
+    let reader = BagReader::open(&bench.path("bag")).expect("a bag");
+    let messages = reader.messages(&Selection::of([IMAGE_TOPIC]));
+    let times: Vec<_> = messages.map(|message| message.expect("readable").log_time).collect();
     assert_eq!(times, (0..12).map(|n| n * 100_000_000).collect::<Vec<u64>>());
 
-    let simulated = bench.path("simulated");
-    let run = bench.run(&["simulate", &video_text, "-o", &simulated.display().to_string()]);
-    assert!(run.status.success(), "{}", text(&run));
-    assert!(simulated.join("drive_000011_alpha4_modulo.png").is_file());
+    bench.says(0, "simulate @/drive.mp4 -o @/simulated");
+    assert!(bench.path("simulated/drive_000011_alpha4_modulo.png").is_file());
 }
 
 #[test]
 fn what_is_no_video_ends_with_2_and_a_cut_one_with_3() {
     let bench = Bench::new();
-    let Some(video) = video(&bench) else { return };
-    let file = |name: &str, content: &[u8]| {
-        let path = bench.path(name);
-        std::fs::write(&path, content).expect("written");
-        path
-    };
-    let whole = std::fs::read(&video).expect("readable");
-    let fast = bench.path("fast.mp4");
-    let index_first =
-        ["-nostdin", "-v", "error", "-i"].into_iter().map(str::to_owned).chain([video.display().to_string()]);
-    let index_first = index_first.chain(["-c", "copy", "-movflags", "+faststart"].map(str::to_owned));
-    assert!(Command::new("ffmpeg").args(index_first).arg(&fast).status().expect("ffmpeg starts").success());
-    let fast = std::fs::read(&fast).expect("readable");
-    for (path, code, expected) in [
-        (file("empty.mp4", b""), 2, "is empty"),
-        (file("text.mkv", b"Dear reader,\n"), 2, "is no video"),
-        (file("cut.mp4", &whole[..whole.len() / 2]), 2, "is truncated"),
-        (file("list.mp4", b"ffconcat version 1.0\nfile /etc/passwd\n"), 2, "is a playlist"),
-        (file("half.mp4", &fast[..fast.len() * 3 / 4]), 3, "is missing or cannot be decoded"),
-    ] {
-        let out = bench.path("out").display().to_string();
-        let run = bench.run(&[
-            "eval",
-            "launch/raw.launch.yaml",
-            &arg("source", &path),
-            &arg("model", model()),
-            "-o",
-            &out,
-        ]);
-        let printed = text(&run);
-        assert_eq!(run.status.code(), Some(code), "{}: {printed}", path.display());
+    if !has_video(&bench) {
+        return;
+    }
+    let whole = std::fs::read(bench.path("drive.mp4")).expect("readable");
+    let index_first = bench.words("-nostdin -v error -i @/drive.mp4 -c copy -movflags +faststart @/fast.mp4");
+    assert!(Command::new("ffmpeg").args(index_first).status().expect("ffmpeg starts").success());
+    let fast = std::fs::read(bench.path("fast.mp4")).expect("readable");
+    let cases: [(&str, &[u8], i32, &str); 5] = [
+        ("empty.mp4", b"", 2, "is empty"),
+        ("text.mkv", b"Dear reader,\n", 2, "is no video"),
+        ("cut.mp4", &whole[..whole.len() / 2], 2, "is truncated"),
+        ("list.mp4", b"ffconcat version 1.0\nfile /etc/passwd\n", 2, "is a playlist"),
+        ("half.mp4", &fast[..fast.len() * 3 / 4], 3, "is missing or cannot be decoded"),
+    ];
+    for (name, content, code, expected) in cases {
+        std::fs::write(bench.path(name), content).expect("written");
+        let file = format!("launch/raw.launch.yaml source:=@/{name} model:=%");
+        let printed = bench.says(code, &format!("eval {file} -o @/out"));
         assert!(printed.contains(expected) && !printed.contains("root:"), "{printed}");
-        let bag = bench.path(&format!("bag-{}", path.file_stem().expect("a name").display()));
-        let run =
-            bench.run(&["bag", "import", "video", &path.display().to_string(), &bag.display().to_string()]);
-        assert_eq!((run.status.code(), bag.exists()), (Some(code), code == 3), "{}", text(&run));
+        bench.says(code, &format!("bag import video @/{name} @/bag-{name}"));
+        assert_eq!(bench.path(&format!("bag-{name}")).exists(), code == 3, "{name}");
     }
 }
 
 #[test]
 fn without_ffmpeg_a_video_is_refused_with_the_remedy() {
     let bench = Bench::new();
-    let video = bench.path("drive.mp4");
-    std::fs::write(&video, "a video").expect("written");
-    let source = arg("source", &video);
-    for source in [source.as_str(), "source:=rtsp://10.255.255.1/live"] {
-        let run =
-            bench.modulo(&["launch", "launch/raw.launch.yaml", source]).env("PATH", "/nonexistent").output();
+    std::fs::write(bench.path("drive.mp4"), "a video").expect("written");
+    for (line, code) in [
+        ("launch launch/raw.launch.yaml source:=@/drive.mp4", 2),
+        ("launch launch/raw.launch.yaml source:=rtsp://10.255.255.1/live", 2),
+        ("doctor", 0),
+    ] {
+        let run = bench.modulo(&borrowed(&bench.words(line))).env("PATH", "/nonexistent").output();
         let run = run.expect("the binary starts");
-        assert_eq!(run.status.code(), Some(2), "{}", text(&run));
-        assert!(text(&run).contains("apt install ffmpeg"), "{}", text(&run));
+        assert_eq!(run.status.code(), Some(code), "{}", text(&run));
+        assert_has(&text(&run), &["apt install ffmpeg"]);
     }
-    let run = bench.modulo(&["doctor"]).env("PATH", "/nonexistent").output().expect("the binary starts");
-    assert!(run.status.success() && text(&run).contains("apt install ffmpeg"), "{}", text(&run));
 }
 
 /// The password of a camera that nobody answers for.
@@ -163,24 +133,11 @@ fn a_password_is_in_no_output() {
     let bag = bench.path("bag");
     let recorder = bench.record(&bag, &["--all"]);
     let peer = Peer::new(&bench);
-    let (state, events) = (
-        peer.hear("/modulo_camera/state", MessageKind::Diagnostics),
-        peer.hear("/parameter_events", MessageKind::ParameterEvent),
-    );
-    let summary = bench.path("summary.json");
-    let mut launch = bench.modulo(&[
-        "launch",
-        file,
-        &source,
-        &arg("model", model()),
-        "--summary",
-        &summary.display().to_string(),
-    ]);
-    let launch = launch
-        .stderr(std::process::Stdio::piped())
-        .stdout(std::process::Stdio::piped())
-        .spawn()
-        .expect("starts");
+    let state = peer.hear("/modulo_camera/state", MessageKind::Diagnostics);
+    let events = peer.hear("/parameter_events", MessageKind::ParameterEvent);
+    let words = bench.words("model:=% --summary @/summary.json");
+    let mut launch = bench.modulo(&[&["launch", file, &source], &borrowed(&words)[..]].concat());
+    let launch = launch.stderr(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("starts");
     let shown = format!("{:?}", state.next(Duration::from_secs(60)).expect("the state of the camera"));
     assert!(shown.contains("***@127.0.0.1:9") && !shown.contains(SECRET), "{shown}");
     let camera =
@@ -189,15 +146,14 @@ fn a_password_is_in_no_output() {
     let read = bench.run(&["param", "get", "/modulo_camera", "source"]);
     assert!(text(&read).contains("***@127.0.0.1:9") && !text(&read).contains(SECRET), "{}", text(&read));
     // The node takes its own value back, as from a dump.
-    let set = bench.run(&["param", "set", "/modulo_camera", "source", "http://***@127.0.0.1:9/live?***"]);
-    assert!(set.status.success(), "{}", text(&set));
+    bench.ends(0, &["param", "set", "/modulo_camera", "source", "http://***@127.0.0.1:9/live?***"]);
     // Attempts that fail are told meanwhile.
     std::thread::sleep(Duration::from_secs(2));
     crate::harness::signal(launch.id(), "INT");
     let ended = launch.wait_with_output().expect("ends");
     assert!(text(&ended).contains("127.0.0.1:9") && !text(&ended).contains(SECRET), "{}", text(&ended));
     recorder.interrupt();
-    assert!(!holds(&bag, SECRET) && !holds(&summary, SECRET));
+    assert!(!holds(&bag, SECRET) && !holds(&bench.path("summary.json"), SECRET));
 }
 
 /// Whether a file, or one in a folder, holds this text.

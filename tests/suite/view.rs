@@ -13,7 +13,14 @@ use tungstenite::client::IntoClientRequest as _;
 use tungstenite::stream::MaybeTlsStream;
 use tungstenite::{Message, WebSocket};
 
-use crate::harness::{Background, Bench, Peer, arg, model, wait_until};
+use crate::harness::{Background, Bench, Peer, assert_has, wait_until};
+
+/// A suite at 5 Hz without end.
+fn suite(bench: &Bench) -> Background {
+    bench.images(4);
+    let fixed = "source:=@/images model:=% engine:=rten rate:=5.0 loop:=true";
+    bench.starts(&format!("launch launch/recovered.launch.yaml {fixed}"))
+}
 
 /// A viewer, and the address that it prints.
 fn viewer(bench: &Bench) -> (Background, String) {
@@ -105,16 +112,7 @@ fn step(notice: &Value) -> String {
 #[test]
 fn a_page_shows_images_with_their_boxes_and_sets_parameters() {
     let bench = Bench::new();
-    let (source, model) = (arg("source", bench.images(4)), arg("model", model()));
-    let _suite = bench.start(&[
-        "launch",
-        "launch/recovered.launch.yaml",
-        &source,
-        &model,
-        "engine:=rten",
-        "rate:=5.0",
-        "loop:=true",
-    ]);
+    let _suite = suite(&bench);
     let (_viewer, address) = viewer(&bench);
     let mut page = Page::open(&address);
     let link =
@@ -126,22 +124,15 @@ fn a_page_shows_images_with_their_boxes_and_sets_parameters() {
     });
     assert_eq!(graph["detectors"][0]["inputs"], json!(["/recovered"]), "{graph}");
     let offers = graph["detectors"][0]["offers"].as_array().expect("a list");
-    assert!(
-        offers.contains(&json!("recovered"))
-            && offers.contains(&json!("auto"))
-            && !offers.contains(&json!("/hdr")),
-        "{graph}"
-    );
+    let offered = ["recovered", "auto", "/hdr"].map(|input| offers.contains(&json!(input)));
+    assert_eq!(offered, [true, true, false], "{graph}");
     let mut steps = BTreeSet::new();
     while steps.len() < 3 {
         let notices = page.event("notices", |_| true);
         steps.extend(notices.as_array().expect("a list").iter().map(step));
     }
-    assert_eq!(
-        steps,
-        ["detected", "sensed", "unwrapped"].map(str::to_owned).into(),
-        "each node tells its step"
-    );
+    let expected = ["detected", "sensed", "unwrapped"].map(str::to_owned);
+    assert_eq!(steps, expected.into(), "each node tells its step");
     page.ask(&json!({ "watch": ["/modulo", "/recovered"] }));
     let image = page.event("image", |image| image["topic"] == "/recovered" && image["boxes"] != json!([]));
     assert_eq!((&image["width"], &image["height"]), (&json!(96), &json!(64)), "{image}");
@@ -197,10 +188,7 @@ fn only_the_holder_of_the_token_is_served() {
     let (viewer, address) = viewer(&bench);
     let (host, token) = parts(&address);
     let page = get(host, "/");
-    assert!(
-        page.starts_with("HTTP/1.1 200") && page.contains("content-security-policy: default-src 'none'"),
-        "{page}"
-    );
+    assert_has(&page, &["HTTP/1.1 200", "content-security-policy: default-src 'none'"]);
     assert!(!page.contains(token), "the page is for everybody");
     let refusal = |path: &str, origin: Option<&str>| {
         let mut request = format!("ws://{host}{path}").into_client_request().expect("a request");
@@ -220,18 +208,15 @@ fn only_the_holder_of_the_token_is_served() {
     assert_eq!(refusal(&right, Some(&format!("http://{host}"))), None);
     assert_eq!(refusal(&right, None), None);
     // Port and token are checked before anything is opened.
-    let accepted = bench.run(&["view", "--port", host.rsplit_once(':').expect("a port").1]);
-    assert_eq!(accepted.status.code(), Some(1));
-    assert_eq!(bench.run(&["view", "--token", "short"]).status.code(), Some(2));
+    bench.ends(1, &["view", "--port", host.rsplit_once(':').expect("a port").1]);
+    bench.says(2, "view --token short");
     assert_eq!(viewer.interrupt(), Some(0), "SIGINT ends it");
 }
 
 #[test]
 fn a_recording_is_a_page_with_the_images_and_what_was_told() {
     let bench = Bench::new();
-    let (source, model) = (arg("source", bench.images(4)), arg("model", model()));
-    let file = "launch/recovered.launch.yaml";
-    let _suite = bench.start(&["launch", file, &source, &model, "engine:=rten", "rate:=5.0", "loop:=true"]);
+    let _suite = suite(&bench);
     let out = bench.path("out.html");
     let (viewer, [address]) = viewer_with(&bench, &["--record", out.to_str().expect("UTF-8")], ["http://"]);
     // A browser at the same time sees when there is something to record.
@@ -251,8 +236,7 @@ fn a_recording_is_a_page_with_the_images_and_what_was_told() {
     assert!(expected("parameters") >= 3 && expected("notices") > 0 && expected("status") > 0);
     assert!(recording.iter().any(|(_, body)| body.is_string()), "images");
     assert!(!text.contains("src=\"") && !text.contains("href=\"page.css"), "it loads nothing");
-    let bad = bench.run(&["view", "--record", "/no/folder/out.html"]);
-    assert_eq!(bad.status.code(), Some(2), "told at once");
+    bench.says(2, "view --record /no/folder/out.html");
 }
 
 /// A client of the Foxglove WebSocket protocol.
@@ -336,9 +320,7 @@ impl Foxglove {
 #[test]
 fn foxglove_gets_images_with_boxes_and_sets_parameters_with_the_token() {
     let bench = Bench::new();
-    let (source, model) = (arg("source", bench.images(4)), arg("model", model()));
-    let file = "launch/recovered.launch.yaml";
-    let _suite = bench.start(&["launch", file, &source, &model, "engine:=rten", "rate:=5.0", "loop:=true"]);
+    let _suite = suite(&bench);
     let (viewer, [page, address]) = viewer_with(&bench, &["--foxglove", "0"], ["http://", "ws://"]);
     let mut client = Foxglove::open(&address);
     let server = client.hear("serverInfo", |_| true);

@@ -109,10 +109,8 @@ fn a_copy_leaves_out_the_second_type_of_a_topic() {
     let copied = copy(&BagReader::open(&path).expect("a bag"), &out, Compression::None).expect("copied");
     let [left_out] = &copied.left_out[..] else { panic!("{:?}", copied.left_out) };
     let wanted = left_out.to_string();
-    assert!(
-        left_out.is_loss() && wanted.contains("1 messages of topic '/a'") && wanted.contains("Image"),
-        "{wanted}"
-    );
+    let is_told = ["1 messages of topic '/a'", "Image"].iter().all(|part| wanted.contains(part));
+    assert!(left_out.is_loss() && is_told, "{wanted}");
     let whole = BagReader::open(&out).expect("a bag");
     assert!(whole.warnings().is_empty(), "{:?}", whole.warnings());
     let read = read_all(&whole, &Selection::default());

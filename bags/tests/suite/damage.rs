@@ -11,7 +11,7 @@ use modulo_bags::bag::{
 use proptest::prelude::*;
 
 use crate::wounds::wounded;
-use crate::{COMPRESSIONS, Line, read_all, temporary, topic, write_bag};
+use crate::{COMPRESSIONS, Line, mcap_file, read_all, temporary, topic, write_bag};
 
 /// Twelve messages, three a second: several chunks.
 fn lines() -> Vec<Line> {
@@ -156,16 +156,7 @@ fn read_around(bag: &BagReader) -> (Vec<RawMessage>, Vec<LeftOut>) {
 #[test]
 fn a_file_without_chunks_is_read_by_log_time() {
     let (_folder, path) = temporary("loose.mcap");
-    let file = std::fs::File::create(&path).expect("a file");
-    let mut mcap = mcap::WriteOptions::new().use_chunks(false).create(file).expect("a writer");
-    let channel = mcap.add_channel(0, "/a", "cdr", &Default::default()).expect("a channel");
-    for log_time in [5, 3, 9] {
-        let header =
-            mcap::records::MessageHeader { channel_id: channel, sequence: 0, log_time, publish_time: 1 };
-        mcap.write_to_known_channel(&header, &[log_time as u8; 3]).expect("written");
-    }
-    mcap.finish().expect("finished");
-    let bag = BagReader::open(&path).expect("a bag");
+    let bag = open(&path, &mcap_file(mcap::WriteOptions::new().use_chunks(false), &[5, 3, 9], 3));
     let read: Vec<_> =
         read_all(&bag, &Selection::default()).into_iter().map(|m| (m.log_time, m.data)).collect();
     assert_eq!(read, [(3, vec![3; 3]), (5, vec![5; 3]), (9, vec![9; 3])]);
@@ -192,17 +183,8 @@ fn the_index_finds_the_chunks_behind_a_broken_length() {
 
 /// A file of nine messages in several chunks. Its index has no CRC.
 fn nine_messages(options: mcap::WriteOptions) -> Vec<u8> {
-    let mut bytes = std::io::Cursor::new(Vec::new());
     let options = options.chunk_size(Some(60)).calculate_summary_section_crc(false);
-    let mut mcap = options.create(&mut bytes).expect("a writer");
-    let channel_id = mcap.add_channel(0, "/a", "cdr", &Default::default()).expect("a channel");
-    for log_time in 0..9 {
-        let header = mcap::records::MessageHeader { channel_id, sequence: 0, log_time, publish_time: 1 };
-        mcap.write_to_known_channel(&header, &[log_time as u8; 50]).expect("written");
-    }
-    mcap.finish().expect("finished");
-    drop(mcap);
-    bytes.into_inner()
+    mcap_file(options, &[0, 1, 2, 3, 4, 5, 6, 7, 8], 50)
 }
 
 /// An index that has no CRC, and leaves out a chunk or leads to a wrong place, hides nothing.
@@ -252,11 +234,8 @@ fn a_size_that_hides_messages_is_told() {
 fn an_empty_file_says_that_it_is_empty() {
     let (_folder, path) = temporary("empty.mcap");
     let bag = open(&path, &[]);
-    let wanted = bag.warnings()[0].to_string();
-    assert!(
-        bag.warnings()[0].is_loss() && wanted.contains("empty") && wanted.contains("recorder"),
-        "{wanted}"
-    );
+    let (warning, wanted) = (&bag.warnings()[0], bag.warnings()[0].to_string());
+    assert!(warning.is_loss() && wanted.contains("empty") && wanted.contains("recorder"), "{wanted}");
 }
 
 /// The result of reading a file: the messages, and all losses that the reader names.
@@ -271,16 +250,16 @@ fn outcome(path: &Path) -> Outcome {
         Ok(bag) => bag,
         Err(why) => return Outcome { messages: Vec::new(), wanted: vec![why.to_string()] },
     };
-    let mut wanted: Vec<_> = bag.warnings().iter().map(ToString::to_string).collect();
-    let mut messages = Vec::new();
+    let mut outcome =
+        Outcome { messages: Vec::new(), wanted: bag.warnings().iter().map(ToString::to_string).collect() };
     for message in bag.messages(&Selection::default()) {
         match message {
-            Ok(message) => messages.push(message),
-            Err(why) => wanted.push(why.to_string()),
+            Ok(message) => outcome.messages.push(message),
+            Err(why) => outcome.wanted.push(why.to_string()),
         }
     }
-    assert!(messages.is_sorted_by_key(|m| m.log_time) || !wanted.is_empty());
-    Outcome { messages, wanted }
+    assert!(outcome.messages.is_sorted_by_key(|m| m.log_time) || !outcome.wanted.is_empty());
+    outcome
 }
 
 /// The outcomes of a thousand damages.
@@ -331,25 +310,12 @@ fn no_damage_of_an_mcap_file_is_unseen() {
         assert!(unseen.is_empty() && forged.is_empty(), "{compression:?}: {unseen:?} {forged:?}");
     }
     let loose = folder.path().join("loose.mcap");
-    std::fs::write(&loose, without_chunks()).expect("written");
+    let options = mcap::WriteOptions::new().use_chunks(false);
+    std::fs::write(&loose, mcap_file(options, &std::array::from_fn::<u8, 12, _>(|at| at as u8), 30))
+        .expect("written");
     // One CRC tells that something is damaged, not what.
     let Survey { unseen, .. } = survey(&loose, &loose, "MCAP without chunks");
     assert!(unseen.is_empty(), "without chunks: {unseen:?}");
-}
-
-/// A file with messages outside of chunks, whose data have one CRC.
-fn without_chunks() -> Vec<u8> {
-    let mut bytes = std::io::Cursor::new(Vec::new());
-    let options = mcap::WriteOptions::new().use_chunks(false);
-    let mut mcap = options.create(&mut bytes).expect("a writer");
-    let channel_id = mcap.add_channel(0, "/a", "cdr", &Default::default()).expect("a channel");
-    for log_time in 0..12 {
-        let header = mcap::records::MessageHeader { channel_id, sequence: 0, log_time, publish_time: 1 };
-        mcap.write_to_known_channel(&header, &[log_time as u8; 30]).expect("written");
-    }
-    mcap.finish().expect("finished");
-    drop(mcap);
-    bytes.into_inner()
 }
 
 /// The list of files decides which of them are read.

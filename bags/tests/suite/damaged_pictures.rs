@@ -130,7 +130,6 @@ fn damage_to_labels_is_named() {
     damage("YOLO", whole, COUNT, read, (160, why));
 }
 
-/// A frame of a damaged video is that of the whole one, or is named.
 #[test]
 fn damage_to_videos_is_named() {
     if let Err(why) = modulo_video::version() {

@@ -166,7 +166,6 @@ fn overlapping_files_are_read_in_time() {
     assert_eq!(times(&late), [25, 27, 29]);
 }
 
-/// Before version 4 the listed names had the folder's own in front.
 #[test]
 fn old_metadata_names_files_with_their_folder() {
     let (_folder, path) = temporary("bag");

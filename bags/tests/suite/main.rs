@@ -49,6 +49,31 @@ pub fn write_bag(folder: &Path, options: impl Into<WriteOptions>, lines: &[Line]
     bag.finish().expect("finished");
 }
 
+/// Writes messages of topics with their types, log times and payloads.
+pub fn write_messages<'a>(path: &Path, messages: impl IntoIterator<Item = (&'a str, &'a str, u64, Vec<u8>)>) {
+    let mut bag = BagWriter::create(path, Compression::None).expect("a new folder");
+    for (topic, type_name, at, payload) in messages {
+        let id = bag.topic(&BagTopic::new(topic, type_name, Qos::Images)).expect("one type");
+        bag.write(id, at, at, &payload).expect("written");
+    }
+    bag.finish().expect("finished");
+}
+
+/// The bytes of an MCAP file with a message of `length` bytes at each of these times.
+pub fn mcap_file(options: mcap::WriteOptions, times: &[u8], length: usize) -> Vec<u8> {
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let mut mcap = options.create(&mut bytes).expect("a writer");
+    let channel_id = mcap.add_channel(0, "/a", "cdr", &Default::default()).expect("a channel");
+    for time in times {
+        let log_time = (*time).into();
+        let header = mcap::records::MessageHeader { channel_id, sequence: 0, log_time, publish_time: 1 };
+        mcap.write_to_known_channel(&header, &vec![*time; length]).expect("written");
+    }
+    mcap.finish().expect("finished");
+    drop(mcap);
+    bytes.into_inner()
+}
+
 /// The selected messages, all of which must be readable.
 pub fn read_all(bag: &BagReader, selection: &Selection) -> Vec<RawMessage> {
     bag.messages(selection).collect::<Result<_, _>>().expect("readable messages")

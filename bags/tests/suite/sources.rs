@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use image::{ImageBuffer, Rgb, Rgba};
-use modulo_bags::bag::{BagReader, BagTopic, BagWriter, Compression, Selection};
+use modulo_bags::bag::{BagInfo, BagReader, Compression, Selection, copy};
 use modulo_bags::import::{ImportReport, import_kitti};
 use modulo_bags::source::{CocoSource, GroundTruth, Source, SourceFrame, SourceOptions, YoloSource, open};
 use modulo_core::{BBox, Frame, Samples, Transfer};
@@ -12,11 +12,18 @@ use modulo_images::save_png;
 use modulo_msgs::cdr;
 use modulo_msgs::sensor_msgs::{CameraInfo, CompressedImage, Image};
 use modulo_msgs::std_msgs::{Header, Time};
-use modulo_runtime::{Qos, SensorModel, sensor_info};
+use modulo_runtime::{SensorModel, sensor_info};
 use ndarray::Array3;
 use proptest::prelude::*;
 
-use crate::{COMPRESSIONS, data, frame, read_all, temporary, write_kitti};
+use crate::{COMPRESSIONS, data, frame, read_all, temporary, write_kitti, write_messages};
+
+const IMAGE: &str = "sensor_msgs/msg/Image";
+const FILE: &str = "sensor_msgs/msg/CompressedImage";
+
+fn packed(file: CompressedImage) -> Vec<u8> {
+    cdr::to_vec(&file).expect("short")
+}
 
 fn error_of(path: &Path) -> String {
     match open(&path.display().to_string(), &SourceOptions::default()) {
@@ -79,21 +86,22 @@ fn write_sources(images: &[Frame], folder: &Path) {
     let entries: Vec<String> = files.iter().enumerate().map(entry).collect();
     let text = format!(r#"{{"images": [{}], "annotations": [], "categories": []}}"#, entries.join(","));
     std::fs::write(folder.join("coco.json"), text).expect("written");
-    for (name, type_name) in [("raw", "sensor_msgs/msg/Image"), ("packed", "sensor_msgs/msg/CompressedImage")]
-    {
-        let mut bag = BagWriter::create(&folder.join(name), Compression::None).expect("a new bag");
-        let topic = bag.topic(&BagTopic::new("/image", type_name, Qos::Images)).expect("a topic");
-        for ((image, file), number) in images.iter().zip(&files).zip(1..) {
-            let header = Header { stamp: Time::from_ns(number), ..Header::default() };
-            let data = std::fs::read(file).expect("saved above");
-            let payload = match name {
-                "raw" => cdr::to_vec(&Image::from_frame(header, image)),
-                _ => cdr::to_vec(&CompressedImage { header, format: String::new(), data }),
-            };
-            bag.write(topic, number, number, &payload.expect("short")).expect("written");
-        }
-        bag.finish().expect("written");
-    }
+    let header = |number| Header { stamp: Time::from_ns(number), ..Header::default() };
+    let raw = (1..).zip(images).map(|(number, image)| {
+        let payload = cdr::to_vec(&Image::from_frame(header(number), image)).expect("short");
+        ("/image", IMAGE, number, payload)
+    });
+    write_messages(&folder.join("raw"), raw);
+    let packed = (1..).zip(&files).map(|(number, file)| {
+        let data = std::fs::read(file).expect("saved above");
+        (
+            "/image",
+            FILE,
+            number,
+            packed(CompressedImage { header: header(number), data, ..Default::default() }),
+        )
+    });
+    write_messages(&folder.join("packed"), packed);
 }
 
 /// Each source of the folder that [`write_sources`] has filled, and a scene.
@@ -206,26 +214,22 @@ fn hidden_files_are_no_images_and_other_formats_are_counted() {
 #[test]
 fn a_compressed_mosaic_is_the_mosaic() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let grey =
-        Frame::from_u8(Array3::from_shape_fn((8, 8, 1), |(y, x, _)| (90 * (y % 2) + 60 * (x % 2)) as u8));
-    let grey = grey.expect("8 x 8");
+    let grey = Array3::from_shape_fn((8, 8, 1), |(y, x, _)| (90 * (y % 2) + 60 * (x % 2)) as u8);
+    let grey = Frame::from_u8(grey).expect("8 x 8");
     let png = modulo_images::encode(&grey, modulo_images::FileFormat::Png).expect("encoded");
     let read = |name: &str, type_name: &str, payload: Vec<u8>| {
         let path = folder.path().join(name);
-        let mut bag = BagWriter::create(&path, Compression::None).expect("a new bag");
-        let topic = bag.topic(&BagTopic::new("/image", type_name, Qos::Images)).expect("a topic");
-        bag.write(topic, 1, 1, &payload).expect("written");
-        bag.finish().expect("finished");
+        write_messages(&path, [("/image", type_name, 1, payload)]);
         let mut source = open(&path.display().to_string(), &SourceOptions::default()).expect("a source");
         source.next().expect("a frame").map(|frame| frame.radiance).map_err(|why| why.to_string())
     };
     let mosaic = grey.clone().with_mosaic(modulo_core::Mosaic::Rggb).expect("a mosaic");
     let raw = cdr::to_vec(&Image::from_frame(Header::default(), &mosaic)).expect("short");
-    let raw = read("raw", "sensor_msgs/msg/Image", raw).expect("readable");
+    let raw = read("raw", IMAGE, raw).expect("readable");
     assert_eq!(raw.dim(), (8, 8, 3));
     let compressed = |name: &str, format: &str| {
-        let message = CompressedImage { header: Header::default(), format: format.into(), data: png.clone() };
-        read(name, "sensor_msgs/msg/CompressedImage", cdr::to_vec(&message).expect("short"))
+        let message = CompressedImage { format: format.into(), data: png.clone(), ..Default::default() };
+        read(name, FILE, packed(message))
     };
     assert_eq!(compressed("bayer", "bayer_rggb8; png compressed "), Ok(raw));
     for (name, format) in [("grey", "mono8; png compressed "), ("plain", "png")] {
@@ -247,14 +251,8 @@ fn a_damaged_compressed_image_is_named_and_the_next_one_still_comes() {
     let whole = Frame::from_u8(pixels).expect("48 x 64");
     let whole = modulo_images::encode(&whole, modulo_images::FileFormat::Jpeg).expect("encoded");
     let cut = [&whole[..whole.len() - whole.len() / 4], &[0xff, 0xd9]].concat();
-    let mut bag = BagWriter::create(&path, Compression::None).expect("a new bag");
-    let topic = bag.topic(&BagTopic::new("/image", "sensor_msgs/msg/CompressedImage", Qos::Images));
-    let topic = topic.expect("a topic");
-    for (data, at) in [(cut, 1), (whole, 2)] {
-        let message = CompressedImage { header: Header::default(), format: "jpeg".into(), data };
-        bag.write(topic, at, at, &cdr::to_vec(&message).expect("short")).expect("written");
-    }
-    bag.finish().expect("finished");
+    let file = |data| packed(CompressedImage { format: "jpeg".into(), data, ..Default::default() });
+    write_messages(&path, [("/image", FILE, 1, file(cut)), ("/image", FILE, 2, file(whole))]);
     let mut source = open(&path.display().to_string(), &SourceOptions::default()).expect("a source");
     let why = source.next().expect("two").expect_err("the first one is cut").to_string();
     assert!(why.contains("/image at 1") && why.contains("end early"), "{why}");
@@ -440,18 +438,16 @@ fn an_unknown_topic_names_those_there_are() {
     let (kitti, out) = (folder.path().join("kitti"), folder.path().join("out"));
     write_kitti(&kitti, 1);
     import_kitti(&kitti, &out, Compression::None).expect("imported");
-    let options = SourceOptions { topic: Some("/image".into()), ..SourceOptions::default() };
-    let error = open(&out.display().to_string(), &options).err().expect("refused").to_string();
+    let refusal = |path: &Path, topic: Option<&str>| {
+        let options = SourceOptions { topic: topic.map(str::to_owned), ..SourceOptions::default() };
+        open(&path.display().to_string(), &options).err().expect("refused").to_string()
+    };
+    let error = refusal(&out, Some("/image"));
     assert!(error.contains("'/image'") && error.contains("/camera/image_raw"), "{error}");
 
     let two = folder.path().join("two");
-    let mut bag = BagWriter::create(&two, Compression::None).expect("a new folder");
-    for name in ["/left/image_raw", "/right/image_raw"] {
-        bag.topic(&BagTopic::new(name, "sensor_msgs/msg/Image", Qos::Images)).expect("a topic");
-    }
-    bag.finish().expect("finished");
-    let error =
-        open(&two.display().to_string(), &SourceOptions::default()).err().expect("refused").to_string();
+    write_messages(&two, ["/left/image_raw", "/right/image_raw"].map(|name| (name, IMAGE, 1, Vec::new())));
+    let error = refusal(&two, None);
     let way = "2 image topics; image topics here: /left/image_raw, /right/image_raw; choose one by \
                'source_topic:=/left/image_raw' behind a launch file, or by -p 'source_topic:=/left/image_raw'";
     assert!(error.contains(way), "{error}");
@@ -477,28 +473,34 @@ fn walk(path: &Path, topic: Option<&str>) -> (usize, usize) {
 #[test]
 fn recordings_of_others_are_read_whole() {
     let Some(data) = data::shared("data") else { return };
-    for (name, messages) in [
-        ("rerun_rosbag2_2025_09_10-13_03_56_0.mcap", 194),
-        ("rosbag2/rosbag2_py/test/resources/mcap/talker", 20),
-        ("rosbag2/rosbag2_tests/resources/mcap/cdr_test", 7),
-        ("rosbags-rs/test_bag_mcap", 188),
-        ("derived_kitti/drive_0011_5f_png_mcap", 5),
-        ("rosbag2/rosbag2_py/test/resources/sqlite3/talker", 20),
-        ("rosbag2/rosbag2_tests/resources/sqlite3/cdr_test", 7),
-        ("rosbags-rs/test_bag_sqlite3", 188),
-        ("rosbags-rs/test_bag_sqlite3/test_bag_sqlite3.db3", 188),
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for (name, storage, messages) in [
+        ("rerun_rosbag2_2025_09_10-13_03_56_0.mcap", "mcap", 194),
+        ("rosbag2/rosbag2_py/test/resources/mcap/talker", "mcap", 20),
+        ("rosbag2/rosbag2_tests/resources/mcap/cdr_test", "mcap", 7),
+        ("rosbags-rs/test_bag_mcap", "mcap", 188),
+        ("derived_kitti/drive_0011_5f_png_mcap", "mcap", 5),
+        ("rosbag2/rosbag2_py/test/resources/sqlite3/talker", "sqlite3", 20),
+        ("rosbag2/rosbag2_tests/resources/sqlite3/cdr_test", "sqlite3", 7),
+        ("rosbags-rs/test_bag_sqlite3", "sqlite3", 188),
+        ("rosbags-rs/test_bag_sqlite3/test_bag_sqlite3.db3", "sqlite3", 188),
     ] {
         let bag = BagReader::open(&data.join("bags").join(name)).unwrap_or_else(|e| panic!("{e}"));
         let read = read_all(&bag, &Selection::default());
-        assert_eq!(read.len(), messages, "{name}");
-        assert_eq!(bag.message_count(), messages as u64, "{name}");
+        assert_eq!((read.len(), bag.message_count()), (messages, messages as u64), "{name}");
         assert!(read.is_sorted_by_key(|m| m.log_time), "{name}");
         assert!(read.iter().all(|m| m.data.starts_with(&[0, 1, 0, 0])), "{name}");
         assert!(!bag.warnings().iter().any(|w| w.is_loss()), "{name}: {:?}", bag.warnings());
+        let info = BagInfo(&bag).to_string();
+        for line in [format!("Storage id:        {storage}"), format!("Messages:          {messages}")] {
+            assert!(info.lines().any(|l| l == line), "{name}: {line}\nnot in\n{info}");
+        }
+        let out = folder.path().join(name.replace(['/', '.'], "_"));
+        copy(&bag, &out, Compression::Zstd).expect("copied");
+        assert_eq!(BagReader::open(&out).expect("a bag").message_count(), messages as u64, "{name}");
     }
 }
 
-/// The same recording in both storages.
 #[test]
 fn both_storages_hold_the_same() {
     let Some(data) = data::shared("data") else { return };
@@ -561,28 +563,19 @@ fn high_dynamic_range_files_load() {
 fn a_bag_has_the_camera_info_beside_its_images() {
     const INFO: &str = "sensor_msgs/msg/CameraInfo";
     let (_guard, path) = temporary("calibrated");
-    let mut bag = BagWriter::create(&path, Compression::Lz4).expect("a new folder");
-    let mut write = |topic: &str, type_name: &str, at: u64, data: Vec<u8>| {
-        let id = bag.topic(&BagTopic::new(topic, type_name, Qos::Images)).expect("one type");
-        bag.write(id, at, at, &data).expect("written");
-    };
     let info = |width| CameraInfo { width, k: [500.0; 9], ..CameraInfo::default() };
     let encoded = |width| cdr::to_vec(&info(width)).expect("encodes");
-    let image = Image::from_frame(Header::default(), &frame(1));
-    for topic in ["/front/image_raw", "/image"] {
-        write(topic, "sensor_msgs/msg/Image", 5, cdr::to_vec(&image).expect("encodes"));
-    }
-    let file = CompressedImage { format: "png".into(), ..CompressedImage::default() };
-    write(
-        "/rear/image/compressed",
-        "sensor_msgs/msg/CompressedImage",
-        5,
-        cdr::to_vec(&file).expect("encodes"),
-    );
-    for (topic, width) in [("/front/camera_info", 6), ("/front/camera_info", 7), ("/rear/camera_info", 8)] {
-        write(topic, INFO, 6 + u64::from(width), encoded(width));
-    }
-    bag.finish().expect("finished");
+    let image = cdr::to_vec(&Image::from_frame(Header::default(), &frame(1))).expect("encodes");
+    let file = packed(CompressedImage { format: "png".into(), ..CompressedImage::default() });
+    let messages = [
+        ("/front/image_raw", IMAGE, 5, image.clone()),
+        ("/image", IMAGE, 5, image),
+        ("/rear/image/compressed", FILE, 5, file),
+        ("/front/camera_info", INFO, 12, encoded(6)),
+        ("/front/camera_info", INFO, 13, encoded(7)),
+        ("/rear/camera_info", INFO, 14, encoded(8)),
+    ];
+    write_messages(&path, messages);
     for (topic, expected) in
         [("/front/image_raw", Some(info(6))), ("/rear/image/compressed", Some(info(8))), ("/image", None)]
     {
@@ -596,15 +589,11 @@ fn a_bag_has_the_camera_info_beside_its_images() {
 #[test]
 fn recorded_codes_have_the_bits_of_the_sensor_beside_them() {
     let (_guard, path) = temporary("described");
-    let mut bag = BagWriter::create(&path, Compression::Lz4).expect("a new folder");
-    let mut write = |topic: &str, type_name: &str, data: Vec<u8>| {
-        let id = bag.topic(&BagTopic::new(topic, type_name, Qos::Images)).expect("one type");
-        bag.write(id, 5, 5, &data).expect("written");
-    };
+    let (mut topics, mut messages) = (Vec::new(), Vec::new());
     for (camera, bits) in [("/six", 6), ("/fourteen", 14)] {
         let sensor = SensorModel { bits, alpha: 2.0, headroom: 1.0, ..SensorModel::default() };
         let info = sensor_info::message(&Header::default(), &sensor, camera).encode().expect("encodes");
-        write(&format!("{camera}/sensor_info"), "diagnostic_msgs/msg/DiagnosticArray", info);
+        messages.push((format!("{camera}/sensor_info"), "diagnostic_msgs/msg/DiagnosticArray", info));
         for (stream, code) in
             [("saturated", 1u16 << (bits - 1)), ("hdr", 1 << bits), ("ideal", 128), ("image", 128)]
         {
@@ -613,18 +602,12 @@ fn recorded_codes_have_the_bits_of_the_sensor_beside_them() {
             let frame =
                 if is_deep { Frame::from_u16(pixels) } else { Frame::from_u8(pixels.mapv(|v| v as u8)) };
             let image = Image::from_frame(Header::default(), &frame.expect("a frame"));
-            write(
-                &format!("{camera}/{stream}"),
-                "sensor_msgs/msg/Image",
-                cdr::to_vec(&image).expect("encodes"),
-            );
+            topics.push(format!("{camera}/{stream}"));
+            messages.push((format!("{camera}/{stream}"), IMAGE, cdr::to_vec(&image).expect("encodes")));
         }
     }
-    bag.finish().expect("finished");
-    for topic in ["six", "fourteen"]
-        .iter()
-        .flat_map(|camera| ["saturated", "hdr", "ideal", "image"].map(|stream| format!("/{camera}/{stream}")))
-    {
+    write_messages(&path, messages.iter().map(|(topic, name, data)| (&**topic, *name, 5, data.clone())));
+    for topic in topics {
         let options = SourceOptions { topic: Some(topic.clone()), ..SourceOptions::default() };
         let mut source = open(&path.display().to_string(), &options).expect("a source");
         let radiance = source.next().expect("a frame").expect("readable").radiance[(0, 0, 0)];

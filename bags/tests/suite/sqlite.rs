@@ -192,7 +192,6 @@ fn a_time_that_was_changed_is_told() {
     }
 }
 
-/// A file that was cut has the messages before the cut, and says where it ends.
 #[test]
 fn a_file_that_was_cut_is_read_up_to_the_cut() {
     let (folder, path) = temporary("whole.db3");

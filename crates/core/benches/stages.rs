@@ -10,7 +10,6 @@ use modulo_core::unwrap::{METHODS, Options, by_name};
 use modulo_core::{Deblur, Frame, Gains, Psf, Range, Recovered, Transfer, TwoGains, Unwrap as _, tone};
 use ndarray::Array3;
 
-#[path = "../tests/suite/library/mod.rs"]
 mod library;
 
 use library::{Direction, Library};

@@ -86,12 +86,4 @@ mod tests {
             prop_assert_eq!(dot(&ax, gx) + dot(&ay, gy), dot(x, &back));
         }
     }
-
-    #[test]
-    fn half_the_peak_is_negative() {
-        for bits in 1..=16 {
-            let half = peak(bits) / 2.0;
-            assert_eq!((wrap_centered(half, bits), wrap_centered(-half, bits)), (-half, -half));
-        }
-    }
 }

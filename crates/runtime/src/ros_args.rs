@@ -291,13 +291,4 @@ mod tests {
         let values: Vec<_> = found.expect("valid").expect("readable").into_iter().map(|(_, v)| v).collect();
         assert_eq!(values, ["1", "2", "3", "4"]);
     }
-
-    #[test]
-    fn a_missing_parameter_file_is_named() {
-        let (args, _) = parse("--ros-args --params-file /no/such.yaml").expect("valid");
-        let node_name = args.node_name("n").expect("valid");
-        assert!(
-            args.parameters_for(&node_name).expect_err("is missing").to_string().contains("/no/such.yaml")
-        );
-    }
 }

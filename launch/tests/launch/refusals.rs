@@ -181,9 +181,30 @@ fn what_is_no_regular_file_is_refused() {
 }
 
 #[test]
-fn a_mistake_in_a_branch_not_taken_is_still_one() {
-    let files = Files::new("launch:\n  - group:\n      if: 'false'\n      children:\n        - nod: {}\n");
-    assert!(files.refusal(&[]).starts_with("main.launch.yaml:5: unknown action 'nod'"));
+fn a_mistake_has_the_line_of_its_own_file() {
+    let include = "launch:\n  - include: { file: $(dirname)/b.launch.yaml }\n";
+    for (main, included, message) in [
+        // In a branch that is not taken.
+        (
+            "launch:\n  - group:\n      if: 'false'\n      children:\n        - nod: {}\n",
+            "",
+            "main.launch.yaml:5: unknown action 'nod'",
+        ),
+        (include, "launch:\n\n  - nod: {}\n", "b.launch.yaml:3: unknown action"),
+        (
+            include,
+            "launch:\n  - include: { file: $(dirname)/main.launch.yaml }\n",
+            "b.launch.yaml:2: include: main.launch.yaml includes itself",
+        ),
+        (
+            "launch:\n  - include:\n      file: $(dirname)/b.launch.yaml\n      arg:\n        - { name: inptu, value: x }\n",
+            "launch:\n  - arg: { name: input, default: '' }\n",
+            "main.launch.yaml:5: include: b.launch.yaml declares no argument 'inptu', declared are input",
+        ),
+    ] {
+        let refusal = Files::new(main).with("b.launch.yaml", included).refusal(&[]);
+        assert!(refusal.starts_with(message), "not \"{message}\" but: {refusal}");
+    }
 }
 
 #[test]
@@ -198,30 +219,6 @@ fn an_unknown_argument_is_refused_with_the_declared_ones() {
         let expected = format!("unknown launch argument '{name}', declared are outer, inner");
         assert_eq!(files.refusal(&[(name, "1")]), expected);
     }
-}
-
-#[test]
-fn an_include_gives_only_declared_arguments() {
-    let include = "launch:\n  - include:\n      file: $(dirname)/b.launch.yaml\n      arg:\n        - { name: inptu, value: x }\n";
-    let files = Files::new(include).with("b.launch.yaml", "launch:\n  - arg: { name: input, default: '' }\n");
-    let refusal = files.refusal(&[]);
-    let expected =
-        "main.launch.yaml:5: include: b.launch.yaml declares no argument 'inptu', declared are input";
-    assert_eq!(refusal, expected);
-}
-
-#[test]
-fn a_mistake_in_an_included_file_has_that_files_line() {
-    let files = Files::new("launch:\n  - include: { file: $(dirname)/b.launch.yaml }\n")
-        .with("b.launch.yaml", "launch:\n\n  - nod: {}\n");
-    assert!(files.refusal(&[]).starts_with("b.launch.yaml:3: unknown action"));
-}
-
-#[test]
-fn files_that_include_each_other_are_refused() {
-    let files = Files::new("launch:\n  - include: { file: $(dirname)/b.launch.yaml }\n")
-        .with("b.launch.yaml", "launch:\n  - include: { file: $(dirname)/main.launch.yaml }\n");
-    assert!(files.refusal(&[]).starts_with("b.launch.yaml:2: include: main.launch.yaml includes itself"));
 }
 
 /// What follows from a mistake is not told again.

@@ -66,14 +66,11 @@ fn the_streams_follow_equation_one() {
     assert_eq!(flow, Flow::Continue);
     let [modulo, saturated] = [0, 1].map(|output| frame(&sent, output).frame.as_u8().expect("8 bits"));
     for j in 0..64 {
-        let x = 8 * j;
-        assert_eq!(usize::from(modulo[(0, j, 0)]), x % 256);
-        assert_eq!(usize::from(saturated[(0, j, 0)]), x.min(255));
+        let codes = [modulo, saturated].map(|codes| usize::from(codes[(0, j, 0)]));
+        assert_eq!(codes, [8 * j % 256, (8 * j).min(255)], "{j}");
     }
     let expected = Header { stamp: Time::from_ns(5_000_000_007), frame_id: "camera_optical".into() };
-    for output in 0..3 {
-        assert_eq!(frame(&sent, output).header, expected);
-    }
+    assert!((0..3).all(|output| frame(&sent, output).header == expected));
     assert_eq!(step(&mut node, Trigger::Tick, &ALL).expect("the end").0, Flow::Done);
 }
 
@@ -217,9 +214,8 @@ fn camera_info(
     }
     let header = Header { stamp: Time::from_ns(42), frame_id: "front".into() };
     let frame = Frame::from_u8(Array3::zeros((height, width, 3))).expect("a frame");
-    let image = Message::Image(StampedFrame { header: header.clone(), frame }.into());
-    let (_, sent) =
-        step(&mut node, Trigger::Message { input: 0, message: image }, &[true; 6]).expect("a frame");
+    let message = Message::Image(StampedFrame { header: header.clone(), frame }.into());
+    let (_, sent) = step(&mut node, Trigger::Message { input: 0, message }, &[true; 6]).expect("a frame");
     let found = sent.into_iter().find_map(|(_, message)| match message {
         Message::CameraInfo(info) => Some(CameraInfo::clone(&info)),
         _ => None,
@@ -250,14 +246,6 @@ fn a_camera_info_of_the_source_is_not_sent_a_second_time() {
     for source in ["/image_raw", "image_raw"] {
         assert_eq!(camera_info(source, None, (2, 4)), None, "{source}");
         assert!(camera_info(source, Some(calibration()), (1, 2)).is_some(), "its own topic is remapped");
-    }
-}
-
-#[test]
-fn what_is_impossible_is_refused_with_the_parameter() {
-    for (name, value) in [("source", "/no/such/folder"), ("source", "scene://dusk")] {
-        let refusal = ModuloCamera::new(&parameters(&[(name, value)])).err().expect("refused").to_string();
-        assert!(refusal.contains(name) && refusal.contains(value), "{refusal}");
     }
 }
 
@@ -402,32 +390,29 @@ fn a_crash_in_a_later_round_changes_no_frame() {
 
 #[test]
 fn a_bad_image_is_skipped_and_a_source_without_a_good_one_is_not_repeated() {
-    for (bad, repeat) in [(&[1][..], "false"), (&[1], "true"), (&[0, 1, 2], "false"), (&[0, 1, 2], "true")] {
+    // With the number of skipped images, the index of the last step, and whether it is a failure.
+    for (bad, repeat, expected, fails) in [
+        (&[1][..], "false", (1, Some(3)), false),
+        // 7 frames: two rounds and one more.
+        (&[1], "true", (2, Some(6)), false),
+        // Each was skipped and counted; nothing else is wrong.
+        (&[0, 1, 2], "false", (3, Some(3)), false),
+        (&[0, 1, 2], "true", (3, Some(3)), true),
+    ] {
         let folder = folder_of(3);
         for number in bad {
             std::fs::write(folder.path().join(format!("{number}.png")), "no picture").expect("writable");
         }
         let source = folder.path().display().to_string();
         let mut node = camera(&[("source", &source), ("loop", repeat), ("frames", "7")]);
-        let steps: Vec<_> =
-            (0..9).map(|_| step(&mut node, Trigger::Tick, &ALL).map(|(flow, _)| flow)).collect();
+        let mut next = || step(&mut node, Trigger::Tick, &ALL).map(|(flow, _)| flow);
+        let steps: Vec<_> = std::iter::repeat_with(&mut next).take(9).collect();
         let ended = steps.iter().position(|s| *s == Ok(Flow::Done) || matches!(s, Err(StepError::Fatal(_))));
-        let skipped = steps.iter().take(ended.expect("it ends"));
-        let skipped =
-            skipped.filter(|s| matches!(s, Err(StepError::Skip(why)) if why.contains(".png"))).count();
-        match (bad.len(), repeat) {
-            (1, "false") => assert_eq!((skipped, ended), (1, Some(3))),
-            (1, _) => assert_eq!((skipped, ended), (2, Some(6)), "7 frames: two rounds and one more"),
-            // Each was skipped and counted; nothing else is wrong.
-            (_, "false") => assert_eq!((skipped, ended, &steps[3]), (3, Some(3), &Ok(Flow::Done))),
-            (..) => {
-                assert_eq!((skipped, ended), (3, Some(3)));
-                assert!(
-                    matches!(&steps[3], Err(StepError::Fatal(why)) if why.contains("2.png")),
-                    "{steps:?}"
-                );
-            }
-        }
+        let is_skipped = |s: &&Result<_, _>| matches!(s, Err(StepError::Skip(why)) if why.contains(".png"));
+        let last = ended.expect("it ends");
+        assert_eq!((steps[..last].iter().filter(is_skipped).count(), ended), expected, "{bad:?} {repeat}");
+        let has_failed = matches!(&steps[last], Err(StepError::Fatal(why)) if why.contains("2.png"));
+        assert_eq!(has_failed, fails, "{steps:?}");
     }
 }
 

@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use modulo_core::sensor::{Sensor, SensorConfig};
-use modulo_core::{Frame, Mosaic, Psf, Transfer};
+use modulo_core::{Exposure, Frame, Mosaic, Psf, Transfer};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::{
     Context, Flow, ManualClock, Message, Node, ParameterSet, Parameters, SensorModel, StampedFrame,
-    StepError, StepOutput, Trigger, sensor_info,
+    StepError, Trigger, sensor_info,
 };
 use modulo_unwrap::{UnwrapNode, UnwrapParameters};
 use ndarray::Array3;
@@ -29,15 +29,48 @@ fn header() -> Header {
 /// The headroom that a sensor has unless another one is described.
 const HEADROOM: f64 = 0.97;
 
-/// A smooth scene that wraps at alpha = 2: its modulo and its ideal frame.
-fn exposure(bits: u8) -> (Frame, Frame) {
-    let radiance = Array3::from_shape_fn((24, 40, 3), |(i, j, c)| {
+fn exposed(config: SensorConfig, radiance: &Array3<f32>) -> Exposure {
+    Sensor::new(config).expect("a sensor").expose(radiance.view(), 0).expect("an image")
+}
+
+/// A smooth scene that wraps at alpha = 2.
+fn waves() -> Array3<f32> {
+    Array3::from_shape_fn((24, 40, 3), |(i, j, c)| {
         0.5 + 0.49 * ((i as f32 / 7.0).sin() * (j as f32 / 9.0 + c as f32).cos())
-    });
+    })
+}
+
+/// The modulo and the ideal frame of that scene.
+fn exposure(bits: u8) -> (Frame, Frame) {
     let config = SensorConfig { bits, alpha: 2.0, headroom: HEADROOM, ..SensorConfig::default() };
-    let exposure = Sensor::new(config).expect("a sensor").expose(radiance.view(), 0).expect("an image");
+    let exposure = exposed(config, &waves());
     assert!(exposure.wraps().iter().any(|&k| k > 0), "the scene must wrap");
     (exposure.modulo(), exposure.ideal())
+}
+
+/// What the node `name` does with a message, and what it sends.
+fn feed(
+    name: &str,
+    node: &mut UnwrapNode,
+    (input, message): (usize, Message),
+    wanted: &[bool],
+) -> (Result<Flow, StepError>, Vec<(usize, Message)>) {
+    let clock = ManualClock::at(0);
+    let mut cx = Context::new(name, &clock, wanted);
+    let flow = node.step(Trigger::Message { input, message }, &mut cx);
+    (flow, cx.finish().messages)
+}
+
+/// An image of the scene with this stamp, and the description of a sensor for it.
+fn frame_at(ns: u64) -> (usize, Message) {
+    let header = Header { stamp: Time::from_ns(ns), ..header() };
+    (0, Message::Image(Arc::new(StampedFrame { header, frame: exposure(8).0 })))
+}
+
+fn described_at(ns: u64, alpha: f64) -> (usize, Message) {
+    let header = Header { stamp: Time::from_ns(ns), ..header() };
+    let model = SensorModel { alpha, ..SensorModel::default() };
+    (1, sensor_info::message(&header, &model, "/modulo_camera"))
 }
 
 fn step(node: &mut UnwrapNode, frame: Frame, wanted: &[bool]) -> Result<Vec<(usize, Message)>, StepError> {
@@ -50,12 +83,9 @@ fn step_as(
     frame: Frame,
     wanted: &[bool],
 ) -> Result<Vec<(usize, Message)>, StepError> {
-    let clock = ManualClock::at(0);
-    let mut cx = Context::new(name, &clock, wanted);
-    let image = Arc::new(StampedFrame { header: header(), frame });
-    let flow = node.step(Trigger::Message { input: 0, message: Message::Image(image) }, &mut cx)?;
-    assert_eq!(flow, Flow::Continue);
-    let StepOutput { messages, .. } = cx.finish();
+    let image = Message::Image(Arc::new(StampedFrame { header: header(), frame }));
+    let (flow, messages) = feed(name, node, (0, image), wanted);
+    assert_eq!(flow?, Flow::Continue);
     Ok(messages)
 }
 
@@ -161,7 +191,7 @@ fn a_mosaic_is_shown_in_colours_and_kept_in_hdr() {
     });
     let mosaic = Some(Mosaic::Bggr);
     let config = SensorConfig { alpha: 2.0, headroom: HEADROOM, mosaic, ..SensorConfig::default() };
-    let exposure = Sensor::new(config).expect("a sensor").expose(radiance.view(), 0).expect("an image");
+    let exposure = exposed(config, &radiance);
     let mut node = unwrap(&[("alpha", "2")]);
     let wanted = [true, true, false, false, true];
     let sent = step(&mut node, exposure.modulo(), &wanted).expect("a good frame");
@@ -180,12 +210,8 @@ fn a_mosaic_is_shown_in_colours_and_kept_in_hdr() {
 /// The oracle is the sensor: a range of 18 bits leaves no room in 16.
 #[test]
 fn hdr_has_every_count_of_a_range_beyond_16_bits() {
-    let radiance = Array3::from_shape_fn((24, 40, 3), |(i, j, c)| {
-        0.5 + 0.49 * ((i as f32 / 7.0).sin() * (j as f32 / 9.0 + c as f32).cos())
-    });
     for (alpha, depth) in [(4.0, 32), (1.0, 16)] {
-        let config = SensorConfig { bits: 16, alpha, ..SensorConfig::default() };
-        let exposure = Sensor::new(config).expect("a sensor").expose(radiance.view(), 0).expect("an image");
+        let exposure = exposed(SensorConfig { bits: 16, alpha, ..SensorConfig::default() }, &waves());
         let mut node = unwrap(&[("bits", "16"), ("alpha", &alpha.to_string())]);
         let sent = step(&mut node, exposure.modulo(), &[false, true]).expect("a good frame");
         let hdr = &image(&sent[0].1).frame;
@@ -197,26 +223,19 @@ fn hdr_has_every_count_of_a_range_beyond_16_bits() {
 fn the_recovered_image_is_shown_as_the_pictures_that_the_camera_sees() {
     let radiance = Array3::from_shape_fn((24, 40, 3), |(i, j, _)| (i + j) as f32 / 64.0);
     let (camera, own) = (Transfer::Srgb, Transfer::Rec709);
-    let ideal = |transfer, headroom| {
-        let config = SensorConfig { alpha: 2.0, headroom, transfer, ..SensorConfig::default() };
-        let exposure = Sensor::new(config).expect("a sensor").expose(radiance.view(), 0).expect("an image");
-        (exposure.modulo(), exposure.ideal())
-    };
     let model = SensorModel { alpha: 2.0, headroom: 0.8, transfer: camera, ..SensorModel::default() };
     let described = sensor_info::message(&header(), &model, "/modulo_camera");
-    for (set, of_range, expected, headroom) in
+    for (set, of_range, transfer, headroom) in
         [("camera", "0", camera, 0.8), ("rec709", "0", own, 0.8), ("camera", "0.9", camera, 0.9)]
     {
-        let (modulo, ideal) = ideal(expected, headroom);
+        let config = SensorConfig { alpha: 2.0, headroom, transfer, ..SensorConfig::default() };
+        let exposure = exposed(config, &radiance);
         let set = [("transfer", set), ("headroom", of_range)];
         let with = UnwrapParameters::from_text(&set).expect("possible");
         let mut node = UnwrapNode::new(&with).expect("a node");
-        let clock = ManualClock::at(0);
-        let mut cx = Context::new("/unwrap", &clock, &[]);
-        let trigger = Trigger::Message { input: 1, message: described.clone() };
-        node.step(trigger, &mut cx).expect("a description");
-        let sent = step(&mut node, modulo, &[true]).expect("a good frame");
-        assert_eq!(image(&sent[0].1).frame, ideal, "{set:?}");
+        feed("/unwrap", &mut node, (1, described.clone()), &[]).0.expect("a description");
+        let sent = step(&mut node, exposure.modulo(), &[true]).expect("a good frame");
+        assert_eq!(image(&sent[0].1).frame, exposure.ideal(), "{set:?}");
     }
 }
 
@@ -232,65 +251,41 @@ fn what_only_one_method_reads_is_checked_for_all() {
 fn deblur_sharpens_the_image_for_the_detector_and_leaves_the_radiance() {
     let bars =
         Array3::from_shape_fn((24, 40, 3), |(i, j, _)| if (i / 6 + j / 5) % 2 == 0 { 0.1 } else { 0.3 });
-    let psf = Psf::Gaussian { sigma: 1.0 };
-    let config = SensorConfig { alpha: 2.0, headroom: HEADROOM, psf, ..SensorConfig::default() };
-    let expose = |psf| {
-        Sensor::new(SensorConfig { psf, ..config })
-            .expect("a sensor")
-            .expose(bars.view(), 0)
-            .expect("an image")
-    };
-    let (blurred, sharp) = (expose(config.psf), expose(Psf::None));
+    let config = SensorConfig { alpha: 2.0, headroom: HEADROOM, ..SensorConfig::default() };
+    let [blurred, sharp] =
+        [Psf::Gaussian { sigma: 1.0 }, Psf::None].map(|psf| exposed(SensorConfig { psf, ..config }, &bars));
     let run = |deblur| {
         let mut node = unwrap(&[("alpha", "2"), ("psf_sigma", "1.0"), ("deblur", deblur)]);
-        step(&mut node, blurred.modulo(), &[true, true]).expect("a good frame")
+        let sent = step(&mut node, blurred.modulo(), &[true, true]).expect("a good frame");
+        [0, 1].map(|output| image(&sent[output].1).frame.to_f32())
     };
-    let (blurry, sharpened) = (run("false"), run("true"));
-    let error = |sent: &Message| {
-        let difference = image(sent).frame.to_f32() - sharp.ideal().to_f32();
-        difference.mapv(|d| d * d).sum()
-    };
-    let errors = [error(&sharpened[0].1), error(&blurry[0].1)];
+    let ([blurry, blurry_hdr], [sharpened, hdr]) = (run("false"), run("true"));
+    let ideal = sharp.ideal().to_f32();
+    let errors = [sharpened, blurry].map(|shown| (shown - &ideal).mapv(|d| d * d).sum());
     assert!(errors[0] * 2.0 < errors[1], "sharper than before: {errors:?}");
-    assert_eq!(
-        image(&sharpened[1].1).frame,
-        image(&blurry[1].1).frame,
-        "the radiance is what the sensor saw"
-    );
+    assert_eq!(hdr, blurry_hdr, "the radiance is what the sensor saw");
 }
 
-/// The sensor of each frame comes from its own description, before or after it.
+/// The description of a frame comes before or after it.
 #[test]
 fn each_frame_is_unwrapped_with_the_sensor_that_made_it() {
     let mut node = UnwrapNode::new(&UnwrapParameters::default()).expect("a node");
-    let clock = ManualClock::at(0);
-    let mut feed = |input, message| {
-        let mut cx = Context::new("/unwrap", &clock, &[true, false, false]);
-        let flow = node.step(Trigger::Message { input, message }, &mut cx);
-        (flow, cx.finish().messages)
-    };
-    let (modulo, ideal) = exposure(8);
-    let at = |ns| Header { stamp: Time::from_ns(ns), ..header() };
-    let frame = |ns| Message::Image(Arc::new(StampedFrame { header: at(ns), frame: modulo.clone() }));
-    let model = |alpha| SensorModel { alpha, ..SensorModel::default() };
-    let described = |ns, alpha| sensor_info::message(&at(ns), &model(alpha), "/modulo_camera");
+    let mut feed = |message| feed("/unwrap", &mut node, message, &[true, false, false]);
+    let (_, ideal) = exposure(8);
 
-    assert!(feed(1, described(1, 2.0)).1.is_empty());
-    assert!(feed(1, described(2, 4.0)).1.is_empty(), "the next frame has another sensor");
-    let (flow, sent) = feed(0, frame(1));
+    assert!(feed(described_at(1, 2.0)).1.is_empty());
+    assert!(feed(described_at(2, 4.0)).1.is_empty(), "the next frame has another sensor");
+    let (flow, sent) = feed(frame_at(1));
     assert_eq!((flow, &image(&sent[0].1).frame), (Ok(Flow::Continue), &ideal));
 
-    let (flow, sent) = feed(0, frame(3));
-    assert_eq!(
-        (flow, !sent.is_empty()),
-        (Ok(Flow::Continue), true),
-        "its description is late: that of frame 2 is used"
-    );
-    assert!(feed(1, described(3, 2.0)).1.is_empty(), "it is answered already");
-    assert!(feed(1, described(5, 2.0)).1.is_empty());
-    let (flow, sent) = feed(0, frame(5));
+    let (flow, sent) = feed(frame_at(3));
+    let answer = (flow, sent.is_empty());
+    assert_eq!(answer, (Ok(Flow::Continue), false), "its description is late: that of frame 2 is used");
+    assert!(feed(described_at(3, 2.0)).1.is_empty(), "it is answered already");
+    assert!(feed(described_at(5, 2.0)).1.is_empty());
+    let (flow, sent) = feed(frame_at(5));
     assert_eq!((flow, &image(&sent[0].1).frame), (Ok(Flow::Continue), &ideal));
-    let (_, sent) = feed(0, frame(6));
+    let (_, sent) = feed(frame_at(6));
     assert_eq!(&image(&sent[0].1).frame, &ideal, "the description of frame 5");
     assert!(node.status().contains(&("description_reused", "2".to_owned())), "{:?}", node.status());
 }
@@ -298,30 +293,24 @@ fn each_frame_is_unwrapped_with_the_sensor_that_made_it() {
 /// Before the very first description a frame waits, and those after it only as long as it does.
 #[test]
 fn a_frame_waits_for_the_first_description_and_not_for_ever() {
-    let clock = ManualClock::at(0);
-    let feed = |node: &mut UnwrapNode, input, message| {
-        let mut cx = Context::new("/unwrap", &clock, &[true, false, false]);
-        let flow = node.step(Trigger::Message { input, message }, &mut cx);
-        (flow, cx.finish().messages)
-    };
-    let (modulo, ideal) = exposure(8);
-    let at = |ns| Header { stamp: Time::from_ns(ns), ..header() };
-    let frame = |ns| Message::Image(Arc::new(StampedFrame { header: at(ns), frame: modulo.clone() }));
-    let model = SensorModel { alpha: 2.0, ..SensorModel::default() };
-    let described = |ns| sensor_info::message(&at(ns), &model, "/modulo_camera");
+    let feed = |node: &mut UnwrapNode, message| feed("/unwrap", node, message, &[true, false, false]);
+    let (_, ideal) = exposure(8);
     let mut node = UnwrapNode::new(&UnwrapParameters::default()).expect("a node");
     assert_eq!(node.give_up(), None);
-    assert_eq!(feed(&mut node, 0, frame(1)).0, Ok(Flow::Deferred));
-    let (flow, sent) = feed(&mut node, 1, described(1));
+    assert_eq!(feed(&mut node, frame_at(1)).0, Ok(Flow::Deferred));
+    let (flow, sent) = feed(&mut node, described_at(1, 2.0));
     let answered = image(&sent[0].1);
-    assert_eq!((flow, &answered.header, &answered.frame), (Ok(Flow::Continue), &at(1), &ideal));
+    assert_eq!(
+        (flow, answered.header.stamp, &answered.frame),
+        (Ok(Flow::Continue), Time::from_ns(1), &ideal)
+    );
 
     let mut node = UnwrapNode::new(&UnwrapParameters::default()).expect("a node");
-    assert_eq!(feed(&mut node, 0, frame(1)).0, Ok(Flow::Deferred));
-    let Err(StepError::Skip(why)) = feed(&mut node, 0, frame(2)).0 else { panic!("the newer frame is kept") };
+    assert_eq!(feed(&mut node, frame_at(1)).0, Ok(Flow::Deferred));
+    let Err(StepError::Skip(why)) = feed(&mut node, frame_at(2)).0 else { panic!("the newer frame is kept") };
     assert!(why.contains("sensor_info") && why.contains("alpha"), "{why}");
     assert_eq!(node.give_up(), Some(why.clone()));
-    assert_eq!(feed(&mut node, 0, frame(3)).0, Err(StepError::Skip(why)), "the next ones do not wait");
-    assert!(feed(&mut node, 1, described(4)).1.is_empty());
-    assert_eq!(feed(&mut node, 0, frame(4)).0, Ok(Flow::Continue));
+    assert_eq!(feed(&mut node, frame_at(3)).0, Err(StepError::Skip(why)), "the next ones do not wait");
+    assert!(feed(&mut node, described_at(4, 2.0)).1.is_empty());
+    assert_eq!(feed(&mut node, frame_at(4)).0, Ok(Flow::Continue));
 }

@@ -325,33 +325,7 @@ impl OddRadix {
 
 #[cfg(test)]
 mod tests {
-    use super::super::lanes::COMPLEX_LANES;
     use super::*;
-
-    #[test]
-    fn is_the_definition_in_every_lane() {
-        for n in [1, 2, 3, 4, 5, 7, 8, 9, 12, 23, 46, 73, 75, 121] {
-            let value = |i: usize, lane: usize| ((i * 37 + lane * 11) % 19) as f32 - 9.0;
-            let mut first = vec![Complex::default(); n];
-            for (i, sample) in first.iter_mut().enumerate() {
-                sample.re.0 = std::array::from_fn(|lane| value(i, lane));
-                sample.im.0 = std::array::from_fn(|lane| value(i + 5, lane));
-            }
-            let fft = Fft::new(n).unwrap();
-            let mut got = first;
-            fft.forward(&mut got, &mut vec![Complex::default(); fft.scratch_len()]);
-            for (k, lane) in (0..n).flat_map(|k| (0..COMPLEX_LANES).map(move |lane| (k, lane))) {
-                let (mut re, mut im) = (0.0, 0.0);
-                for i in 0..n {
-                    let (sin, cos) = (TAU * ((i * k) % n) as f64 / n as f64).sin_cos();
-                    let (a, b) = (f64::from(value(i, lane)), f64::from(value(i + 5, lane)));
-                    (re, im) = (re + a * cos + b * sin, im + b * cos - a * sin);
-                }
-                let got = (f64::from(got[k].re.0[lane]), f64::from(got[k].im.0[lane]));
-                assert!((got.0 - re).abs() + (got.1 - im).abs() < 1e-3, "n {n}, k {k}: {got:?}, {re} {im}");
-            }
-        }
-    }
 
     #[test]
     fn long_primes_are_left_to_others() {

@@ -261,42 +261,6 @@ proptest! {
         let y = image(dim, bits, slope, bend, noise, seed);
         assert_is_the_definition(&y, Range::new(bits, alpha).unwrap());
     }
-
-    #[test]
-    fn any_image_is_congruent(
-        dim in (1usize..=64, 1usize..=64, prop_oneof![Just(1usize), Just(3)]),
-        bits in 1u8..=16,
-        alpha in 1e-3f64..=256.0,
-        seed: u32,
-    ) {
-        let range = Range::new(bits, alpha).unwrap();
-        let y = image(dim, bits, (0.0, 0.0), 0.0, 4.0, seed);
-        let out = lines(&Frame::from_u16(y.clone()).unwrap(), range);
-        prop_assert!(out.k.iter().all(|&k| k <= range.max_wraps()));
-        prop_assert_eq!(out.x, y.mapv(f32::from) + out.k.mapv(f32::from) * range.peak());
-    }
-
-    /// The condition of the method holds, in words of 8 bits.
-    #[test]
-    fn undoes_the_wrap_of_steep_slopes(
-        dim in (2usize..=40, 2usize..=40, prop_oneof![Just(1usize), Just(3)]),
-        bits in 5u8..=8,
-        slope in (0f64..0.12, 0f64..0.12),
-        bend in (0f64..0.008, 0f64..0.008),
-    ) {
-        let peak = f64::from(1u32 << bits);
-        let x = Array3::from_shape_fn(dim, |(i, j, c)| {
-            let (i, j) = (i as f64, (j + c) as f64);
-            ((slope.0 * i + slope.1 * j + bend.0 * i * i + bend.1 * i * j) * peak) as u32
-        });
-        let most = *x.iter().max().unwrap() >> bits;
-        // The base level needs more than 2 % of the pixels at k = 0.
-        let dark = |c| x.iter().skip(c).step_by(dim.2).filter(|&&x| x >> bits == 0).count() * 50;
-        prop_assume!(most < 64 && (0..dim.2).all(|c| dark(c) > dim.0 * dim.1));
-        let y = Frame::from_u8(x.mapv(|x| (x & ((1 << bits) - 1)) as u8)).unwrap();
-        let out = lines(&y, Range::new(bits, f64::from(most + 1)).unwrap());
-        prop_assert_eq!(out.x, x.mapv(|x| x as f32));
-    }
 }
 
 /// Counters of 8 bits overflow neither in long rows nor in long columns.

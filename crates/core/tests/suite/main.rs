@@ -6,7 +6,6 @@
 #[path = "../../../../tests/harness/data.rs"]
 mod data;
 
-mod library;
 mod lines;
 mod references;
 mod sensor;

@@ -421,7 +421,6 @@ mod tests {
     }
 
     proptest! {
-        /// Each message is read or counted once, and those that are read come in the order of their arrival.
         #[test]
         fn every_message_is_read_or_counted(
             depth in 1usize..5,

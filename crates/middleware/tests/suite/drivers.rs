@@ -3,6 +3,7 @@
 use std::io::Write;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Barrier, Mutex};
+use std::thread::JoinHandle;
 use std::time::Duration;
 
 use modulo_core::Frame;
@@ -55,40 +56,39 @@ fn pixel(value: u8) -> Frame {
     Frame::from_u8(Array3::from_elem((1, 1, 1), value)).expect("1 x 1 x 1 is a frame")
 }
 
+/// The image topics of a node, which has no parameters of its own.
+macro_rules! topics {
+    ($node:ident: $inputs:expr => $outputs:expr) => {
+        fn inputs(&$node) -> Vec<Topic> {
+            $inputs.map(|name: &str| Topic::new(name, MessageKind::Image)).to_vec()
+        }
+        fn outputs(&$node) -> Vec<Topic> {
+            $outputs.map(|name: &str| Topic::new(name, MessageKind::Image)).to_vec()
+        }
+        fn configure(&mut $node, _: &Parameters) -> Result<(), ParameterError> {
+            Ok(())
+        }
+    };
+}
+
 impl Node for Counter {
-    fn inputs(&self) -> Vec<Topic> {
-        Vec::new()
-    }
-    fn outputs(&self) -> Vec<Topic> {
-        vec![Topic::new("a", MessageKind::Image)]
-    }
+    topics!(self: [] => ["a"]);
     fn period(&self) -> Option<Duration> {
         Some((self.period)(self.next))
-    }
-    fn configure(&mut self, _: &Parameters) -> Result<(), ParameterError> {
-        Ok(())
     }
     fn step(&mut self, _: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
         if self.next == self.count {
             return Ok(Flow::Done);
         }
         let header = Header { stamp: Time::from_ns(u64::from(self.next) * 1000), frame_id: "camera".into() };
-        cx.emit(0, Message::Image(Arc::new(StampedFrame { header, frame: pixel(self.next) })));
+        cx.emit(0, image(header, self.next));
         self.next += 1;
         Ok(Flow::Continue)
     }
 }
 
 impl Node for Increment {
-    fn inputs(&self) -> Vec<Topic> {
-        vec![Topic::new(self.input, MessageKind::Image)]
-    }
-    fn outputs(&self) -> Vec<Topic> {
-        vec![Topic::new(self.output, MessageKind::Image)]
-    }
-    fn configure(&mut self, _: &Parameters) -> Result<(), ParameterError> {
-        Ok(())
-    }
+    topics!(self: [self.input] => [self.output]);
     fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
         let Trigger::Message { message: Message::Image(image), .. } = trigger else {
             return Ok(Flow::Continue);
@@ -120,10 +120,26 @@ fn counts(report: &NodeReport) -> (u64, u64, u64, u64) {
     (sum(&report.received), sum(&report.published), sum(&report.dropped()), sum(&report.bad))
 }
 
+fn setup(node: Box<dyn Node>, name: &str, parameters: Parameters) -> NodeSetup {
+    NodeSetup { node, parameters, node_name: node_name(name), saved: None, report_file: None }
+}
+
+fn clock() -> Arc<dyn Clock> {
+    Arc::new(SystemClock::default())
+}
+
 fn member(node: Box<dyn Node>, name: &str, wait_for: &str, ends_all: bool) -> composed::Member {
-    let (parameters, node_name) = (waiting_for(wait_for), node_name(name));
-    let setup = NodeSetup { node, parameters, node_name, saved: None, report_file: None };
-    composed::Member { setup, ends_all }
+    composed::Member { setup: setup(node, name, waiting_for(wait_for)), ends_all }
+}
+
+fn image(header: Header, value: u8) -> Message {
+    Message::Image(Arc::new(StampedFrame { header, frame: pixel(value) }))
+}
+
+/// The value of the pixel that has arrived.
+fn value_of(incoming: Incoming) -> u8 {
+    let Incoming::Message(Message::Image(image)) = incoming else { panic!("no image: {incoming:?}") };
+    image.frame.as_u8().expect("8 bit")[(0, 0, 0)]
 }
 
 /// Runs a source of `period` before a fast node, which skips a frame, and a slow one: each takes all that there is.
@@ -134,12 +150,10 @@ fn assert_no_frame_is_lost(period: fn(u8) -> Duration) {
         member(Box::new(Increment { bad: Some(7), ..increment("a", "b") }), "first", "[second]", false),
         member(Box::new(slow), "second", "", false),
     ];
-    let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
-    let reports = composed::run(members, &clock, &Stop::default()).expect("runs");
-    assert_eq!(
-        [0, 1, 2].map(|member| counts(&reports[member])),
-        [(0, 30, 0, 0), (30, 29, 0, 1), (29, 29, 0, 0)]
-    );
+    let reports = composed::run(members, &clock(), &Stop::default()).expect("runs");
+    let expected = [(0, 30, 0, 0), (30, 29, 0, 1), (29, 29, 0, 0)];
+    assert_eq!([0, 1, 2].map(|member| counts(&reports[member])), expected);
+    assert_eq!(reports[2].stages["increment"].values().sum::<u64>(), 29);
 }
 
 /// A source of rate 0 waits for the slowest node, also behind one that is fast.
@@ -157,15 +171,7 @@ fn a_source_may_become_paced_while_it_runs() {
 struct Panic;
 
 impl Node for Panic {
-    fn inputs(&self) -> Vec<Topic> {
-        vec![Topic::new("a", MessageKind::Image)]
-    }
-    fn outputs(&self) -> Vec<Topic> {
-        Vec::new()
-    }
-    fn configure(&mut self, _: &Parameters) -> Result<(), ParameterError> {
-        Ok(())
-    }
+    topics!(self: ["a"] => []);
     fn step(&mut self, _: Trigger, _: &mut Context<'_>) -> Result<Flow, StepError> {
         panic!("an error in the step")
     }
@@ -182,26 +188,10 @@ fn a_member_that_panics_ends_the_others() {
     let (sender, ended) = std::sync::mpsc::channel();
     // In a thread of its own, because a run that does not end must fail the test.
     std::thread::spawn(move || {
-        let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
-        let run = || composed::run(members, &clock, &Stop::default()).map(|reports| reports.len());
+        let run = || composed::run(members, &clock(), &Stop::default()).map(|reports| reports.len());
         sender.send(std::panic::catch_unwind(std::panic::AssertUnwindSafe(run)).is_err())
     });
     assert_eq!(ended.recv_timeout(Duration::from_secs(60)), Ok(true), "the panic is passed on");
-}
-
-#[test]
-fn a_composed_chain_drains_to_its_last_frame() {
-    let members = vec![
-        member(counter(20), "counter", "[first]", true),
-        member(Box::new(Increment { bad: Some(7), ..increment("a", "b") }), "first", "[second]", false),
-        member(Box::new(increment("b", "c")), "second", "", false),
-    ];
-    let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
-    let reports = composed::run(members, &clock, &Stop::default()).expect("runs");
-    assert_eq!(counts(&reports[0]), (0, 20, 0, 0));
-    assert_eq!(counts(&reports[1]), (20, 19, 0, 1), "the bad frame is counted and skipped");
-    assert_eq!(counts(&reports[2]), (19, 19, 0, 0));
-    assert_eq!(reports[2].stages["increment"].values().sum::<u64>(), 19);
 }
 
 /// A node that was asked to end, and leaves because its source does not, has answered or counted every image it took.
@@ -212,16 +202,12 @@ fn a_node_that_leaves_its_source_counts_every_image() {
     let frames = transport.advertise(&test, &address).expect("local");
     let (asked, local) = (stop.clone(), transport.clone());
     let running = std::thread::spawn(move || {
-        let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
-        let (node, node_name) = (Box::new(increment("a", "b")), node_name("leaver"));
-        let setup =
-            NodeSetup { node, parameters: waiting_for(""), node_name, saved: None, report_file: None };
-        live::run(setup, &local, &clock, asked).expect("runs")
+        let setup = setup(Box::new(increment("a", "b")), "leaver", waiting_for(""));
+        live::run(setup, &local, &clock(), asked).expect("runs")
     });
     let mut sent = 0;
     while !running.is_finished() {
-        let image = StampedFrame { header: Header::default(), frame: pixel(0) };
-        frames.put(&Message::Image(Arc::new(image))).expect("local");
+        frames.put(&image(Header::default(), 0)).expect("local");
         sent += 1;
         if sent == 10 {
             stop.ask(Urgency::Drain);
@@ -260,11 +246,8 @@ fn lockstep_gives_the_same_messages_every_time() {
 fn a_node_that_waits_in_vain_says_for_whom() {
     let parameters = waiting_for("[nobody]").with_text(&[("wait_timeout", "0.05")]).expect("valid");
     let transport = LocalTransport::default();
-    let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
-    let node = counter(1);
-    let setup =
-        NodeSetup { node, parameters, node_name: node_name("counter"), saved: None, report_file: None };
-    let error = live::run(setup, &transport, &clock, Stop::default()).expect_err("nobody is not there");
+    let setup = setup(counter(1), "counter", parameters);
+    let error = live::run(setup, &transport, &clock(), Stop::default()).expect_err("nobody is not there");
     assert!(error.to_string().contains("/nobody"), "{error}");
 }
 
@@ -308,6 +291,47 @@ impl Transport for Offered {
     }
 }
 
+/// A running node, and a test that sends it images.
+struct Stage {
+    transport: Arc<Offered>,
+    ports: Receiver<ParameterPort>,
+    test: NodeName,
+    stop: Stop,
+    answers: Receiver<Incoming>,
+    _answers: Guard,
+}
+
+impl Stage {
+    /// A stage on which the test hears the images of `output`.
+    fn new(output: &str) -> Self {
+        let (ports, port) = channel();
+        let transport = Arc::new(Offered { local: LocalTransport::default(), ports: Mutex::new(ports) });
+        let (test, (sender, answers)) = (node_name("test"), channel());
+        let take = Box::new(move |incoming| sender.send(incoming).expect("the test listens"));
+        let address = Address::resolve(&test, &Topic::new(output, MessageKind::Image)).expect("a name");
+        let _answers = transport.subscribe(&test, &address, take).expect("local");
+        Self { transport, ports: port, test, stop: Stop::default(), answers, _answers }
+    }
+
+    fn advertise(&self, topic: &str) -> Box<dyn Publisher> {
+        let address = Address::resolve(&self.test, &Topic::new(topic, MessageKind::Image)).expect("a name");
+        self.transport.advertise(&self.test, &address).expect("local")
+    }
+
+    /// Starts a node. Not in a scope: a failure must not wait for the node.
+    fn start<P: ParameterSet>(
+        &self,
+        node: Box<dyn Node>,
+        name: &'static str,
+    ) -> (JoinHandle<NodeReport>, ParameterPort) {
+        let (offered, asked) = (self.transport.clone(), self.stop.clone());
+        let declared = [P::descriptors(), CommonParameters::descriptors()].concat();
+        let setup = setup(node, name, Parameters::declare(declared));
+        let running = std::thread::spawn(move || live::run(setup, &*offered, &clock(), asked).expect("runs"));
+        (running, self.ports.recv().expect("the node starts"))
+    }
+}
+
 modulo_runtime::parameters! {
     /// The parameters of [`Add`].
     pub struct AddParameters {
@@ -323,15 +347,7 @@ struct Add {
 }
 
 impl Node for Add {
-    fn inputs(&self) -> Vec<Topic> {
-        vec![Topic::new("a", MessageKind::Image)]
-    }
-    fn outputs(&self) -> Vec<Topic> {
-        vec![Topic::new("b", MessageKind::Image)]
-    }
-    fn configure(&mut self, _: &Parameters) -> Result<(), ParameterError> {
-        Ok(())
-    }
+    topics!(self: ["a"] => ["b"]);
     fn prepare(&self, now: &Parameters, next: &Parameters) -> Option<Job> {
         let makes = self.makes.clone();
         let make = move || {
@@ -346,8 +362,7 @@ impl Node for Add {
     fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
         if let Trigger::Message { message: Message::Image(image), .. } = trigger {
             let value = image.frame.as_u8().expect("8 bit")[(0, 0, 0)];
-            let frame = pixel(value + self.amount);
-            cx.emit(0, Message::Image(Arc::new(StampedFrame { header: image.header.clone(), frame })));
+            cx.emit(0, self::image(image.header.clone(), value + self.amount));
         }
         Ok(Flow::Continue)
     }
@@ -364,39 +379,20 @@ fn loading(state: Incoming) -> Option<String> {
 /// one is exchanged or refused, also when the caller has gone meanwhile.
 #[test]
 fn a_part_is_made_while_the_node_goes_on() {
-    let ((ports, port), (make, makes)) = (channel(), channel());
-    let transport = Arc::new(Offered { local: LocalTransport::default(), ports: Mutex::new(ports) });
-    let (test, stop) = (node_name("test"), Stop::default());
-    let address = |topic| Address::resolve(&test, &Topic::new(topic, MessageKind::Image)).expect("a name");
-    let (sender, answers) = channel();
-    let take = Box::new(move |incoming| sender.send(incoming).expect("the test listens"));
-    let _answers = transport.subscribe(&test, &address("b"), take).expect("local");
+    let (stage, (make, makes)) = (Stage::new("b"), channel());
     let states = Arc::new(Mutex::new(Vec::new()));
     let expected = states.clone();
     let note = move |incoming: Incoming| expected.lock().expect("not poisoned").push(loading(incoming));
-    let state = Address::resolve(&test, &Topic::new("/add/state", MessageKind::Diagnostics)).expect("a name");
-    let _states = transport.subscribe(&test, &state, Box::new(note)).expect("local");
-    let frames = transport.advertise(&test, &address("a")).expect("local");
+    let topic = Topic::new("/add/state", MessageKind::Diagnostics);
+    let state = Address::resolve(&stage.test, &topic).expect("a name");
+    let _states = stage.transport.subscribe(&stage.test, &state, Box::new(note)).expect("local");
+    let frames = stage.advertise("a");
     let frame = || {
-        let image = StampedFrame { header: Header::default(), frame: pixel(10) };
-        frames.put(&Message::Image(Arc::new(image))).expect("local");
-        match answers.recv().expect("an answer") {
-            Incoming::Message(Message::Image(image)) => image.frame.as_u8().expect("8 bit")[(0, 0, 0)] - 10,
-            other => panic!("no image: {other:?}"),
-        }
+        frames.put(&image(Header::default(), 10)).expect("local");
+        value_of(stage.answers.recv().expect("an answer")) - 10
     };
-    let (offered, asked) = (transport.clone(), stop.clone());
-    // Not in a scope: a failure must not wait for the node.
-    let running = std::thread::spawn(move || {
-        let node = Box::new(Add { amount: 1, makes: Arc::new(Mutex::new(makes)) });
-        let declared = [AddParameters::descriptors(), CommonParameters::descriptors()].concat();
-        let parameters = Parameters::declare(declared);
-        let setup =
-            NodeSetup { node, parameters, node_name: node_name("add"), saved: None, report_file: None };
-        let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
-        live::run(setup, &*offered, &clock, asked).expect("runs")
-    });
-    let port = port.recv().expect("the node starts");
+    let node = Box::new(Add { amount: 1, makes: Arc::new(Mutex::new(makes)) });
+    let (running, port) = stage.start::<AddParameters>(node, "add");
     let ask = |amount| {
         let (answer, verdict) = channel();
         let (claim, changes) = (Claim::default(), vec![vec![("amount".to_owned(), Value::Integer(amount))]]);
@@ -439,7 +435,7 @@ fn a_part_is_made_while_the_node_goes_on() {
     states.dedup();
     let loads = |amount: u8| Some(format!("amount = {amount}"));
     assert_eq!(states, [None, loads(5), None, loads(7), None, loads(9), None]);
-    stop.ask(Urgency::Now);
+    stage.stop.ask(Urgency::Now);
     running.join().expect("no panic");
 }
 
@@ -476,10 +472,7 @@ impl Node for Relay {
         if let Trigger::Message { input, message: Message::Image(image) } = trigger {
             // The index tells under which of its inputs the node has seen the image.
             let value = image.frame.as_u8().expect("8 bit")[(0, 0, 0)] + input as u8;
-            cx.emit(
-                0,
-                Message::Image(Arc::new(StampedFrame { header: image.header.clone(), frame: pixel(value) })),
-            );
+            cx.emit(0, self::image(image.header.clone(), value));
         }
         Ok(Flow::Continue)
     }
@@ -489,37 +482,18 @@ impl Node for Relay {
 /// publishes itself, or that is no name, is refused, and nothing is stored.
 #[test]
 fn inputs_are_found_by_their_address() {
-    let (ports, port) = channel();
-    let transport = Arc::new(Offered { local: LocalTransport::default(), ports: Mutex::new(ports) });
-    let (test, stop) = (node_name("test"), Stop::default());
-    let address = |topic| Address::resolve(&test, &Topic::new(topic, MessageKind::Image)).expect("a name");
-    let (sender, answers) = channel();
-    let take = Box::new(move |incoming| sender.send(incoming).expect("the test listens"));
-    let _answers = transport.subscribe(&test, &address("out"), take).expect("local");
+    let stage = Stage::new("out");
     let topics = ["/left/a", "/right/a", "/left/b"];
-    let publishers = topics.map(|topic| transport.advertise(&test, &address(topic)).expect("local"));
+    let publishers = topics.map(|topic| stage.advertise(topic));
     let sent = std::cell::Cell::new(0);
     let answer = |publisher: usize| {
         sent.set(sent.get() + 1);
         let header = Header { stamp: Time::from_ns(sent.get()), ..Header::default() };
-        publishers[publisher]
-            .put(&Message::Image(Arc::new(StampedFrame { header, frame: pixel(10) })))
-            .expect("local");
-        match answers.recv_timeout(Duration::from_secs(60)).expect("an answer") {
-            Incoming::Message(Message::Image(image)) => image.frame.as_u8().expect("8 bit")[(0, 0, 0)] - 10,
-            other => panic!("no image: {other:?}"),
-        }
+        publishers[publisher].put(&image(header, 10)).expect("local");
+        value_of(stage.answers.recv_timeout(Duration::from_secs(60)).expect("an answer")) - 10
     };
-    let (offered, asked) = (transport.clone(), stop.clone());
-    let running = std::thread::spawn(move || {
-        let declared = [RelayParameters::descriptors(), CommonParameters::descriptors()].concat();
-        let (node, parameters) = (Box::new(Relay(RelayParameters::default())), Parameters::declare(declared));
-        let setup =
-            NodeSetup { node, parameters, node_name: node_name("relay"), saved: None, report_file: None };
-        let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
-        live::run(setup, &*offered, &clock, asked).expect("runs")
-    });
-    let port = port.recv().expect("the node starts");
+    let node = Box::new(Relay(RelayParameters::default()));
+    let (running, port) = stage.start::<RelayParameters>(node, "relay");
     let set = |inputs: &[&str]| {
         let (answer, verdict) = channel();
         let value = Value::Strings(inputs.iter().map(|name| (*name).to_owned()).collect());
@@ -547,7 +521,7 @@ fn inputs_are_found_by_their_address() {
     assert_eq!([answer(2), answer(0), answer(1)], [0, 1, 2]);
     set(&["/right/a"]).expect("possible");
     assert_eq!(answer(1), 0);
-    stop.ask(Urgency::Now);
+    stage.stop.ask(Urgency::Now);
     let report = running.join().expect("no panic");
     let received = topics.map(|topic| {
         (report.received.get(topic).copied().unwrap_or(0), report.unread.get(topic).copied().unwrap_or(0))
@@ -559,35 +533,22 @@ fn inputs_are_found_by_their_address() {
 #[test]
 fn zenoh_carries_a_chain_between_sessions() {
     let domain = Domain::take();
-    let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
     let stop = Stop::default();
-    let session =
-        || ZenohTransport::open(domain.id, Hashes::Rihs01, clock.clone()).expect("a session on loopback");
+    let session = || ZenohTransport::open(domain.id, Hashes::Rihs01, clock()).expect("a session on loopback");
     let (one, two, three) = (session(), session(), session());
     let reports = std::thread::scope(|scope| {
         let run = |node: Box<dyn Node>, name, wait_for, transport| {
-            let (clock, stop) = (clock.clone(), stop.clone());
+            let (setup, stop) = (setup(node, name, waiting_for(wait_for)), stop.clone());
             let transport: &dyn Transport = transport;
-            let setup = NodeSetup {
-                node,
-                parameters: waiting_for(wait_for),
-                node_name: node_name(name),
-                saved: None,
-                report_file: None,
-            };
-            scope.spawn(move || live::run(setup, transport, &clock, stop))
+            scope.spawn(move || live::run(setup, transport, &clock(), stop).expect("runs"))
         };
         let last = run(Box::new(increment("b", "c")), "second", "", &three);
         let middle = run(Box::new(increment("a", "b")), "first", "[second]", &two);
         let source = run(counter(20), "counter", "[first, second]", &one);
-        let source = source.join().expect("no panic").expect("runs");
+        let source = source.join().expect("no panic");
         // The source has ended; the others have to finish what is still on its way to them.
         stop.ask(modulo_runtime::Urgency::Drain);
-        [
-            source,
-            middle.join().expect("no panic").expect("runs"),
-            last.join().expect("no panic").expect("runs"),
-        ]
+        [source, middle.join().expect("no panic"), last.join().expect("no panic")]
     });
     assert_eq!(reports.each_ref().map(counts), [(0, 20, 0, 0), (20, 20, 0, 0), (20, 20, 0, 0)]);
     for node in ["/counter", "/first", "/second"] {
@@ -620,8 +581,7 @@ fn sessions_meet_without_a_warning() {
         let start = Barrier::new(8);
         let open = || {
             start.wait();
-            ZenohTransport::open(domain.id, Hashes::Rihs01, Arc::new(SystemClock::default()))
-                .expect("a session")
+            ZenohTransport::open(domain.id, Hashes::Rihs01, clock()).expect("a session")
         };
         std::thread::scope(|scope| {
             let sessions = [(); 8].map(|()| scope.spawn(open));

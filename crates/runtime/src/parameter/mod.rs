@@ -331,15 +331,6 @@ mod tests {
     }
 
     #[test]
-    fn a_set_is_applied_whole_or_not_at_all() {
-        let before = set();
-        let changes =
-            [("angle".to_owned(), Value::Double(2.0)), ("engine".to_owned(), Value::String("cuda".into()))];
-        assert!(before.with(&changes, true).is_err());
-        assert_eq!(before, set());
-    }
-
-    #[test]
     fn read_only_holds_after_the_start_alone() {
         let change = [("bits".to_owned(), Value::Integer(10))];
         assert!(set().with(&change, false).is_ok());

@@ -206,12 +206,9 @@ fn the_papers_figures_stand_beside_ours() {
 
 #[test]
 fn charts_name_each_cell_and_grey_what_is_dominated() {
-    let charts = chart::all(&made_up());
-    let frontier = charts.iter().find(|named| named.name == "frontier_alpha4_psf1.4_read0").expect("a chart");
-    let svg = frontier.chart.svg(modulo_draw::PageWidth::Wide).expect("a picture");
-    assert!(
-        svg.contains("<title>recovered (auto), yolov10n 640x192: 59.6 ms, AP50 of vehicle 85.4 %</title>")
-    );
+    let svg = svg(&made_up(), "frontier_alpha4_psf1.4_read0");
+    let title = "<title>recovered (auto), yolov10n 640x192: 59.6 ms, AP50 of vehicle 85.4 %</title>";
+    assert!(svg.contains(title), "{svg}");
     let mark =
         |what: &str| svg.lines().find(|line| line.contains(&format!("<title>{what}"))).expect("a mark");
     let grey = |what: &str| mark(what).contains("#bdbdbd");
@@ -219,6 +216,15 @@ fn charts_name_each_cell_and_grey_what_is_dominated() {
     assert!(grey("modulo, demo") && !grey("saturated, demo"));
     assert!(grey("recovered (spud), yolov10n") && !grey("recovered (auto), yolov10n"));
     assert!(!grey("ideal, yolov10n"), "no choice, and so not dominated");
+}
+
+/// The chart of this name as SVG.
+fn svg(results: &Results, name: &str) -> String {
+    let charts = chart::all(results);
+    let names = || charts.iter().map(|named| &named.name).collect::<Vec<_>>();
+    let found = charts.iter().find(|named| named.name == name);
+    let found = found.unwrap_or_else(|| panic!("{name}: {:?}", names()));
+    found.chart.svg(modulo_draw::PageWidth::Wide).expect("drawn")
 }
 
 /// The fill, edge and text of the entry of a series in the legend of the first chart that has it.
@@ -232,11 +238,6 @@ fn entry<'a>(svg: &'a str, name: &str) -> (&'a str, &'a str) {
 #[test]
 fn a_stream_has_one_colour_in_every_report() {
     let all = made_up();
-    let svg = |results: &Results, name: &str| {
-        let charts = chart::all(results);
-        let found = charts.iter().find(|named| named.name == name).expect("a chart");
-        found.chart.svg(modulo_draw::PageWidth::Wide).expect("a picture")
-    };
     let chart = "alpha_yolov10n_640x192_psf1.4_read0";
     let whole = svg(&all, chart);
     let names = ["ideal, sharp", "ideal", "saturated", "modulo", "recovered (auto)", "recovered (spud)"];
@@ -378,57 +379,43 @@ fn results_are_read_and_what_is_misspelt_is_named() {
 #[test]
 fn charts_have_words_units_counts_and_intervals() {
     let mut results = made_up();
-    for noise in [0.0, 1.0, 2.0] {
-        let noisy =
-            results.cells.iter().find(|cell| cell.point.sensor.psf_sigma == 1.4).cloned().expect("a cell");
-        results.cells.push(Cell {
-            point: Point {
-                sensor: SensorModel { read_noise: noise, shot_noise: 0.5, ..noisy.point.sensor },
-                ..noisy.point
-            },
-            ..noisy
-        });
+    let noisy = results.cells.iter().find(|cell| cell.point.sensor.psf_sigma == 1.4).cloned();
+    for read_noise in [0.0, 1.0, 2.0] {
+        let mut cell = noisy.clone().expect("a cell");
+        (cell.point.sensor.read_noise, cell.point.sensor.shot_noise) = (read_noise, 0.5);
+        results.cells.push(cell);
     }
-    let charts = chart::all(&results);
-    let svg = |name: &str| {
-        let found = charts.iter().find(|named| named.name == name);
-        let names = || charts.iter().map(|named| &named.name).collect::<Vec<_>>();
-        found
-            .unwrap_or_else(|| panic!("{name}: {:?}", names()))
-            .chart
-            .svg(modulo_draw::PageWidth::Wide)
-            .expect("drawn")
-    };
-    let alpha = svg("alpha_yolov10n_640x192_psf1.4_read0");
-    for text in [
-        "AP50 of vehicles, %, 20 frames",
-        "AP50 of persons, %, 20 frames",
-        "alpha, the saturation factor",
-        ">1.5</text>",
+    for (name, texts) in [
+        (
+            "alpha_yolov10n_640x192_psf1.4_read0",
+            &[
+                "AP50 of vehicles, %, 20 frames",
+                "AP50 of persons, %, 20 frames",
+                "alpha, the saturation factor",
+                ">1.5</text>",
+            ][..],
+        ),
+        ("psf_yolov10n_640x192_alpha4_read0", &["lens blur, px", ">0.8</text>"]),
+        (
+            "read_yolov10n_640x192_alpha1.5_psf1.4_shot0.5",
+            &["read noise, code units", "lens blur 1.4 px, shot noise 0.5 code units"],
+        ),
     ] {
-        assert!(alpha.contains(text), "{text}");
+        let svg = svg(&results, name);
+        assert!(texts.iter().all(|text| svg.contains(text)), "{texts:?}: {svg}");
     }
     // Two panels, six streams, five alphas, and a bar with two caps for each.
+    let alpha = svg(&results, "alpha_yolov10n_640x192_psf1.4_read0");
     assert_eq!(alpha.matches("stroke-width=\"1.1\"").count(), 2 * 6 * 5 * 3);
-    let blur = svg("psf_yolov10n_640x192_alpha4_read0");
-    assert!(blur.contains("lens blur, px") && blur.contains(">0.8</text>"));
-    let noise = svg("read_yolov10n_640x192_alpha1.5_psf1.4_shot0.5");
-    assert!(
-        noise.contains("read noise, code units")
-            && noise.contains("lens blur 1.4 px, shot noise 0.5 code units")
-    );
-    assert!(
-        !charts.iter().any(|named| named.name.starts_with("shot_yolov10n_640x192_alpha1.5_psf1.4_read2"))
-    );
+    let single = "shot_yolov10n_640x192_alpha1.5_psf1.4_read2";
+    assert!(!chart::all(&results).iter().any(|named| named.name.starts_with(single)));
 }
 
 #[test]
 fn a_series_without_a_choice_is_grey_in_the_legend() {
     let mut results = made_up();
     results.cells.retain(|cell| cell.point.model == "yolov10n");
-    let charts = chart::all(&results);
-    let frontier = charts.iter().find(|named| named.name == "frontier_alpha4_psf1.4_read0").expect("a chart");
-    let svg = frontier.chart.svg(modulo_draw::PageWidth::Wide).expect("a picture");
+    let svg = svg(&results, "frontier_alpha4_psf1.4_read0");
     assert!(entry(&svg, "recovered (spud)").1.contains("#bdbdbd"), "dominated");
     assert!(!entry(&svg, "recovered (auto)").1.contains("#bdbdbd"));
 }

@@ -229,7 +229,6 @@ mod tests {
     }
 
     proptest! {
-        /// Slopes with steps of any size: some are consistent, some are not, some are out of range.
         #[test]
         fn what_agrees_is_what_the_tree_gives(
             (rows, columns) in (1usize..20, 1usize..20),

@@ -220,7 +220,6 @@ proptest! {
         }
     }
 
-    /// Any image, from noise to one pixel or one row, gives a result that is congruent and in range.
     #[test]
     fn any_image_gives_a_congruent_result(
         dim in (1usize..12, 1usize..12, prop_oneof![Just(1usize), Just(3)]),

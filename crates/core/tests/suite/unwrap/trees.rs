@@ -18,7 +18,6 @@ fn scene(dim: (usize, usize, usize), bits: u8, height: f64, noise: &[u16]) -> Ar
 }
 
 proptest! {
-    /// At any size and for any content, nothing panics, and the number of threads changes nothing.
     #[test]
     fn threads_change_nothing(
         dim in (1usize..=64, 1usize..=64, prop_oneof![Just(1usize), Just(3)]),

@@ -224,7 +224,6 @@ mod tests {
         assert!((0..256).all(near), "{row:?}");
     }
 
-    /// A ramp up to two thirds of full scale: stretched where SPUD is as published, absolute where it is congruent.
     #[test]
     fn spud_is_stretched_as_published_and_absolute_where_it_is_congruent() {
         let radiance = Array3::from_shape_fn((32, 256, 1), |(_, x, _)| x as f32 / 384.0);
