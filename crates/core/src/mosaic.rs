@@ -3,7 +3,7 @@
 //! [`Mosaic::demosaic`] interpolates the two other colours with the linear filters of 5 x 5 pixels of Malvar, He and Cutler
 //! (2004, *High-quality linear interpolation for demosaicing of Bayer-patterned color images*, ICASSP).
 
-use ndarray::{Array3, ArrayView3, s};
+use ndarray::{Array3, ArrayView3};
 
 use crate::simd::widest;
 
@@ -155,7 +155,9 @@ impl Filtered {
 /// pixel (`dcb|abcd`), in which all colours keep their places.
 pub(crate) fn mirrored(at: isize, count: usize) -> usize {
     let last = count as isize - 1;
-    if last == 0 {
+    if (0..=last).contains(&at) {
+        return at.cast_unsigned();
+    } else if last == 0 {
         return 0;
     }
     let at = at.rem_euclid(2 * last);

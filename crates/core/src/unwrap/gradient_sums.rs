@@ -81,6 +81,18 @@ impl GreenCodes {
         self.shift(row) + 1 - direction
     }
 
+    /// Returns the indices of both ends of the first edge from a row to the next one: the first pixel has no neighbour to the left in rows
+    /// that begin with it.
+    pub fn ends_of_edges(&self, direction: usize, row: usize) -> (usize, usize) {
+        let ahead = self.ahead(direction, row);
+        (usize::from(ahead == 0), ahead.saturating_sub(1))
+    }
+
+    /// Returns the upper 8 bits of the code of a pixel.
+    pub fn code(&self, at: usize) -> u8 {
+        self.row(at / self.width)[1 + at % self.width]
+    }
+
     /// Returns the codes of a row, and those of the neighbours in the next one.
     fn ends(&self, direction: usize, row: usize) -> (&[u8], &[u8]) {
         let ahead = self.ahead(direction, row);
@@ -113,6 +125,23 @@ impl GradientSums {
     /// Finds the steps between the counts of neighbours.
     pub fn find(&mut self, codes: &GreenCodes) {
         self.workers.each(&mut self.directions, |_, direction| direction.find(codes));
+    }
+
+    /// Halves the margins of the steps that are not those between `counts`, of which there is one for each pixel.
+    pub fn doubt(&mut self, codes: &GreenCodes, counts: &[i32]) {
+        for sums in &mut self.directions {
+            let rows = counts.chunks_exact(codes.width);
+            for (row, (here, next)) in rows.clone().zip(rows.skip(1)).enumerate() {
+                let (first, second) = codes.ends_of_edges(sums.direction, row);
+                let edges = row * sums.pitch + first..(row + 1) * sums.pitch;
+                let edges = sums.steps[edges.clone()].iter().zip(&mut sums.margins[edges]);
+                let differences = here[first..].iter().zip(&next[second..]).map(|(from, to)| to - from);
+                differences
+                    .zip(edges)
+                    .filter(|(difference, (step, _))| *difference != i32::from(**step))
+                    .for_each(|(_, (_, margin))| *margin /= 2);
+            }
+        }
     }
 
     /// Returns for each pixel of a row how much greater the count of its neighbour down to the right (direction 0) or to the left (1) is, and the

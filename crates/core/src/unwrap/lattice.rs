@@ -9,70 +9,10 @@ use ndarray::Array3;
 use super::mosaic_image::{MosaicImage, frame};
 use super::{Range, Recovered};
 use crate::frame::Frame;
-use crate::mosaic::{GREEN, mirrored};
+use crate::mosaic::GREEN;
 
 /// Pixels beyond the border of the image that belong to the lattice. Beyond them, its rows repeat their last pixel.
 const MARGIN: isize = 2;
-
-/// Pixels of the mirror image around the image: the margin and the neighbours of its pixels.
-const PADDING: usize = MARGIN as usize + 1;
-
-/// Returns the width of an image with its mirror image around it.
-fn padded_width(image: &MosaicImage) -> usize {
-    image.width + 2 * PADDING
-}
-
-/// Returns the image with [`PADDING`] pixels of its mirror image around it, in which all colours keep their places.
-fn padded<T: Copy>(image: &[T], height: usize, width: usize) -> Vec<T> {
-    let around = |count: usize| {
-        (0..count + 2 * PADDING).map(move |at| mirrored(at as isize - PADDING as isize, count))
-    };
-    let columns: Vec<usize> = around(width).collect();
-    around(height).flat_map(|row| columns.iter().map(move |&column| image[row * width + column])).collect()
-}
-
-/// The wrapped samples of the other colours at each pixel with the mirror image around it, of which only those at green pixels
-/// have a meaning: the mean of the neighbours in the row, and of those in the column.
-pub(super) struct Others {
-    along: Vec<u16>,
-    across: Vec<u16>,
-}
-
-impl Others {
-    /// Takes the samples from wrapped codes.
-    pub fn wrapped(image: &MosaicImage, range: Range) -> Self {
-        let shift = 16 - range.bits();
-        let codes: Vec<u16> =
-            padded(&image.codes, image.height, image.width).iter().map(|y| y << shift).collect();
-        // In the upper bits of a word, half of the signed difference is half of the wrapped one.
-        let mean =
-            |a: u16, b: u16| a.wrapping_add((b.wrapping_sub(a).cast_signed() >> 1).cast_unsigned()) >> shift;
-        Self::between(&codes, padded_width(image), mean)
-    }
-
-    /// Takes the samples from known radiance.
-    pub fn known(image: &MosaicImage, out: &Recovered, range: Range) -> Self {
-        let mask = (1 << range.bits()) - 1;
-        let x = padded(
-            out.x.as_slice().expect("prepare has made the layout standard"),
-            image.height,
-            image.width,
-        );
-        Self::between(&x, padded_width(image), |a, b| ((0.5 * (a + b)) as u32 & mask) as u16)
-    }
-
-    /// Takes the means of the neighbours of each pixel.
-    fn between<T: Copy>(image: &[T], width: usize, mean: impl Fn(T, T) -> u16) -> Self {
-        let of_distance = |distance: usize| {
-            let mut means = vec![0; image.len()];
-            let neighbours = image.iter().zip(&image[2 * distance..]);
-            means[distance..].iter_mut().zip(neighbours).for_each(|(to, (&a, &b))| *to = mean(a, b));
-            means
-        };
-        // A green pixel has one colour beside it, and the other one above and below.
-        Self { along: of_distance(1), across: of_distance(width) }
-    }
-}
 
 /// The lattice of the green pixels: row b and column a are the pixel in row `a - b` and column `a + b + parity`.
 pub(super) struct Lattice {
@@ -102,10 +42,13 @@ impl Lattice {
     }
 
     /// Returns green and the two other colours along the lattice.
-    pub fn frame(&self, image: &MosaicImage, others: &Others, range: Range) -> Frame {
-        let green = padded(&image.codes, image.height, image.width);
-        let (padding, width) = (PADDING.cast_signed(), padded_width(image).cast_signed());
-        let red_row = image.mosaic.red().0.cast_signed();
+    pub fn frame(&self, image: &MosaicImage, range: Range) -> Frame {
+        let (shift, red_row) = (16 - range.bits(), image.mosaic.red().0.cast_signed());
+        // In the upper bits of a word, half of the signed difference is half of the wrapped one.
+        let mean = |a: u16, b: u16| {
+            let (a, b) = (a << shift, b << shift);
+            a.wrapping_add((b.wrapping_sub(a).cast_signed() >> 1).cast_unsigned()) >> shift
+        };
         let mut pixels = Vec::with_capacity(3 * self.rows * self.columns);
         for b in (self.first..).take(self.rows) {
             let (least, most) = self.inside(b);
@@ -113,12 +56,11 @@ impl Lattice {
             pixels.extend((0..self.columns.cast_signed()).flat_map(|a| {
                 let a = a.clamp(least - MARGIN, most + MARGIN);
                 let (row, column) = (a - b, a + b + self.parity);
-                let at = ((row + padding) * width + column + padding).cast_unsigned();
+                let along = mean(image.code(row, column - 1), image.code(row, column + 1));
+                let across = mean(image.code(row - 1, column), image.code(row + 1, column));
+                let green = image.code(row, column);
                 // In a row with red pixels, red lies beside green, and blue above and below it.
-                match row & 1 == red_row {
-                    true => [others.along[at], green[at], others.across[at]],
-                    false => [others.across[at], green[at], others.along[at]],
-                }
+                if row & 1 == red_row { [along, green, across] } else { [across, green, along] }
             }));
         }
         let pixels = Array3::from_shape_vec((self.rows, self.columns, 3), pixels);

@@ -119,9 +119,8 @@ impl MarginTree {
         let rows = self.counts.chunks_exact(codes.width);
         for (row, (here, next)) in rows.clone().zip(rows.skip(1)).enumerate() {
             for direction in [0, 1] {
-                let (steps, ahead) = (sums.row(direction, row).0, codes.ahead(direction, row));
-                // The first pixel has no neighbour to the left in rows that begin with it.
-                let (first, second) = (usize::from(ahead == 0), ahead.saturating_sub(1));
+                let steps = sums.row(direction, row).0;
+                let (first, second) = codes.ends_of_edges(direction, row);
                 let ends = here[first..].iter().zip(&steps[first..]).zip(&next[second..]);
                 all += ends.len();
                 wrong += ends.filter(|((from, step), to)| **to - **from != i32::from(**step)).count();

@@ -4,7 +4,7 @@ use ndarray::Array3;
 
 use super::{Range, Recovered};
 use crate::frame::Frame;
-use crate::mosaic::Mosaic;
+use crate::mosaic::{Mosaic, mirrored};
 
 /// The codes of a mosaic image, row-major.
 pub(super) struct MosaicImage {
@@ -15,6 +15,11 @@ pub(super) struct MosaicImage {
 }
 
 impl MosaicImage {
+    /// Returns the code of a pixel, which may lie beyond the border in the mirror image.
+    pub fn code(&self, row: isize, column: isize) -> u16 {
+        self.codes[mirrored(row, self.height) * self.width + mirrored(column, self.width)]
+    }
+
     /// Writes counts to every second pixel of a row from (row, column) on; returns how many were out of range.
     pub fn write_row(
         &self,
