@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         out: "evaluation".into(),
     };
     let outcome = run(&request, &Suite, &SystemClock::default(), &|_| {})?;
-    for cell in &outcome.results.cells {
+    for cell in &outcome.cells {
         println!("{}", cell.point);
         for (group, ap) in &cell.ap50 {
             println!(

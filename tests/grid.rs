@@ -1,4 +1,4 @@
-//! `modulo eval` as a grid, through the shipped binary: the same bytes again, killed and resumed, in shards.
+//! `modulo eval` as a grid, through the shipped binary: the same bytes again, killed and resumed.
 
 mod harness;
 
@@ -139,22 +139,10 @@ fn the_same_command_gives_the_same_figures_however_it_is_cut() {
     check_lines(&whole, &expected);
     assert!(json(&whole.join("results.json"))["runs"][0]["wall_s"].as_f64().expect("seconds") > 0.0);
 
-    let is_equal = |name: &str| {
-        let folder = bench.path(name);
-        assert_eq!(timeless(&folder).to_string(), expected.to_string(), "{name}");
-        assert!(lines(&folder) == lines(&whole), "{name}");
-    };
     bench.says(0, &format!("{GRID} @/again --jobs 1"));
-    is_equal("again");
-
-    // As a Slurm array does it: processes that know nothing of each other.
-    for i in 1..=3 {
-        bench.says(0, &format!("{GRID} @/shard{i} --shard {i}/3"));
-    }
-    // A shard is missing.
-    bench.says(3, "eval merge @/merged @/shard1 @/shard2");
-    bench.says(0, "eval merge @/merged @/shard1 @/shard2 @/shard3");
-    is_equal("merged");
+    let again = bench.path("again");
+    assert_eq!(timeless(&again).to_string(), expected.to_string());
+    assert!(lines(&again) == lines(&whole));
 }
 
 #[test]
@@ -409,8 +397,7 @@ impl DataSets<'_> {
     /// The output of a grid of one cell over a data set of this folder.
     fn eval(&self, code: i32, data: &str, more: &str) -> String {
         std::fs::remove_dir_all(self.0.path("out")).ok();
-        // One of two cells: a part of a grid draws no pictures, which would take most of the time.
-        let cell = "--stream ideal,saturated --alpha 2 --psf-sigma 0 --shard 1/2 --engine rten --model %";
+        let cell = "--stream ideal --alpha 2 --psf-sigma 0 --engine rten --model %";
         let message = self.0.says(code, &format!("eval {data} {cell} -o @/out {more}"));
         assert!(!message.contains("scene://"), "{message}");
         message

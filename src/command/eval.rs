@@ -65,14 +65,6 @@ pub struct Eval {
 
 #[derive(Subcommand)]
 pub enum Verb {
-    /// Join the results of shards
-    Merge {
-        /// Folder for the joined results
-        out: PathBuf,
-        /// Folders of the shards
-        #[arg(required = true)]
-        folders: Vec<PathBuf>,
-    },
     /// Draw charts and report of the results in a folder again
     Report {
         /// Folder with results.json
@@ -91,7 +83,6 @@ pub enum Verb {
 pub fn eval(args: &Eval) -> Result<Ended, Failure> {
     start_log(if args.verbose { "debug" } else { "warn" });
     match &args.verb {
-        Some(Verb::Merge { out, folders }) => return grid::merge(out, folders),
         Some(Verb::Report { folder }) => return grid::report(folder),
         Some(Verb::Budget { folder, ms }) => return grid::budget(folder, *ms),
         None => {}

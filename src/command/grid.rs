@@ -12,9 +12,7 @@ use indicatif::ProgressBar;
 use modulo_bags::source::{FrameList, SourceError, is_endless};
 use modulo_camera::CameraParameters;
 use modulo_eval::below_100;
-use modulo_eval::grid::{
-    Data, GridError, GridEvent, GridOptions, Request, Suite, draw_pictures, merge as merge_shards, run,
-};
+use modulo_eval::grid::{Data, GridError, GridEvent, GridOptions, Request, Suite, draw_pictures, run};
 use modulo_eval::results::{Cell, Provenance, Results};
 use modulo_eval::{budget as choices, report as page, store};
 use modulo_images::ImageError;
@@ -98,26 +96,21 @@ pub fn grid(args: &Grid, source: &[String], out: &Path) -> Result<Ended, Failure
     };
     let progress = GridProgress::new();
     let timer = SystemClock::default();
-    let outcome = match run(&request, &Suite, &timer, &|event| progress.tell(event)) {
+    let results = match run(&request, &Suite, &timer, &|event| progress.tell(event)) {
         // All frames are left out, each for its reason.
         Err(why @ GridError::Nothing(_, 1.., _)) => {
             eprintln!("modulo: {why}");
             return Ok(Ended::WithLoss);
         }
-        outcome => outcome.map_err(failure)?,
+        results => results.map_err(failure)?,
     };
     progress.bar.finish_and_clear();
-    let (lost, whole) = (outcome.results.lost(), outcome.whole);
-    let results = outcome.results;
     results.cells.iter().for_each(print_cell);
     tell_unscored(&results);
-    // The pictures compare all cells, so they are drawn when the last shard or run has made them complete.
-    if whole {
-        let pictures = draw_pictures(&request, &Suite, &timer, &results).map_err(failure)?;
-        page::save_pictures(out, &pictures).map_err(failure)?;
-    }
+    let pictures = draw_pictures(&request, &Suite, &timer, &results).map_err(failure)?;
+    page::save_pictures(out, &pictures).map_err(failure)?;
     say!("{}", page::write(out, &results).map_err(failure)?.display());
-    Ok(if lost { Ended::WithLoss } else { Ended::Done })
+    Ok(if results.lost() { Ended::WithLoss } else { Ended::Done })
 }
 
 /// The progress of a run: a bar on a terminal, else a line a minute.
@@ -184,20 +177,6 @@ fn tell_unscored(results: &Results) {
              --difficulty the objects"
         );
     }
-}
-
-/// Joins shards.
-pub fn merge(out: &Path, folders: &[PathBuf]) -> Result<Ended, Failure> {
-    store::prepare(out).map_err(failure)?;
-    let results = merge_shards(out, folders).map_err(failure)?;
-    let Results { setup, cells, .. } = &results;
-    say!("{}", page::write(out, &results).map_err(failure)?.display());
-    say!("{} of {} cells", cells.len(), setup.grid.len());
-    results.input.warnings.iter().for_each(|warning| eprintln!("modulo: {warning}"));
-    tell_unscored(&results);
-    // A shard that is missing, or a frame that could not be read, is a loss: the exit code tells it.
-    let whole = cells.len() == setup.grid.len() && !results.lost();
-    Ok(if whole { Ended::Done } else { Ended::WithLoss })
 }
 
 /// Where, when and by which command this process runs.

@@ -32,7 +32,7 @@ pub struct Results {
     pub input: Input,
     /// The definition of each figure of a cell, by its name.
     pub definitions: BTreeMap<String, String>,
-    /// The finished cells in the order of the grid. A killed run and a shard have fewer cells than [`Setup::grid`].
+    /// The finished cells in the order of the grid. A killed run has fewer cells than [`Setup::grid`].
     pub cells: Vec<Cell>,
     /// The runs that made the cells, the first one first.
     pub runs: Vec<Provenance>,
@@ -107,7 +107,7 @@ pub struct Setup {
     pub groups: BTreeMap<String, String>,
     /// The sha256 of each model, by its name in cells.
     pub models: BTreeMap<String, String>,
-    /// All cells in order, over all shards, and over all grids that were run on the folder.
+    /// All cells in order, over all grids that were run on the folder.
     pub grid: Vec<Point>,
 }
 

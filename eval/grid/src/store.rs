@@ -1,6 +1,5 @@
-//! Results as files, and the joining of shards. A file is complete at any time, even if the process is killed.
+//! Results as files. A file is complete at any time, even if the process is killed.
 
-use std::collections::BTreeMap;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
@@ -10,7 +9,7 @@ use serde_json::Value;
 
 use crate::GridError;
 use crate::labels;
-use crate::results::{Cell, Device, FRAMES, Input, Point, RESULTS, Results, Setup};
+use crate::results::{Cell, FRAMES, Input, Point, RESULTS, Results, Setup};
 
 /// Size of the largest results, bytes.
 const LARGEST: u64 = 1 << 30;
@@ -134,57 +133,6 @@ pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<(), GridError> {
     folder.and_then(|()| launcher::replace(path, bytes)).map_err(|why| GridError::io(path, why))
 }
 
-/// Joins the results of all `folders` in `out`, with the cells in the order of the grid.
-///
-/// # Errors
-/// [`GridError`] if a folder has no results, if the folders belong to different requests, or if two of them hold different
-/// figures for one cell. Durations may differ: those of the first folder are kept.
-pub fn merge(out: &Path, folders: &[PathBuf]) -> Result<Results, GridError> {
-    let mut all: Option<Results> = None;
-    for folder in folders {
-        let path = folder.join(RESULTS);
-        let part = stored(folder)?;
-        let all = all.get_or_insert_with(|| Results { cells: Vec::new(), runs: Vec::new(), ..part.clone() });
-        check_same(&path, &part, all)?;
-        if part.setup.grid != all.setup.grid {
-            return Err(other_setup(&path, "its cells are those of another grid"));
-        }
-        all.runs.extend(part.runs);
-        for cell in part.cells {
-            match all.cells.iter().find(|known| known.point == cell.point) {
-                None => all.cells.push(copied(cell, folder, out)?),
-                // All figures but durations are the same in every run. Different figures of one cell cannot both be
-                // right, and a merge cannot decide between them.
-                Some(known) if timeless(known) == timeless(&cell) => {}
-                Some(_) => {
-                    let (path, cell) = (path.display(), &cell.point);
-                    let why = format!("{path}: cell {cell} was measured before with other figures");
-                    return Err(GridError::Results(why));
-                }
-            }
-        }
-    }
-    let mut all = all.ok_or_else(|| GridError::empty("the list of folders"))?;
-    sort(&mut all.cells, &all.setup.grid);
-    save(out, &all)?;
-    Ok(all)
-}
-
-/// Copies the frames of `cell` from `folder` to `out`. A cell of an older version has none.
-fn copied(cell: Cell, folder: &Path, out: &Path) -> Result<Cell, GridError> {
-    let from = frames_of(folder, &cell);
-    match std::fs::read(&from) {
-        Ok(frames) => replace(&frames_of(out, &cell), &frames).map(|()| cell),
-        Err(why) if why.kind() == ErrorKind::NotFound => Ok(cell),
-        Err(why) => Err(GridError::io(&from, why)),
-    }
-}
-
-/// The figures of a cell that must be the same in every run.
-fn timeless(cell: &Cell) -> Cell {
-    Cell { latency_ms: BTreeMap::new(), device: Device::default(), frame_ms: None, ..cell.clone() }
-}
-
 /// Refuses the results `old` at `path` if they belong to another request than `new`. The grids may differ.
 fn check_same(path: &Path, old: &Results, new: &Results) -> Result<(), GridError> {
     let Some((what, a, b)) = difference(old, new) else { return Ok(()) };
@@ -209,7 +157,7 @@ fn difference(old: &Results, new: &Results) -> Option<(String, String, String)> 
         return Some(("data".to_owned(), data(old), data(new)));
     }
     let of = |results: &Results, others: &Results| {
-        // Shards may have different models. Only a model that both know must be the same file.
+        // A run may add models. Only a model that both know must be the same file.
         let mut setup = Setup { grid: Vec::new(), source: String::new(), ..results.setup.clone() };
         setup.models.retain(|name, _| others.setup.models.contains_key(name));
         serde_json::to_value(setup).expect("a setup has text keys")

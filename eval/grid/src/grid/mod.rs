@@ -9,7 +9,7 @@
 //!
 //! `run` goes over the cells and stores the results after each of them, `runner` processes the frames of one cell, and
 //! `timing` measures the times of all cells at the end. The figures of a cell do not depend on other cells: finished cells
-//! are kept, a run that was killed continues, and [`merge`] joins shards. No transport is used. The clock only measures
+//! are kept, and a run that was killed continues. No transport is used. The clock only measures
 //! durations; it decides nothing.
 
 mod cells;
@@ -26,10 +26,9 @@ mod score;
 mod timing;
 
 pub use crate::GridError;
-pub use crate::store::merge;
 pub use cells::{Axes, DeblurChoice};
 pub use detection_pictures::draw_pictures;
 pub use pipeline::multi_exposure::CAPTURES;
 pub use pipeline::{Nodes, Suite};
-pub use request::{Data, GridEvent, GridOptions, Request, Shard, words};
-pub use run::{GridOutcome, run};
+pub use request::{Data, GridEvent, GridOptions, Request, words};
+pub use run::run;

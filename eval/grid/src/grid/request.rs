@@ -93,9 +93,6 @@ pub struct GridOptions {
     /// File of lines `class of the labels: group`, instead of the groups vehicle and person
     #[arg(long, value_name = "FILE")]
     pub groups: Option<PathBuf>,
-    /// Process only part i of n of the cells
-    #[arg(long, value_name = "i/n", default_value = "1/1")]
-    pub shard: Shard,
     /// Process all cells anew, even if the folder holds results
     #[arg(long)]
     pub fresh: bool,
@@ -182,36 +179,6 @@ impl Request {
         match self.options.jobs {
             0 => std::thread::available_parallelism().map_or(1, usize::from),
             jobs => jobs,
-        }
-    }
-}
-
-/// One part of the cells of a grid, for runs that are split over several processes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Shard {
-    /// Number of this part, 1 to `of`.
-    index: usize,
-    /// Number of parts, at least 1.
-    of: usize,
-}
-
-impl Shard {
-    /// The cells of the part.
-    pub(super) fn of<T>(self, cells: &[T]) -> impl Iterator<Item = &T> {
-        // Every n-th cell: models and inputs vary slowest, so that blocks would give one shard all the slow models.
-        cells.iter().skip(self.index - 1).step_by(self.of)
-    }
-}
-
-impl std::str::FromStr for Shard {
-    type Err = String;
-
-    /// Reads `i/n`.
-    fn from_str(text: &str) -> Result<Self, String> {
-        let pair = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
-        match pair {
-            Some((index, of)) if (1..=of).contains(&index) => Ok(Self { index, of }),
-            _ => Err("must be i/n with 1 <= i <= n, such as 2/8".to_owned()),
         }
     }
 }
@@ -316,27 +283,4 @@ fn sha256(model: &Path) -> Result<String, GridError> {
 fn sequence(folder: &Path, options: &SourceOptions) -> Result<Drive, SourceError> {
     let drive = folder.file_name().map(|name| name.to_string_lossy().into_owned());
     Ok((drive, Box::new(KittiSource::open(folder, options)?)))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_cell_is_in_one_shard() {
-        let cells: Vec<usize> = (0..20).collect();
-        for of in 1..5 {
-            let mut all: Vec<_> = (1..=of).flat_map(|index| Shard { index, of }.of(&cells)).collect();
-            all.sort();
-            assert!(all.into_iter().eq(&cells));
-        }
-    }
-
-    #[test]
-    fn a_shard_is_counted_from_one() {
-        assert_eq!("2/8".parse(), Ok(Shard { index: 2, of: 8 }));
-        for bad in ["", "0/2", "3/2", "1", "1/0", "a/b", "-1/2"] {
-            assert!(bad.parse::<Shard>().is_err(), "{bad}");
-        }
-    }
 }

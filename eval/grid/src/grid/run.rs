@@ -13,15 +13,6 @@ use crate::metric::{bootstrap, latency, paper};
 use crate::results::{Point, Results};
 use crate::{GridError, store};
 
-/// Result of a grid run.
-#[derive(Clone, Debug, PartialEq)]
-pub struct GridOutcome {
-    /// The results as they are in the folder.
-    pub results: Results,
-    /// Whether all cells of the request are finished, over all shards.
-    pub whole: bool,
-}
-
 /// Runs the cells that are not finished yet, and writes `results.json` and the lines of their frames into the
 /// folder of the request after each of them. `timer` measures the stages.
 ///
@@ -33,8 +24,8 @@ pub fn run(
     nodes: &dyn Nodes,
     timer: &dyn Clock,
     tell: &(dyn Fn(GridEvent<'_>) + Sync),
-) -> Result<GridOutcome, GridError> {
-    let (GridOptions { axes, protocol, shard, fresh, .. }, start) = (&request.options, timer.ticks_ns());
+) -> Result<Results, GridError> {
+    let (GridOptions { axes, protocol, fresh, .. }, start) = (&request.options, timer.ticks_ns());
     let warn = |line: &String| tell(GridEvent::Warning(line));
     let points = axes.points(*protocol)?;
     multi_exposure::check(request, &points)?;
@@ -51,7 +42,7 @@ pub fn run(
     let empty = Results { setup, input, definitions: definitions(), ..Results::default() };
     let mut results = store::resume(&request.out, *fresh, empty)?;
     results.runs.push(request.provenance.clone());
-    let (done, todo): (Vec<&Point>, Vec<&Point>) = shard.of(&points).partition(|point| results.has(point));
+    let (done, todo): (Vec<&Point>, Vec<&Point>) = points.iter().partition(|point| results.has(point));
     tell(GridEvent::Resumed { cells: done.len(), others: results.others(&points) });
     let (each, mut runner) = (frames.len() as u64, CellRunner::new(request, nodes, timer));
     for (index, &point) in todo.iter().enumerate() {
@@ -66,7 +57,7 @@ pub fn run(
     run.wall_s = Some(timer.ticks_ns().saturating_sub(start) as f64 / 1e9);
     // A run without any cell to process writes its files, too.
     store::save(&request.out, &results)?;
-    Ok(GridOutcome { whole: points.iter().all(|point| results.has(point)), results })
+    Ok(results)
 }
 
 fn definitions() -> Table {
