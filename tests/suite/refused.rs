@@ -43,7 +43,6 @@ const REFUSED: [(&str, &[&str]); 62] = [
     ("eval --source FOLDER -o OUT --jobs 1025", &["1025", "1024"]),
     ("eval --source FOLDER -o OUT --white -1", &["white = -1", "0"]),
     ("eval --source FOLDER -o OUT --seed -1", &["-1", "--seed"]),
-    ("eval --source FOLDER -o OUT --shard 3/2", &["3/2", "1 <= i <= n"]),
     ("eval --source scene://day?frames=-1 -o OUT", &["frames", "-1"]),
     ("eval --source FOLDER -o OUT --protocol paper --read-noise 1", &["read noise 1"]),
     ("eval budget OUT --ms 0", &["--ms is 0", "more than 0"]),
