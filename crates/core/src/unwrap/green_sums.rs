@@ -113,6 +113,19 @@ impl GreenSums {
         range: Range,
         contradictions: f64,
     ) -> Result<f64, UnwrapError> {
+        self.unwrap_blocks(image, range)?;
+        self.sums.doubt(&self.codes, &self.counts);
+        self.counts.clone_from(&self.tree.counts);
+        self.tree.grow(&self.codes, &self.sums, range.max_wraps());
+        let by_colours = self.tree.contradictions(&self.codes, &self.sums);
+        if by_colours >= contradictions {
+            std::mem::swap(&mut self.tree.counts, &mut self.counts);
+        }
+        Ok(by_colours.min(contradictions))
+    }
+
+    /// Unwraps the blocks of 2 x 2 pixels in three colours; `counts` are those of their green pixels.
+    fn unwrap_blocks(&mut self, image: &MosaicImage, range: Range) -> Result<(), UnwrapError> {
         let (height, width) = (self.codes.height, self.codes.width);
         let (row, column) = image.mosaic.red();
         let places = [(row, column), (0, self.codes.shift(0)), (1 - row, 1 - column)];
@@ -129,14 +142,7 @@ impl GreenSums {
                 ((self.in_colours.x[(row / 2, at, 1)] - code) / range.peak()).round() as i32
             }));
         }
-        self.sums.doubt(&self.codes, &self.counts);
-        self.counts.clone_from(&self.tree.counts);
-        self.tree.grow(&self.codes, &self.sums, range.max_wraps());
-        let by_colours = self.tree.contradictions(&self.codes, &self.sums);
-        if by_colours >= contradictions {
-            std::mem::swap(&mut self.tree.counts, &mut self.counts);
-        }
-        Ok(by_colours.min(contradictions))
+        Ok(())
     }
 
     /// Returns the count that stands for k = 0 in the largest region without a contradiction.

@@ -99,10 +99,10 @@ impl EvaluationPlan {
         let ports =
             nodes.iter().map(Ports::of).collect::<Result<Vec<_>, _>>().map_err(|why| why.to_string())?;
         let mut names = BTreeSet::new();
-        if let Some(twice) = ports.iter().find(|node| !names.insert(&node.name)) {
-            let name = &twice.name;
-            let why = format!("two nodes are called {name}; give each node a name or a namespace of its own");
-            return Err(why);
+        if let Some(Ports { name, .. }) = ports.iter().find(|node| !names.insert(&node.name)) {
+            return Err(format!(
+                "two nodes are called {name}; give each node a name or a namespace of its own"
+            ));
         }
         let known: BTreeSet<&String> = ports.iter().flat_map(|node| &node.published).collect();
         if let Some(topic) = bagged.iter().find(|topic| !known.contains(topic)) {
