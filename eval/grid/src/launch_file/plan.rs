@@ -123,8 +123,7 @@ impl EvaluationPlan {
             });
         }
         if cameras.is_empty() {
-            let why = "no node of the launch file is a source of frames: a modulo_camera is needed";
-            return Err(why.to_owned());
+            return Err("no node of the launch file is a source of frames: a modulo_camera is needed".into());
         }
         for (member, stream) in streams(&ports)? {
             let camera = cameras.iter_mut().find(|camera| camera.member == member);
