@@ -48,7 +48,7 @@ fn exposure(bits: u8) -> (Frame, Frame) {
     (exposure.modulo(), exposure.ideal())
 }
 
-/// What the node `name` does with a message, and what it sends.
+/// Gives a message to the node `name`; returns its result and the messages that it sends.
 fn feed(
     name: &str,
     node: &mut UnwrapNode,

@@ -36,7 +36,7 @@ pub(super) struct GreenSums {
     /// Unwraps the blocks of 2 x 2 pixels, and its result.
     blocks: Tree,
     in_colours: Recovered,
-    /// The counts before, or those of a region.
+    /// Counts as a buffer: those by three colours, those of the tree before, or those of a region.
     counts: Vec<i32>,
     regions: Regions,
 }
