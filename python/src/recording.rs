@@ -75,10 +75,10 @@ impl Source {
 }
 
 fn options(parameters: &Bound<'_, PyDict>) -> PyResult<(String, SourceOptions)> {
-    let CameraParameters { source, source_topic, white, sensor, .. } =
-        CameraParameters::from(&parse(parameters)?);
-    let topic = Some(source_topic).filter(|topic| !topic.is_empty());
-    Ok((source, SourceOptions { white: white as f32, transfer: sensor.transfer, topic }))
+    let parameters = CameraParameters::from(&parse(parameters)?);
+    let coding = parameters.coding().map_err(value_error)?;
+    let topic = Some(parameters.source_topic).filter(|topic| !topic.is_empty());
+    Ok((parameters.source, SourceOptions { coding, topic }))
 }
 
 /// Reads the next item while Python runs other threads.

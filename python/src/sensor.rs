@@ -1,8 +1,8 @@
 //! The simulated sensor.
 
 use modulo_camera::CameraParameters;
-use modulo_core::{Frame, Transfer};
-use modulo_images::White;
+use modulo_core::Frame;
+use modulo_images::{Coding, White};
 use ndarray::Array3;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -15,8 +15,7 @@ use crate::parameters::parse;
 pub struct Sensor {
     sensor: modulo_core::Sensor,
     seed: u64,
-    white: f32,
-    transfer: Transfer,
+    coding: Coding,
     has_mosaic: bool,
 }
 
@@ -34,9 +33,9 @@ impl Sensor {
     fn new(parameters: &Bound<'_, PyDict>) -> PyResult<Self> {
         let parameters = CameraParameters::from(&parse(parameters)?);
         let sensor = parameters.sensor.simulated().map_err(value_error)?;
-        let (seed, white) = (parameters.seed.unsigned_abs(), parameters.white as f32);
-        let (transfer, has_mosaic) = (parameters.sensor.transfer, parameters.sensor.mosaic.is_some());
-        Ok(Self { sensor, seed, white, transfer, has_mosaic })
+        let coding = parameters.coding().map_err(value_error)?;
+        let has_mosaic = parameters.sensor.mosaic.is_some();
+        Ok(Self { sensor, seed: parameters.seed.unsigned_abs(), coding, has_mosaic })
     }
 
     /// Returns the images modulo, saturated and ideal, and the true wrap counts.
@@ -44,14 +43,14 @@ impl Sensor {
         let Image { pixels, is_flat } = Image::new("radiance", radiance)?;
         let is_flat = is_flat || self.has_mosaic;
         let given = match pixels.view() {
-            View::F32(radiance) if self.white == 0.0 => Given::Radiance(radiance.to_owned()),
+            View::F32(radiance) if self.coding.white == 0.0 => Given::Radiance(radiance.to_owned()),
             codes => Given::Codes(codes.to_frame().map_err(value_error)?),
         };
         let (modulo, saturated, ideal, wraps) = py.detach(|| -> PyResult<_> {
             let radiance = match given {
                 Given::Radiance(radiance) => radiance,
                 Given::Codes(frame) => {
-                    let mut white = White::new(self.white, self.transfer).map_err(value_error)?;
+                    let mut white = White::new(self.coding.clone()).map_err(value_error)?;
                     white.radiance(&frame, "radiance").map_err(value_error)?
                 }
             };

@@ -174,7 +174,7 @@ pub fn failure(why: BenchError) -> Failure {
         | BenchError::NotCodes(..)
         | BenchError::Parameter(_)
         | BenchError::Video(_)
-        | BenchError::Image(ImageError::White(_)) => true,
+        | BenchError::Image(ImageError::Coding(..)) => true,
         BenchError::Sensor(why) => !matches!(why, SensorError::Shape(_) | SensorError::NotFinite { .. }),
         BenchError::Unwrap(
             UnwrapError::Method { .. } | UnwrapError::Workers(WorkersError::Threads { .. }),

@@ -227,7 +227,7 @@ pub fn failure(why: GridError) -> Failure {
     let of_command_line = match &why {
         GridError::Request(_) | GridError::Parameter(_) | GridError::Detector(_) => true,
         GridError::Source(why) => {
-            matches!(why, SourceError::Scene(_) | SourceError::Image(ImageError::White(_)))
+            matches!(why, SourceError::Scene(_) | SourceError::Image(ImageError::Coding(..)))
         }
         _ => false,
     };

@@ -90,7 +90,7 @@ cases! {
     };
     bayer_compressed: |case| {
         let images = ["raw", "compressed"].map(|kind| {
-            let line = "alpha:=1 optical_black:=0 psf_sigma:=0 --images";
+            let line = "alpha:=1 optical_black:=0 psf_sigma:=0 mosaic:=rggb --images";
             case.run(&format!("eval launch/raw.launch.yaml source:=@/{kind} {line} -o %/{kind}"), 0, &[]);
             pictures(&case.bench.path(kind))
         });

@@ -38,7 +38,7 @@ impl BagSource {
     /// # Errors
     /// [`SourceError`] when the bag cannot be read, or has not the topic.
     pub fn open(path: &Path, options: &SourceOptions) -> Result<Self, SourceError> {
-        let white = White::new(options.white, options.transfer)?;
+        let white = White::new(options.coding.clone())?;
         let bag = BagReader::open(path)?;
         let topic = image_topic(&bag, options.topic.as_deref())?;
         let selection = Selection::of([topic.topic.name.clone()]);

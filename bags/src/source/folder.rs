@@ -35,7 +35,7 @@ impl FolderSource {
 
     /// Creates a source of just these images, in this order.
     pub(crate) fn of(images: Vec<PathBuf>, options: &SourceOptions) -> Result<Self, SourceError> {
-        Ok(Self { images, next: 0, white: White::new(options.white, options.transfer)?, folder: None })
+        Ok(Self { images, next: 0, white: White::new(options.coding.clone())?, folder: None })
     }
 
     /// Says that these are all images of `folder`, so that those of other formats are left out.
@@ -208,14 +208,16 @@ fn one_image(path: &Path) -> Result<PathBuf, SourceError> {
     if is_image(path) {
         return Ok(path.to_owned());
     }
-    let possible =
-        "not an image, possible are png, jpg, jpeg, exr, hdr, .mcap and .db3; a video is read with";
+    let possible = "not an image, possible are png, jpg, jpeg, tif, tiff, exr, hdr, .mcap and .db3; a video is read with";
     let why = format!("{possible} 'video:' before its path, such as video:{}", path.display());
     Err(SourceError::of(path, &why))
 }
 
 pub(super) fn no_image(path: &Path) -> SourceError {
-    SourceError::of(path, "no image in this folder, at least one png, jpg, jpeg, exr or hdr is needed")
+    SourceError::of(
+        path,
+        "no image in this folder, at least one png, jpg, jpeg, tif, tiff, exr or hdr is needed",
+    )
 }
 
 fn is_image(path: &Path) -> bool {
@@ -223,10 +225,8 @@ fn is_image(path: &Path) -> bool {
 }
 
 /// File name extensions of images that are not read, in lower case.
-const UNREAD: [&str; 16] = [
-    "bmp", "webp", "tif", "tiff", "gif", "heic", "heif", "avif", "jp2", "jxl", "pgm", "ppm", "pnm", "pfm",
-    "tga", "dng",
-];
+const UNREAD: [&str; 14] =
+    ["bmp", "webp", "gif", "heic", "heif", "avif", "jp2", "jxl", "pgm", "ppm", "pnm", "pfm", "tga", "dng"];
 
 /// Returns whether the name of `path` ends in one of these, in either case.
 fn has_extension(path: &Path, extensions: &[&str]) -> bool {

@@ -14,8 +14,8 @@ mod yolo;
 use std::path::Path;
 use std::sync::Arc;
 
-use modulo_core::{BBox, Detection, Transfer};
-use modulo_images::ImageError;
+use modulo_core::{BBox, Detection};
+use modulo_images::{Coding, ImageError};
 use modulo_msgs::sensor_msgs::CameraInfo;
 use modulo_msgs::std_msgs::Header;
 use modulo_msgs::vision_msgs::{Detection2D, Detection2DArray};
@@ -81,7 +81,7 @@ impl SourceError {
 }
 
 /// The sources of frames that [`open`] reads.
-const POSSIBLE: &str = "scene://PRESET, an image (png, jpg, jpeg, exr, hdr), a folder of images, a video, a KITTI folder (image_2 or \
+const POSSIBLE: &str = "scene://PRESET, an image (png, jpg, jpeg, tif, tiff, exr, hdr), a folder of images, a video, a KITTI folder (image_2 or \
                         image_02 inside), a .mcap or .db3 file or a bag folder, and as source of a camera rtsp://, http:// or \
                         https:// with a stream, /dev/videoN, and topic:NAME, such as topic:/camera/image_raw, for the images that \
                         another node publishes";
@@ -92,9 +92,8 @@ const SCHEMES: &str = "scene, rtsp, rtsps, http and https are the schemes that a
 /// One recorded frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SourceFrame {
-    /// Radiance, `H x W x C` with `C` = 1 or 3, as a fraction of the peak in `[0, 1)`: an 8-bit code is `v / 255`, a
-    /// 16-bit code `v / 65536`, or `v / white` if white is given, decoded by the transfer function; a linear value `v / white`,
-    /// clamped to this range.
+    /// Radiance, `H x W x C` with `C` = 1 (grey, or a raw mosaic) or 3, as a fraction of full scale in `[0, 1)`, as
+    /// [`White::radiance`](modulo_images::White::radiance) has it.
     pub radiance: Array3<f32>,
     /// Name of the frame: the name of the file without extension, or the stamp in a bag.
     pub name: String,
@@ -155,11 +154,8 @@ pub trait Source: Send {
 /// Options for reading a source.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SourceOptions {
-    /// Value that maps to the peak, for float images and images of 16 bits, as [`White::new`](modulo_images::White::new)
-    /// takes it.
-    pub white: f32,
-    /// How codes of 8 and 16 bits stand for radiance.
-    pub transfer: Transfer,
+    /// How the samples stand for radiance.
+    pub coding: Coding,
     /// The image topic of a bag; `None` when the bag has just one.
     pub topic: Option<String>,
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use modulo_core::Transfer;
+use modulo_images::Coding;
 use modulo_video::VideoFile;
 
 use super::{FRAME_ID, Source, SourceError, SourceFrame, SourceOptions};
@@ -10,16 +10,16 @@ use super::{FRAME_ID, Source, SourceError, SourceFrame, SourceOptions};
 /// The frames of a video file. The stamp of a frame is its time of presentation since the first frame.
 pub struct VideoSource {
     video: VideoFile,
-    transfer: Transfer,
+    coding: Coding,
 }
 
 impl VideoSource {
-    /// Opens the video at `path`. Of `options`, only the transfer function is used: a video tells how many bits its samples have.
+    /// Opens the video at `path`. Of `options`, the topic and the white are not used: a video tells how many bits its samples have.
     ///
     /// # Errors
     /// [`SourceError::Video`] when ffmpeg is not there, and for a file that is no video.
     pub fn open(path: &Path, options: &SourceOptions) -> Result<Self, SourceError> {
-        Ok(Self { video: VideoFile::open(path)?, transfer: options.transfer })
+        Ok(Self { video: VideoFile::open(path)?, coding: options.coding.clone() })
     }
 }
 
@@ -29,7 +29,7 @@ impl Source for VideoSource {
         Some(frame.map_err(SourceError::from).and_then(|frame| {
             let name = format!("{:06}", frame.number);
             Ok(SourceFrame {
-                radiance: frame.pixels.radiance(self.transfer, &name)?,
+                radiance: frame.pixels.radiance(&self.coding, &name)?,
                 name,
                 stamp_ns: frame.time_ns,
                 frame_id: FRAME_ID.to_owned(),

@@ -8,7 +8,7 @@ use modulo_bags::bag::{BagInfo, BagReader, Compression, Selection, copy};
 use modulo_bags::import::{ImportReport, import_kitti};
 use modulo_bags::source::{CocoSource, GroundTruth, Source, SourceFrame, SourceOptions, YoloSource, open};
 use modulo_core::{BBox, Frame, Samples, Transfer};
-use modulo_images::save_png;
+use modulo_images::{Coding, save_png};
 use modulo_msgs::cdr;
 use modulo_msgs::sensor_msgs::{CameraInfo, CompressedImage, Image};
 use modulo_msgs::std_msgs::{Header, Time};
@@ -33,7 +33,7 @@ fn error_of(path: &Path) -> String {
 }
 
 fn frames(path: &Path, white: f32) -> Vec<SourceFrame> {
-    let options = SourceOptions { white, ..SourceOptions::default() };
+    let options = SourceOptions { coding: Coding { white, ..Coding::default() }, topic: None };
     let mut source = open(&path.display().to_string(), &options).expect("a source");
     let mut all = || std::iter::from_fn(|| source.next()).collect::<Result<Vec<_>, _>>().expect("frames");
     let first = all();
@@ -220,13 +220,19 @@ fn a_compressed_mosaic_is_the_mosaic() {
     let read = |name: &str, type_name: &str, payload: Vec<u8>| {
         let path = folder.path().join(name);
         write_messages(&path, [("/image", type_name, 1, payload)]);
-        let mut source = open(&path.display().to_string(), &SourceOptions::default()).expect("a source");
+        let coding = Coding { mosaic: Some(modulo_core::Mosaic::Rggb), ..Coding::default() };
+        let mut source =
+            open(&path.display().to_string(), &SourceOptions { coding, topic: None }).expect("a source");
         source.next().expect("a frame").map(|frame| frame.radiance).map_err(|why| why.to_string())
     };
     let mosaic = grey.clone().with_mosaic(modulo_core::Mosaic::Rggb).expect("a mosaic");
     let raw = cdr::to_vec(&Image::from_frame(Header::default(), &mosaic)).expect("short");
     let raw = read("raw", IMAGE, raw).expect("readable");
-    assert_eq!(raw.dim(), (8, 8, 3));
+    assert_eq!(raw.dim(), (8, 8, 1));
+    let mut other =
+        open(&folder.path().join("raw").display().to_string(), &SourceOptions::default()).expect("a source");
+    let why = other.next().expect("a frame").expect_err("no sensor with a mosaic").to_string();
+    assert!(why.contains("set mosaic to rggb"), "{why}");
     let compressed = |name: &str, format: &str| {
         let message = CompressedImage { format: format.into(), data: png.clone(), ..Default::default() };
         read(name, FILE, packed(message))
@@ -275,7 +281,8 @@ fn codes_are_decoded_and_linear_values_are_not() {
     picture.save(folder.path().join("0.png")).expect("saved");
     let linear = ImageBuffer::from_pixel(2, 1, Rgb([0.5f32, 0.5, 0.5]));
     linear.save(folder.path().join("1.exr")).expect("saved");
-    let options = SourceOptions { white: 0.0, transfer: Transfer::Srgb, topic: None };
+    let coding = Coding { transfer: Transfer::Srgb, ..Coding::default() };
+    let options = SourceOptions { coding, topic: None };
     let mut source = open(&folder.path().display().to_string(), &options).expect("a source");
     let mut radiance = || source.next().expect("a frame").expect("readable").radiance[(0, 0, 0)];
     let decoded = radiance();
@@ -322,7 +329,7 @@ fn what_is_not_there_is_named_with_what_is_possible() {
     let text = folder.path().join("a.txt");
     std::fs::write(&text, "text").expect("written");
     assert!(error_of(&text).contains("not an image"));
-    let white = SourceOptions { white: -1.0, ..SourceOptions::default() };
+    let white = SourceOptions { coding: Coding { white: -1.0, ..Coding::default() }, topic: None };
     save_png(&folder.path().join("a.png"), &frame(1)).expect("saved");
     let error = open(&folder.path().display().to_string(), &white).err().expect("refused").to_string();
     assert!(error.contains("white = -1"), "{error}");

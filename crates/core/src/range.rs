@@ -12,6 +12,8 @@ pub struct Range {
     headroom: f64,
     /// The columns at the left border at which the radiance is 0.
     black: usize,
+    /// The x of the darkest pixels of each frame, in code units, where it is promised.
+    black_level: Option<f32>,
 }
 
 /// The relative error of alpha with which no count is lost.
@@ -53,7 +55,7 @@ impl Range {
         if !(alpha > 0.0 && alpha <= 256.0) {
             return Err(RangeError::Alpha { alpha });
         }
-        Ok(Self { bits, alpha, headroom: 1.0, black: 0 })
+        Ok(Self { bits, alpha, headroom: 1.0, black: 0, black_level: None })
     }
 
     /// Returns this range for pictures whose full scale is `headroom` in (0, 1] of its end.
@@ -72,6 +74,16 @@ impl Range {
     /// them, at least in one column.
     pub fn with_optical_black(self, columns: usize) -> Self {
         Self { black: (columns / 4).max(columns.min(1)), ..self }
+    }
+
+    /// Returns this range for frames whose darkest pixels have the radiance `level` in code units, which the user promises.
+    pub fn with_black_level(self, level: Option<f64>) -> Self {
+        Self { black_level: level.map(|level| level as f32), ..self }
+    }
+
+    /// Returns the radiance that the darkest pixels of each frame are promised to have, in code units.
+    pub fn black_level(self) -> Option<f32> {
+        self.black_level
     }
 
     /// Returns the number of columns at the left border at which the radiance is 0.

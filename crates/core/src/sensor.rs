@@ -128,12 +128,11 @@ pub enum SensorError {
     /// The radiance does not have the shape of an image.
     #[error(transparent)]
     Shape(#[from] FrameError),
-    /// The radiance of a sensor with a colour mosaic has no colours.
-    #[error("radiance has {channels} channels, a sensor with a colour mosaic needs 3")]
-    Colours {
-        /// The number of channels.
-        channels: usize,
-    },
+    /// The radiance of one channel behind a mosaic is a raw mosaic, which a lens would blur across its colours.
+    #[error(
+        "radiance of one channel behind a colour mosaic is a raw mosaic, which has its lens already; set psf_sigma to 0"
+    )]
+    RawMosaic,
     /// A sample of the radiance is NaN or infinite.
     #[error("radiance at ({at}) is {value}, finite numbers are needed")]
     NotFinite {
@@ -241,7 +240,8 @@ impl Sensor {
 
     /// Exposes the sensor to `radiance`, H x W x C with full scale 1; values outside `[0, 1)` are clamped. `x =
     /// headroom * alpha * 2^b * blur(shade * radiance) + noise`, with the shade of [`SensorConfig::optical_black`], is clamped to `[0, alpha * 2^b)`. The blur repeats the sample at the
-    /// border of the image (`dcba|abcd|dcba`). With a mosaic, each pixel keeps one of the three channels.
+    /// border of the image (`dcba|abcd|dcba`). With a mosaic, each pixel keeps one of three channels; radiance of one channel is that of a raw mosaic,
+    /// which is taken as it is and cannot be blurred.
     ///
     /// # Errors
     /// [`SensorError`] when the shape is not that of an image, or not one of which the sensor has a mosaic, or a value is NaN or
@@ -265,12 +265,12 @@ impl Sensor {
                 }
             };
             match self.layout.mosaic {
-                None => lens.next_row(read, &mut line),
-                Some(mosaic) => {
+                Some(mosaic) if channels == 3 => {
                     // The lens lies in front of the filters, so that it blurs each colour by itself.
                     lens.next_row(read, &mut light);
                     mosaic.filter_row(row, &light, &mut line);
                 }
+                _ => lens.next_row(read, &mut line),
             }
             // The factor need not be exact in `f32`; in double precision a product is rounded only once.
             widest!(line.iter_mut().for_each(|value| *value = (white * f64::from(*value)) as f32));
@@ -314,8 +314,8 @@ impl Sensor {
         dim @ (height, width, channels): (usize, usize, usize),
     ) -> Result<(), SensorError> {
         check_shape(dim)?;
-        if self.layout.mosaic.is_some() && channels != 3 {
-            return Err(SensorError::Colours { channels });
+        if self.layout.mosaic.is_some() && channels == 1 && self.taps.len() > 1 {
+            return Err(SensorError::RawMosaic);
         }
         if self.layout.mosaic.is_some() && height.min(width) < 2 {
             return Err(FrameError::Mosaic { height, width, channels: 1, depth: 8 }.into());

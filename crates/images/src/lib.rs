@@ -1,10 +1,11 @@
-//! Image files to pixels and back: PNG, JPEG, OpenEXR, Radiance HDR.
+//! Image files to pixels and back: PNG, JPEG, TIFF, OpenEXR, Radiance HDR.
 //!
-//! PNG and JPEG give integer codes, OpenEXR and Radiance HDR give linear radiance as floats of any scale. Alpha is
+//! PNG, JPEG and TIFF give integer codes, OpenEXR and Radiance HDR give linear radiance as floats of any scale. Alpha is
 //! dropped, and an image is turned as its EXIF orientation says. Only [`White`] changes values. This crate knows no
 //! source, stream or message.
 
 mod jpeg;
+mod knees;
 mod radiance;
 mod white;
 
@@ -22,7 +23,8 @@ use image::{
 use modulo_core::{Frame, Samples};
 use ndarray::Array3;
 
-pub use white::{WHITE_PERCENTILE, White};
+pub use knees::Knees;
+pub use white::{Coding, WHITE_PERCENTILE, White};
 
 /// Error of a file that cannot be read as an image. The message names the file, the fault and the possible values.
 #[derive(Debug, thiserror::Error)]
@@ -34,13 +36,13 @@ pub enum ImageError {
     /// name of the image and the reason.
     #[error("{0}: {1}")]
     Undecodable(String, String),
-    /// The white point is not a radiance.
-    #[error("white = {0}: must be a finite number, 0 (automatic) or above")]
-    White(f32),
+    /// A number of the [`Coding`] is not possible: its name, its value and the reason.
+    #[error("{0} = {1}: {2}")]
+    Coding(&'static str, f32, &'static str),
 }
 
 /// File name extensions of images, in lower case.
-pub const EXTENSIONS: [&str; 5] = ["png", "jpg", "jpeg", "exr", "hdr"];
+pub const EXTENSIONS: [&str; 7] = ["png", "jpg", "jpeg", "tif", "tiff", "exr", "hdr"];
 
 /// Returns whether a file is hidden, such as the `._1.png` that macOS writes beside `1.png`.
 pub fn is_hidden(path: &Path) -> bool {
@@ -50,7 +52,7 @@ pub fn is_hidden(path: &Path) -> bool {
 /// Reads one image file. The format is recognised by the content, not by the name.
 ///
 /// # Errors
-/// [`ImageError`] when the file is missing, cut short, of an unknown format, an animation, an OpenEXR image without red,
+/// [`ImageError`] when the file is missing, cut short, of an unknown format, an animation, a TIFF of several images, an OpenEXR image without red,
 /// green and blue, or holds NaN or an infinity.
 pub fn read_image(path: &Path) -> Result<Frame, ImageError> {
     decode(&content(path)?, &path.display().to_string())
@@ -276,6 +278,11 @@ fn check_container(format: Option<ImageFormat>, bytes: &[u8]) -> Result<(), Stri
             _ => Ok(()),
         },
         Some(ImageFormat::OpenExr) => exr_channels(bytes),
+        Some(ImageFormat::Tiff) => match has_one_image(bytes) {
+            Some(true) => Ok(()),
+            Some(false) => Err("this TIFF holds several images, but only single images are read; save each of them as a file".to_owned()),
+            None => Err("this TIFF is truncated or a BigTIFF; save it as a TIFF of less than 4 GiB".to_owned()),
+        },
         _ => Ok(()),
     }
 }
@@ -292,6 +299,20 @@ fn apng_frames(bytes: &[u8]) -> Option<u32> {
             _ => rest = rest.get(length.checked_add(12)?..)?,
         }
     }
+}
+
+/// Returns whether the first directory of a TIFF is its last one; `None` for a file that is cut before its end, or a BigTIFF.
+fn has_one_image(bytes: &[u8]) -> Option<bool> {
+    let is_little = bytes.starts_with(b"II");
+    let number = |at: usize, length: usize| {
+        let digits = bytes.get(at..at.checked_add(length)?)?.iter();
+        let number = |sum: usize, digit: &u8| (sum << 8) | usize::from(*digit);
+        Some(if is_little { digits.rev().fold(0, number) } else { digits.fold(0, number) })
+    };
+    // 42, and the place of the first directory: the number of its entries, the entries of 12 bytes, and the place of the next one.
+    let directory = number(2, 2).filter(|version| *version == 42).and_then(|_| number(4, 4))?;
+    let entries = number(directory, 2)?;
+    Some(number(directory.checked_add(2 + 12 * entries)?, 4)? == 0)
 }
 
 /// Refuses an OpenEXR file without a layer of red, green and blue, such as one of luminance and chroma (Y, RY, BY).

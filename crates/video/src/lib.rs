@@ -12,8 +12,8 @@ mod program;
 
 use std::fmt;
 
-use modulo_core::{Frame, Transfer};
-use modulo_images::{ImageError, White};
+use modulo_core::Frame;
+use modulo_images::{Coding, ImageError, White};
 use ndarray::Array3;
 
 pub use address::{LiveAddress, VideoAddress};
@@ -32,14 +32,14 @@ pub struct Pixels {
 }
 
 impl Pixels {
-    /// Returns the radiance, `H x W x 3`, as a fraction of the peak in `[0, 1)`. As in images of 8 bits, the largest code stands for full scale
-    /// and all beyond it. `origin` is the name of the frame in errors.
+    /// Returns the radiance, `H x W x 3`, as a fraction of full scale in `[0, 1)`, by `coding`, but its white. As in images of 8 bits, the largest
+    /// code stands for full scale and all beyond it. `origin` is the name of the frame in errors.
     ///
     /// # Errors
-    /// [`ImageError`] as [`White::radiance`] has it, which gives none for integers of a known full scale.
-    pub fn radiance(&self, transfer: Transfer, origin: impl fmt::Display) -> Result<Array3<f32>, ImageError> {
+    /// [`ImageError`] as [`White::new`] and [`White::radiance`] have it.
+    pub fn radiance(&self, coding: &Coding, origin: impl fmt::Display) -> Result<Array3<f32>, ImageError> {
         let white = if self.frame.depth() == 8 { 0.0 } else { ((1_u32 << self.bits) - 1) as f32 };
-        White::new(white, transfer)?.radiance(&self.frame, origin)
+        White::new(Coding { white, ..coding.clone() })?.radiance(&self.frame, origin)
     }
 }
 

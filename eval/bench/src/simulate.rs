@@ -8,7 +8,7 @@ use clap::Parser;
 use modulo_core::Sensor;
 use modulo_images::{ImageError, White, read_image, save_png};
 use modulo_runtime::SensorModel;
-use modulo_runtime::sensor::options::{SensorCommand, SensorOptions};
+use modulo_runtime::sensor::options::{CodingOptions, SensorCommand, SensorOptions};
 use modulo_video::{VideoAddress, VideoFile};
 use ndarray::Array3;
 
@@ -44,10 +44,9 @@ pub struct SimulationRequest {
     /// Seed of the noise
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
-    /// Value that becomes full scale, for EXR, HDR and 16-bit images. 0: the 99.9th percentile of each EXR or HDR image,
-    /// and 65536 for 16-bit images
-    #[arg(long, default_value_t = 0.0)]
-    pub white: f32,
+    /// How the samples of the images stand for radiance; an automatic white is that of each image.
+    #[command(flatten)]
+    pub coding: CodingOptions,
     /// Also write wrap counts (NAME_alphaA_k.png) and image in code units (NAME_alphaA_x.png, 16 bits): the true ones, and those of
     /// each method (NAME_alphaA_METHOD_k.png and NAME_alphaA_METHOD_x.png)
     #[arg(long)]
@@ -93,7 +92,7 @@ impl SimulationRequest {
     }
 
     fn white(&self) -> Result<White, ImageError> {
-        White::new(self.white, self.sensor.first().transfer)
+        White::new(self.coding.of(&self.sensor.first()))
     }
 
     /// Exposes the sensor to an image, and writes its streams.
@@ -114,7 +113,7 @@ impl SimulationRequest {
             // The sensor counts whole codes.
             save_counts(path, &exposure.wraps(), &exposure.x().mapv(f32::floor), exposure.range())?;
         }
-        let (range, sharpness) = (exposure.range(), model.sharpness());
+        let (range, sharpness) = (model.range()?, model.sharpness());
         let truth = Some((exposure, *white, self.seed));
         Ok(Capture { y, sensor: model, range, sharpness, name, counts: self.counts, truth })
     }
@@ -162,9 +161,9 @@ impl Iterator for InputFile<'_> {
         let Some(video) = &mut self.video else {
             return (number == 0).then(|| Picture { file, name: self.name.clone(), content: self.read() });
         };
-        let transfer = self.request.sensor.first().transfer;
+        let coding = self.request.coding.of(&self.request.sensor.first());
         let frame = video.next_frame()?.map_err(BenchError::from);
-        let content = frame.and_then(|frame| Ok((frame.pixels.radiance(transfer, &file)?, None)));
+        let content = frame.and_then(|frame| Ok((frame.pixels.radiance(&coding, &file)?, None)));
         Some(Picture {
             file: format!("{file} {number}"),
             name: format!("{}_{number:06}", self.name),

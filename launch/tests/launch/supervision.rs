@@ -282,12 +282,12 @@ touch "$MODULO_STATE_DIR/waited"; sleep 1000"#;
 /// The last frame of a slow detector was lost, and the run failed, since its step took longer than the patience of the launcher.
 #[tokio::test]
 async fn a_node_that_computes_at_the_end_is_waited_for() {
-    let node = "{ pkg: modulo, exec: unwrap, sigterm_timeout: 0.4, sigkill_timeout: 0.4 }";
+    let node = "{ pkg: modulo, exec: unwrap, sigterm_timeout: 1.0, sigkill_timeout: 1.0 }";
     let ready = Marks::new();
     let last = sh("last", &ready.wait(&["node"]), LAST);
     let files = Files::new(&format!("launch:\n  - node: {node}\n{last}"));
     let script = r#"seconds() { read now _ < /proc/uptime; now=${now%.*}; }
-trap 'seconds; end=$((now + 3)); while [ $now -lt $end ]; do seconds; done; echo answered; exit 0' INT
+trap 'seconds; end=$((now + 4)); while [ $now -lt $end ]; do seconds; done; echo answered; exit 0' INT
 "#;
     let script = format!("{script}{}; while true; do sleep 0.05; done", ready.set("node"));
     let lines = Lines::default();

@@ -14,7 +14,7 @@ use modulo_bags::source;
 use modulo_bags::source::{FRAME_ID, Source, SourceFrame, SourceOptions, to_detections};
 use modulo_core::Frame;
 use modulo_core::sensor::{Exposure, Sensor};
-use modulo_images::White;
+use modulo_images::{Coding, White};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::name::NameError;
 use modulo_runtime::parameter::file as parameter_file;
@@ -183,13 +183,12 @@ impl ModuloCamera {
 
     /// Sends the newest frame of a live camera, if there is a new one.
     fn step_live(&mut self, cx: &mut Context<'_>) -> Result<(), StepError> {
-        let CameraInput::Live(video) = &self.input else { return Ok(()) };
+        let CameraInput::Live(video, coding) = &self.input else { return Ok(()) };
         let Some(live) = video.newest(LIVE_PATIENCE) else { return Ok(()) };
         let live = live.map_err(|why| StepError::Skip(why.to_string()))?;
         self.frames_read += 1;
-        let (transfer, header) =
-            (self.parameters.sensor.transfer, self.header(Time::from_ns(live.stamp_ns), FRAME_ID));
-        let radiance = live.pixels.radiance(transfer, self.frames_read).map_err(|why| why.to_string());
+        let radiance = live.pixels.radiance(coding, self.frames_read).map_err(|why| why.to_string());
+        let header = self.header(Time::from_ns(live.stamp_ns), FRAME_ID);
         let sensed = radiance.and_then(|radiance| self.sense(self.frames_read - 1, &radiance, &header, cx));
         sensed.map_err(StepError::Skip)
     }
@@ -212,7 +211,7 @@ impl Node for ModuloCamera {
     fn inputs(&self) -> Vec<Topic> {
         match &self.input {
             CameraInput::Topic { name, .. } => calibration::topics(name),
-            CameraInput::Frames(_) | CameraInput::Live(_) => Vec::new(),
+            CameraInput::Frames(_) | CameraInput::Live(..) => Vec::new(),
         }
     }
 
@@ -233,7 +232,7 @@ impl Node for ModuloCamera {
         match self.input {
             CameraInput::Topic { .. } => None,
             CameraInput::Frames(_) => Some(self.parameters.period()),
-            CameraInput::Live(_) => Some(self.parameters.period().max(LIVE_PERIOD)),
+            CameraInput::Live(..) => Some(self.parameters.period().max(LIVE_PERIOD)),
         }
     }
 
@@ -244,7 +243,7 @@ impl Node for ModuloCamera {
     fn resume(&mut self, position: u64) {
         match &mut self.input {
             CameraInput::Frames(reader) => reader.skip(position),
-            CameraInput::Live(_) => {}
+            CameraInput::Live(..) => {}
             CameraInput::Topic { .. } => return,
         }
         self.frames_read = position;
@@ -276,7 +275,7 @@ impl Node for ModuloCamera {
 
     fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
         match trigger {
-            Trigger::Tick if matches!(self.input, CameraInput::Live(_)) => self.step_live(cx)?,
+            Trigger::Tick if matches!(self.input, CameraInput::Live(..)) => self.step_live(cx)?,
             Trigger::Tick => {
                 let Some(frame) = self.next_frame()? else { return Ok(Flow::Done) };
                 self.publish(&frame, cx)?;
@@ -305,7 +304,7 @@ impl Node for ModuloCamera {
         let fit = self.parameters.sensor.fit_up_to().to_string();
         let mut status =
             vec![("role", "source".into()), ("frames", self.sensed.to_string()), ("fit_up_to_alpha", fit)];
-        if let CameraInput::Live(video) = &self.input {
+        if let CameraInput::Live(video, _) = &self.input {
             let LiveCounts { arrived, replaced, connections } = video.counts();
             let counts = format!("{arrived} frames arrived, {replaced} replaced, {connections} connections");
             status.push(("live", counts));
@@ -333,7 +332,7 @@ enum CameraInput {
     /// Read frame by frame.
     Frames(FrameReader),
     /// A camera whose newest frame is taken.
-    Live(LiveVideo),
+    Live(LiveVideo, Coding),
     /// Brought by a topic.
     Topic {
         /// Name of the topic.
@@ -358,20 +357,19 @@ struct FrameReader {
 impl CameraInput {
     /// Opens the source that the parameter `source` names.
     fn open(parameters: &CameraParameters) -> Result<Self, ParameterError> {
-        let (spec, white) = (&parameters.source, parameters.white as f32);
-        let transfer = parameters.sensor.transfer;
+        let (spec, coding) = (&parameters.source, parameters.coding()?);
         if let Some(name) = topic_of(spec)? {
-            let white = White::new(white, transfer)
-                .map_err(|why| ParameterError::new("white", white, why.to_string()))?;
+            let white =
+                White::new(coding).map_err(|why| ParameterError::new("source", spec, why.to_string()))?;
             return Ok(Self::Topic { name: name.to_owned(), white });
         }
         let refuse = |why: String| ParameterError::new("source", spec, why);
         if let Ok(Some(VideoAddress::Live(address))) = VideoAddress::of(spec) {
             let video = LiveVideo::open(address, Arc::new(SystemClock::default()));
-            return Ok(Self::Live(video.map_err(|why| refuse(why.to_string()))?));
+            return Ok(Self::Live(video.map_err(|why| refuse(why.to_string()))?, coding));
         }
         let topic = Some(parameters.source_topic.clone()).filter(|t| !t.is_empty());
-        let options = SourceOptions { white, transfer, topic };
+        let options = SourceOptions { coding, topic };
         let source = source::open(spec, &options).map_err(|why| refuse(why.to_string()))?;
         source.warnings().iter().for_each(|warning| tracing::warn!("{warning}"));
         Ok(Self::Frames(FrameReader::new(source, parameters.r#loop)))
@@ -381,7 +379,7 @@ impl CameraInput {
     fn calibration(&self) -> Calibration {
         match self {
             Self::Frames(reader) => Calibration::recorded(reader.source.camera_info()),
-            Self::Live(_) => Calibration::recorded(None),
+            Self::Live(..) => Calibration::recorded(None),
             Self::Topic { name, .. } => Calibration::beside(name),
         }
     }
@@ -443,7 +441,7 @@ impl FrameReader {
 modulo_runtime::parameters! {
     /// The parameters of the `modulo_camera` node.
     pub struct CameraParameters {
-        /// Source of the frames: a folder of images (png, jpg, exr, hdr), one image, a video (mp4, mkv, avi, mov, webm, or video:PATH), a
+        /// Source of the frames: a folder of images (png, jpg, tif, exr, hdr), one image, a video (mp4, mkv, avi, mov, webm, or video:PATH), a
         /// KITTI folder, a bag, scene://NAME, rtsp://, http:// or https:// with a stream, /dev/videoN, or topic:NAME for an Image topic of a
         /// running stack. Another source starts with its first frame.
         source: String = String::new(),
@@ -452,6 +450,11 @@ modulo_runtime::parameters! {
         /// Value that becomes full scale, for EXR, HDR and 16-bit images. 0: the 99.9th percentile of the first EXR or
         /// HDR image, and 65536 for 16-bit images.
         white: f64 = 0.0 => 0.0..=1e12; fixed,
+        /// Value without light (the black level) in the images of a source, whose radiance is 0.
+        black: f64 = 0.0 => 0.0..=1e12; fixed,
+        /// Knee points of the companded codes of raw images, CODE:VALUE with rising codes and linear values, as data sheets list them,
+        /// such as 1023:1023, 2559:4095, 3455:32767, 3967:65535. The last value is full scale. Empty: transfer says what codes mean.
+        knees: String = String::new(); fixed,
         /// Seed of the noise.
         seed: i64 = 0 => 0..=i64::MAX,
         /// Frames per second. 0: the next frame as soon as every reader has taken the last one, and each frame of a live camera.
@@ -488,6 +491,19 @@ impl CameraParameters {
             return Err(wrong(why));
         }
         SensorModel::from_text(&pairs).map_err(|why| wrong(why.to_string()))
+    }
+
+    /// Returns how the samples of the source stand for radiance.
+    ///
+    /// # Errors
+    /// [`ParameterError`] of knee points that are no curve.
+    pub fn coding(&self) -> Result<Coding, ParameterError> {
+        let Self { white, black, knees, sensor: SensorModel { transfer, mosaic, .. }, .. } = self;
+        let knees = Some(knees)
+            .filter(|text| !text.is_empty())
+            .map(|text| text.parse().map_err(|why: String| ParameterError::new("knees", text, why)));
+        let (knees, white, black) = (knees.transpose()?, *white as f32, *black as f32);
+        Ok(Coding { white, black, knees, transfer: *transfer, mosaic: *mosaic })
     }
 
     /// Returns the time between two frames. Zero: as fast as its readers take them.

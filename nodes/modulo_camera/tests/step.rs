@@ -416,21 +416,94 @@ fn a_bad_image_is_skipped_and_a_source_without_a_good_one_is_not_repeated() {
     }
 }
 
+/// Writes a bag of these images, 2 s apart.
+fn write_bag(path: &Path, images: &[Frame]) {
+    let mut bag = BagWriter::create(path, Compression::None).expect("a new bag");
+    let topic = bag.topic(&BagTopic::new("/image", "sensor_msgs/msg/Image", Qos::Images)).expect("a topic");
+    for (stamp, image) in (0..).step_by(2_000_000_000).zip(images) {
+        let header = Header { stamp: Time::from_ns(stamp), frame_id: String::new() };
+        bag.write(topic, stamp, stamp, &encode_frame(&header, image).expect("short")).expect("written");
+        bag.settle(stamp).expect("flushed");
+    }
+    bag.finish().expect("finished");
+}
+
+/// A raw mosaic of companded codes is the same scene from a folder, a bag and a topic, and is sensed as the mosaic that it is.
+#[test]
+fn a_raw_mosaic_is_sensed_as_it_is_from_a_folder_a_bag_and_a_topic() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // The codes of 12 bits from 64 to 3967, all of them.
+    let codes = |start: usize| {
+        let pixels =
+            Array3::from_shape_fn((64, 64, 1), |(i, j, _)| (64 + (start + 64 * i + j) % 3904) as u16);
+        Frame::from_u16(pixels).expect("a frame")
+    };
+    let (images, bag) = (folder.path().join("images"), folder.path().join("bag"));
+    std::fs::create_dir(&images).expect("a new folder");
+    let frames = [codes(0), codes(1000)];
+    for (number, frame) in frames.iter().enumerate() {
+        modulo_images::save_png(&images.join(format!("{number}.png")), frame).expect("writable");
+    }
+    let mosaics = frames.map(|frame| frame.with_mosaic(Mosaic::Grbg).expect("one channel"));
+    write_bag(&bag, &mosaics);
+    let sensor = [
+        ("knees", "1023:1023, 2559:4095, 3455:32767, 3967:65535"),
+        ("black", "64"),
+        ("bits", "12"),
+        ("alpha", "16"),
+        ("headroom", "1"),
+        ("mosaic", "grbg"),
+    ];
+    let from = |source: &str| camera(&[&sensor[..], &[("source", source)]].concat());
+    let images_of = |mut node: ModuloCamera| {
+        [0, 1].map(|_| frame(&step(&mut node, Trigger::Tick, &ALL).expect("a frame").1, 0).frame.clone())
+    };
+    let sent = images_of(from(&images.display().to_string()));
+    assert_eq!(images_of(from(&bag.display().to_string())), sent);
+    let mut node = from("topic:/raw/image");
+    let by_topic = mosaics.clone().map(|frame_of_topic| {
+        let image = StampedFrame { header: Header::default(), frame: frame_of_topic };
+        let trigger = Trigger::Message { input: 0, message: Message::Image(Arc::new(image)) };
+        frame(&step(&mut node, trigger, &ALL).expect("a frame").1, 0).frame.clone()
+    });
+    assert_eq!(by_topic, sent);
+
+    assert_eq!(sent[0].mosaic(), Some(Mosaic::Grbg));
+    let y = sent[0].to_f32();
+    // (code, its linear value, the half of a step): x = (linear - 64) / (65535 - 64) * 16 * 2^12, of which y has the low bits.
+    for (code, linear, half) in
+        [(64, 64.0, 0.5), (1000, 1000.0, 0.5), (2000, 2977.0, 1.0), (3000, 18207.0, 16.0)]
+    {
+        let at = code - 64;
+        let x = (linear - 64.0_f32) / 65471.0 * 65536.0;
+        let away = (y[(at / 64, at % 64, 0)] - x).rem_euclid(4096.0);
+        assert!(away <= half + 1.0 || away >= 4096.0 - half - 1.0, "code {code}: {away}");
+    }
+
+    for (mosaic, lens, wanted) in [
+        ("none", "0", &["set mosaic to grbg"][..]),
+        ("rggb", "0", &["grbg", "mosaic is rggb"]),
+        ("grbg", "1", &["set psf_sigma to 0"]),
+    ] {
+        let source = bag.display().to_string();
+        let other = [("mosaic", mosaic), ("psf_sigma", lens), ("source", &source)];
+        let mut node = camera(&[&sensor[..5], &other].concat());
+        let Err(StepError::Skip(why)) = step(&mut node, Trigger::Tick, &ALL) else {
+            panic!("{mosaic} sees it")
+        };
+        assert!(wanted.iter().all(|wanted| why.contains(wanted)), "{why}");
+    }
+    let why = ModuloCamera::new(&parameters(&[("source", "topic:/raw"), ("knees", "9:9,5:20")])).err();
+    assert!(why.is_some_and(|why| why.name == "knees"));
+}
+
 /// What is missing in a bag is told once, before the first frame, and takes no number of a frame: noise stays that of the whole bag.
 #[test]
 fn a_bag_that_was_cut_is_told_before_its_frames() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("bag");
-    let mut bag = BagWriter::create(&path, Compression::None).expect("a new bag");
-    let topic = bag.topic(&BagTopic::new("/image", "sensor_msgs/msg/Image", Qos::Images)).expect("a topic");
-    for number in 0..4_u8 {
-        let stamp = u64::from(number) * 2_000_000_000;
-        let header = Header { stamp: Time::from_ns(stamp), frame_id: String::new() };
-        let pixels = Frame::from_u8(Array3::from_elem((4, 8, 3), 40 * number)).expect("a frame");
-        bag.write(topic, stamp, stamp, &encode_frame(&header, &pixels).expect("short")).expect("written");
-        bag.settle(stamp).expect("flushed");
-    }
-    bag.finish().expect("finished");
+    let pixels = |number: u8| Frame::from_u8(Array3::from_elem((4, 8, 3), 40 * number)).expect("a frame");
+    write_bag(&path, &[0, 1, 2, 3].map(pixels));
     let file = path.join("bag_0.mcap");
     let bytes = std::fs::read(&file).expect("readable");
     let cut = folder.path().join("cut.mcap");

@@ -208,8 +208,9 @@ class Sensor:
     shot_noise : float, a finite number in 0 to 65536
         Strength of the shot noise: its standard deviation at the signal x is sqrt(shot_noise * x) in code units.
     mosaic : str, one of none, rggb, bggr, grbg, gbrg
-        Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the source.
-        The images of a mosaic have the encoding bayer_*8 or bayer_*16. Here they are H x W.
+        Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the
+        source. The images of a mosaic have the encoding bayer_*8 or bayer_*16. Images of one channel are raw mosaics of these
+        filters, which are sensed as they are, without a lens. Here they are H x W.
     gains : str, one of none, checkerboard
         Pixels with a lower gain, which do not wrap: none, or every second one, as on a checkerboard.
     seed : int, in 0 to 9223372036854775807
@@ -238,8 +239,16 @@ class Sensor:
         Columns at the left border that a field stop in front of the lens shades: the radiance is 0 in the first quarter of them, at
         least in one column, and rises linearly over the others. They show where the radiance is 0. 32 columns keep neighbouring
         samples within half a peak up to an alpha of 8.
+    black_level : float, a finite number in -1 to 65536
+        Radiance in code units that you promise the darkest pixels of each frame to have, as the pedestal of a data sheet, to
+        1/32 of 2^bits. It shows unwrap the absolute level of a frame in which some pixels have it. -1: no promise.
     white : float, a finite number in 0 to 1000000000000
         The value that becomes full scale, for radiance of the types float32 and uint16. 0: 1 for float32, and 65536 for uint16.
+    black : float, a finite number in 0 to 1000000000000
+        Value without light (the black level) in the images of a source, whose radiance is 0.
+    knees : str, any value
+        Knee points of the companded codes of raw images, CODE:VALUE with rising codes and linear values, as data sheets list them,
+        such as 1023:1023, 2559:4095, 3455:32767, 3967:65535. The last value is full scale. Empty: transfer says what codes mean.
 
     Raises
     ------
@@ -278,7 +287,10 @@ class Sensor:
         headroom: float = 0.97,
         transfer: str = "linear",
         optical_black: int = 0,
+        black_level: float = -1.0,
         white: float = 0.0,
+        black: float = 0.0,
+        knees: str = "",
     ) -> None:
         self.parameters: dict[str, Any] = {
             "bits": bits,
@@ -297,7 +309,10 @@ class Sensor:
             "headroom": headroom,
             "transfer": transfer,
             "optical_black": optical_black,
+            "black_level": black_level,
             "white": white,
+            "black": black,
+            "knees": knees,
         }
         self._sensor = _core.Sensor(self.parameters)
 
@@ -310,7 +325,7 @@ class Sensor:
             Floats are radiance relative to full scale (see `white` and `headroom`), clamped to [0, 1). Integers are codes of a picture, fractions of
             255 or 65536 (or of `white`), which `transfer` decodes. As in the camera, each code is moved at random within its interval, in the same way for each
             image, so that the counts do not lie on a grid; the largest code stands for full scale. A sensor with a
-            mosaic needs 3 channels.
+            mosaic takes 3 channels, or the one channel of a raw mosaic of the same colour filters.
 
         Returns
         -------
@@ -345,6 +360,7 @@ def unwrap(
     gains: str = "none",
     gain_ratio: float = 0.0,
     optical_black: int = 0,
+    black_level: float = -1.0,
     tau: float = 0.1,
     threshold_on: str = "phi",
     trust_lines: float = 1e-5,
@@ -367,8 +383,9 @@ def unwrap(
     threads : int, in 1 to 64
         Number of threads that unwrapping may use. The result does not depend on it.
     mosaic : str, one of none, rggb, bggr, grbg, gbrg
-        Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the source.
-        The images of a mosaic have the encoding bayer_*8 or bayer_*16. Here they are H x W.
+        Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the
+        source. The images of a mosaic have the encoding bayer_*8 or bayer_*16. Images of one channel are raw mosaics of these
+        filters, which are sensed as they are, without a lens. Here they are H x W.
     gains : str, one of none, checkerboard
         Pixels with a lower gain, which do not wrap: none, or every second one, as on a checkerboard.
     gain_ratio : float, a finite number in 0 to 1
@@ -377,6 +394,9 @@ def unwrap(
         Columns at the left border that a field stop in front of the lens shades: the radiance is 0 in the first quarter of them, at
         least in one column, and rises linearly over the others. They show where the radiance is 0. 32 columns keep neighbouring
         samples within half a peak up to an alpha of 8.
+    black_level : float, a finite number in -1 to 65536
+        Radiance in code units that you promise the darkest pixels of each frame to have, as the pedestal of a data sheet, to
+        1/32 of 2^bits. It shows unwrap the absolute level of a frame in which some pixels have it. -1: no promise.
     tau : float, a finite number in 0 to 1000000
         For spud: the hard threshold, in units of the peak.
     threshold_on : str, one of phi, rho
@@ -422,6 +442,7 @@ def unwrap(
         "gains": gains,
         "gain_ratio": gain_ratio,
         "optical_black": optical_black,
+        "black_level": black_level,
         "tau": tau,
         "threshold_on": threshold_on,
         "trust_lines": trust_lines,
@@ -453,8 +474,9 @@ def tone_map(
     alpha : float, a finite number in 0.001 to 256
         Saturation factor: the brightest radiance of the scene divided by the sensor's peak.
     mosaic : str, one of none, rggb, bggr, grbg, gbrg
-        Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the source.
-        The images of a mosaic have the encoding bayer_*8 or bayer_*16. Here they are H x W, and the result is H x W x 3.
+        Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the
+        source. The images of a mosaic have the encoding bayer_*8 or bayer_*16. Images of one channel are raw mosaics of these
+        filters, which are sensed as they are, without a lens. Here they are H x W, and the result is H x W x 3.
     headroom : float, a finite number in 0.001 to 1
         Full scale of the pictures of a source divided by alpha * 2^bits: the radiance of the largest code, the white of EXR and HDR
         images, or 1 in rendered frames. The images of 8 bits undo it, so that an ideal image is the picture that it comes from. 1: the
@@ -518,8 +540,9 @@ def deblur(
     psf : str, one of gaussian, paper7
         Shape of the lens blur: gaussian with the width psf_sigma, or paper7 for the paper's fixed 7 taps (about 1.4 px).
     mosaic : str, one of none, rggb, bggr, grbg, gbrg
-        Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the source.
-        The images of a mosaic have the encoding bayer_*8 or bayer_*16. Here they are H x W, and the result is H x W x 3.
+        Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the
+        source. The images of a mosaic have the encoding bayer_*8 or bayer_*16. Images of one channel are raw mosaics of these
+        filters, which are sensed as they are, without a lens. Here they are H x W, and the result is H x W x 3.
     headroom : float, a finite number in 0.001 to 1
         Full scale of the pictures of a source divided by alpha * 2^bits: the radiance of the largest code, the white of EXR and HDR
         images, or 1 in rendered frames. The images of 8 bits undo it, so that an ideal image is the picture that it comes from. 1: the
@@ -599,14 +622,21 @@ def read_bag(path: str | os.PathLike[str], source_topic: str = "") -> Iterator[F
 
 
 def read_source(
-    source: str | os.PathLike[str], white: float = 0.0, source_topic: str = "", *, transfer: str = "linear"
+    source: str | os.PathLike[str],
+    white: float = 0.0,
+    source_topic: str = "",
+    *,
+    transfer: str = "linear",
+    black: float = 0.0,
+    knees: str = "",
+    mosaic: str = "none",
 ) -> Iterator[Frame]:
     """Reads the radiance of the frames that the camera would see, for `Sensor.expose`.
 
     Parameters
     ----------
     source : str or path
-        A folder of images (png, jpg, exr, hdr), one image, a video (mp4, mkv, avi, mov, webm, or `video:PATH`; needs ffmpeg), a KITTI
+        A folder of images (png, jpg, tif, exr, hdr), one image, a video (mp4, mkv, avi, mov, webm, or `video:PATH`; needs ffmpeg), a KITTI
         folder, a bag, or `scene://NAME?seed=N&frames=N&width=W&height=H` for a rendered scene: `day`, `tunnel`, `glare` or `night`.
     white : float, a finite number in 0 to 1000000000000
         Value that becomes full scale, for EXR, HDR and 16-bit images. 0: the 99.9th percentile of the first EXR or HDR image, and
@@ -616,6 +646,15 @@ def read_source(
     transfer : str, one of linear, srgb, gamma22, rec709
         Transfer function of the pictures: codes of 8 and 16 bits of a source are decoded by it, and the images ideal, saturated and
         recovered are encoded by it. linear: codes are radiance. EXR, HDR and rendered frames hold radiance, which is not decoded.
+    black : float, a finite number in 0 to 1000000000000
+        Value without light (the black level) in the images of a source, whose radiance is 0.
+    knees : str, any value
+        Knee points of the companded codes of raw images, CODE:VALUE with rising codes and linear values, as data sheets list them,
+        such as 1023:1023, 2559:4095, 3455:32767, 3967:65535. The last value is full scale. Empty: transfer says what codes mean.
+    mosaic : str, one of none, rggb, bggr, grbg, gbrg
+        Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the
+        source. The images of a mosaic have the encoding bayer_*8 or bayer_*16. Images of one channel are raw mosaics of these
+        filters, which are sensed as they are, without a lens. The frames of raw mosaics have one channel.
 
     Returns
     -------
@@ -644,6 +683,9 @@ def read_source(
         "white": white,
         "source_topic": source_topic,
         "transfer": transfer,
+        "black": black,
+        "knees": knees,
+        "mosaic": mosaic,
     }
     return map(_frame, _core.Source(parameters))
 

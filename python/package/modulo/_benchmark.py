@@ -37,6 +37,9 @@ SCENES = tuple(
 _SETTINGS = itertools.product((2.0, 4.0, 8.0), (0.0, 0.8, 1.4), (0.0, 5.0))
 _SENSORS = tuple(_SETTINGS)
 
+# The parameters of a sensor that are no axis of a benchmark.
+_OF_SOURCE = ("seed", "white", "black", "knees")
+
 # A method that has taken this many frames in a row too long is given up.
 _TOO_LONG = 3
 
@@ -454,7 +457,7 @@ def _cell(method: str, sensor: Sensor, rows: list[Row], pictures: list[Frame], d
         "stream": "recovered",
         "method": method,
         "deblur": False,
-        **{name: value for name, value in one.items() if name not in ("seed", "white")},
+        **{name: value for name, value in one.items() if name not in _OF_SOURCE},
         "model": "detect" if detect else "no detector",
         "input": "auto",
         "sensor_name": rows[0]["sensor"],
@@ -500,7 +503,7 @@ def _results(cells: list[Row], data: object, pictures: list[Frame], threads: int
         cell["device"] = device
         if cell["frame_ms"]:
             cell["frame_ms"]["pass"] = f"{host} {started}"
-    points = ("stream", "method", "deblur", "model", "input", *(name for name in Sensor().parameters if name not in ("seed", "white")))
+    points = ("stream", "method", "deblur", "model", "input", *(name for name in Sensor().parameters if name not in _OF_SOURCE))
     source = data if isinstance(data, (str, os.PathLike)) else f"{len(pictures)} frames"
     digest = hashlib.sha256()
     for frame in pictures:

@@ -1,11 +1,13 @@
 //! The absolute offset of a result, which differences do not determine: `x` and `x + 2^b` have the same y.
 //!
 //! Every method takes the darkest offset that leaves the result in range, up to a share of outliers. This is the true one if some part
-//! of the scene is below the peak. Three facts can show whether that is so:
+//! of the scene is below the peak. Four facts can show whether that is so:
 //!
 //! - **The range.** Where the brightest samples come so near to its end that one more peak would leave it, no other offset is possible
 //!   ([`trust`]).
 //! - **Black columns.** The radiance is 0 where the sensor is shaded ([`Range::black`]).
+//! - **The black level.** The user promises the radiance of the darkest pixels ([`Range::black_level`]), and the darkest ones of each colour
+//!   have it. At a wrong offset they have it only by chance.
 //! - **The last trusted frame**, if the images are successive frames of one camera. Most parts of a scene keep their mean radiance from
 //!   frame to frame, to less than half a peak and to a part of the contrast of the scene. The last frame gives the offset of a frame
 //!   whose counts agree with each other, and never a count of a pixel. After a cut, no offset fits most parts.
@@ -22,6 +24,8 @@ pub enum OffsetEvidence {
     Range,
     /// The shaded columns of the sensor are black.
     OpticalBlack,
+    /// The darkest pixels have the promised radiance.
+    BlackLevel,
     /// The last trusted frame of the same camera.
     LastFrame,
 }
@@ -32,6 +36,7 @@ impl OffsetEvidence {
         match self {
             Self::Range => "range",
             Self::OpticalBlack => "optical_black",
+            Self::BlackLevel => "black_level",
             Self::LastFrame => "last_frame",
         }
     }
@@ -51,6 +56,10 @@ const BLACKEST: f32 = 0.25;
 
 /// The least share of the samples of the black columns that have to be black: some may be defects.
 const BLACK: f64 = 0.95;
+
+/// The share of the pixels that are the darkest ones of a frame, and the most by which they may differ from the black level, in peaks.
+const DARKEST: f64 = 5e-4;
+const NEAR_BLACK_LEVEL: f32 = 1.0 / 32.0;
 
 /// The rows and columns of the parts of an image that are compared with the last frame.
 const PARTS: (usize, usize) = (4, 8);
@@ -155,6 +164,8 @@ impl OffsetFinder {
             Some(OffsetEvidence::Range)
         } else if trust == Trust::Relative && is_black(out, groups.clone(), range) {
             Some(OffsetEvidence::OpticalBlack)
+        } else if trust == Trust::Relative && is_at_black_level(out, groups.clone(), range) {
+            Some(OffsetEvidence::BlackLevel)
         } else if trust == Trust::Relative && self.shift(out, groups.clone(), range) {
             Some(OffsetEvidence::LastFrame)
         } else {
@@ -268,6 +279,18 @@ fn is_black(out: &Recovered, mut groups: impl Iterator<Item = Group>, range: Ran
     })
 }
 
+/// Returns whether the darkest pixels of each group have the black level that is promised.
+fn is_at_black_level(out: &Recovered, mut groups: impl Iterator<Item = Group>, range: Range) -> bool {
+    let Some(level) = range.black_level() else { return false };
+    let near = NEAR_BLACK_LEVEL * range.peak();
+    groups.all(|group| {
+        let x = group.of(&out.x);
+        let below = |limit: f32| x.iter().filter(|&&x| x < limit).count() as f64;
+        let few = DARKEST * x.len() as f64;
+        below(level - near) <= few && below(level + near) > few
+    })
+}
+
 /// Samples in a block, which holds whole pixels of one and of three channels, so that a lane belongs to one channel.
 /// It is longer than the widest vector.
 const BLOCK: usize = 768;
@@ -321,6 +344,41 @@ mod tests {
             assert_eq!(is_black(&out, groups.clone(), range), expected, "{level} from column {column} on");
             assert!(!is_black(&out, groups, Range::new(8, 4.0).unwrap()), "no column is said to be black");
         }
+    }
+
+    #[test]
+    fn the_darkest_pixels_of_each_group_have_to_be_at_the_black_level() {
+        let range = Range::new(10, 4.0).unwrap();
+        let dark = |level: f32, share: usize| {
+            let x = Array3::from_shape_fn(
+                (100, 100, 3),
+                |(i, j, _)| {
+                    if 100 * i + j < share { level } else { 2000.0 }
+                },
+            );
+            Recovered { k: x.mapv(|x| (x / 1024.0) as u8), x, ..Recovered::default() }
+        };
+        for (level, share, promised, expected) in [
+            (64.0, 8, Some(64.0), true),
+            (64.0, 8, Some(94.0), true),
+            (64.0, 8, Some(97.0), false),
+            (94.0, 8, Some(64.0), true),
+            (97.0, 8, Some(64.0), false),
+            // One peak too high, and a defect.
+            (1088.0, 8, Some(64.0), false),
+            (64.0, 4, Some(64.0), false),
+            (64.0, 8, None, false),
+        ] {
+            let range = range.with_black_level(promised);
+            let found = is_at_black_level(&dark(level, share), groups(3, false), range);
+            assert_eq!(found, expected, "{share} pixels of {level} for {promised:?}");
+        }
+        let mut one = dark(64.0, 8);
+        one.x.slice_mut(s![.., .., 1]).fill(2000.0);
+        assert!(
+            !is_at_black_level(&one, groups(3, false), range.with_black_level(Some(64.0))),
+            "green is brighter"
+        );
     }
 
     #[test]

@@ -5,6 +5,8 @@ use std::marker::PhantomData;
 use clap::builder::{PossibleValuesParser, TypedValueParser as _, ValueParser};
 use clap::{Arg, ArgGroup, ArgMatches, Args, Command, FromArgMatches};
 
+use modulo_images::{Coding, Knees};
+
 use super::parameters::SensorModel;
 use crate::parameter::{Allowed, Descriptor, ParameterSet as _, Parameters, Value};
 
@@ -61,6 +63,30 @@ impl<C> SensorOptions<C> {
                 own.1 = vec![value];
             }
         }
+    }
+}
+
+/// How the samples of the images of a command stand for radiance, as options of its command line.
+#[derive(Args, Clone, Debug, Default, PartialEq)]
+pub struct CodingOptions {
+    /// Value that becomes full scale, for EXR, HDR and 16-bit images. 0: the 99.9th percentile of the first EXR or HDR
+    /// image, and 65536 for 16-bit images
+    #[arg(long, default_value_t = 0.0)]
+    pub white: f32,
+    /// Value without light (the black level), whose radiance is 0
+    #[arg(long, default_value_t = 0.0)]
+    pub black: f32,
+    /// Knee points of companded codes, CODE:VALUE with rising codes and linear values, such as
+    /// 1023:1023,2559:4095,3455:32767,3967:65535; the last value is full scale
+    #[arg(long)]
+    pub knees: Option<Knees>,
+}
+
+impl CodingOptions {
+    /// Returns the coding of images that `sensor` sees.
+    pub fn of(&self, sensor: &SensorModel) -> Coding {
+        let Self { white, black, knees } = self.clone();
+        Coding { white, black, knees, transfer: sensor.transfer, mosaic: sensor.mosaic }
     }
 }
 

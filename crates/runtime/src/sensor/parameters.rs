@@ -48,6 +48,9 @@ crate::parameters! {
         /// them, at least in one column, and rises linearly over the others. They show where the radiance is 0. 32 columns keep
         /// neighbouring samples within half a peak up to an alpha of 8.
         optical_black: usize = 0 => 0..=MAX_OPTICAL_BLACK,
+        /// Radiance in code units that you promise the darkest pixels of each frame to have, as the pedestal of a data sheet, to 1/32 of
+        /// 2^bits. It shows unwrap the absolute level of a frame in which some pixels have it. -1: no promise.
+        black_level: f64 = -1.0 => -1.0..=65536.0,
         /// Shape of the lens blur: gaussian with the width psf_sigma, or paper7 for the paper's fixed 7 taps (about 1.4
         /// px).
         psf: BlurShape = BlurShape::Gaussian => BlurShape::WORDS,
@@ -71,8 +74,9 @@ crate::parameters! {
         /// every frame.
         hot_pixels: f64 = 0.0 => 0.0..=1.0,
         /// Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of
-        /// the source. The images of a mosaic have the encoding bayer_*8 or bayer_*16.
-        mosaic: Option<Mosaic> = None => Mosaic::WORDS,
+        /// the source. The images of a mosaic have the encoding bayer_*8 or bayer_*16. Images of one channel are raw mosaics of
+        /// these filters, which are sensed as they are, without a lens.
+        mosaic: Option<Mosaic> = None => Mosaic::WORDS; fixed,
     }
 }
 
@@ -133,7 +137,8 @@ impl SensorModel {
         self.check()?;
         let range = Range::new(self.bits, self.alpha).and_then(|range| range.with_headroom(self.headroom));
         let range = range.expect("the declared ranges lie within those of `Range`");
-        Ok(range.with_optical_black(self.optical_black))
+        let level = Some(self.black_level).filter(|level| *level >= 0.0);
+        Ok(range.with_optical_black(self.optical_black).with_black_level(level))
     }
 
     /// Returns the blur of the lens.
@@ -193,6 +198,9 @@ crate::parameters! {
         transfer: Option<Transfer> = None => TRANSFERS,
         /// Columns at the left border that a field stop shades, as at the camera. 0: those of the camera's sensor description.
         optical_black: usize = 0 => 0..=MAX_OPTICAL_BLACK,
+        /// Radiance in code units that you promise the darkest pixels of each frame to have. -1: that of the camera's sensor
+        /// description.
+        black_level: f64 = -1.0 => -1.0..=65536.0,
         /// Shape of the lens blur: gaussian, or paper7 for the paper's fixed 7 taps (about 1.4 px).
         psf: BlurShape = BlurShape::Gaussian => BlurShape::WORDS,
         /// Standard deviation of the gaussian lens blur in px. 0: the blur of the camera's sensor description.
@@ -230,6 +238,7 @@ impl SensorOverride {
         model.transfer = self.transfer.unwrap_or(model.transfer);
         model.headroom = if self.headroom > 0.0 { self.headroom } else { model.headroom };
         model.optical_black = if self.optical_black > 0 { self.optical_black } else { model.optical_black };
+        model.black_level = if self.black_level >= 0.0 { self.black_level } else { model.black_level };
         model.check()?;
         Ok(model)
     }
@@ -247,9 +256,22 @@ impl SensorOverride {
 
 impl From<SensorModel> for SensorOverride {
     fn from(model: SensorModel) -> Self {
-        let SensorModel { bits, alpha, headroom, optical_black, psf, psf_sigma, gain_ratio, .. } = model;
+        let SensorModel {
+            bits, alpha, headroom, optical_black, black_level, psf, psf_sigma, gain_ratio, ..
+        } = model;
         let (transfer, gains) = (Some(model.transfer), Some(model.gains));
-        Self { bits, alpha, headroom, transfer, optical_black, psf, psf_sigma, gains, gain_ratio }
+        Self {
+            bits,
+            alpha,
+            headroom,
+            transfer,
+            optical_black,
+            black_level,
+            psf,
+            psf_sigma,
+            gains,
+            gain_ratio,
+        }
     }
 }
 
@@ -291,6 +313,7 @@ mod tests {
             headroom: 0.8,
             transfer: Some(transfer),
             optical_black: 8,
+            black_level: 40.0,
             psf_sigma: 1.0,
             gains: Some(false),
             ..SensorOverride::default()
@@ -301,6 +324,7 @@ mod tests {
             headroom: 0.8,
             transfer,
             optical_black: 8,
+            black_level: 40.0,
             psf_sigma: 1.0,
             ..SensorModel::default()
         };

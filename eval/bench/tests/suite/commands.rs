@@ -165,7 +165,7 @@ fn a_wrong_simulation_is_refused_before_anything_is_written() {
     let request = |change| with("", change);
     assert_eq!(request(&|r| r.images.clear()), "the list of files is empty; at least one entry is needed");
     assert!(request(&|r| r.run.method = vec!["best".into()]).contains("method \"best\" is unknown"));
-    assert!(request(&|r| r.white = -1.0).starts_with("white = -1"));
+    assert!(request(&|r| r.coding.white = -1.0).starts_with("white = -1"));
     for (option, values, wanted) in [
         ("--alpha", "0", "'alpha' = 0"),
         ("--gains", "chess", "checkerboard"),

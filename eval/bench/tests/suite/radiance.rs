@@ -3,10 +3,8 @@
 
 use crate::data;
 use modulo_core::unwrap::{Options, Trust, by_name, of_gains};
-use modulo_core::{
-    Exposure, Frame, Gains, Mosaic, Psf, Range, Recovered, Samples, Sensor, SensorConfig, Transfer,
-};
-use modulo_images::{White, read_image};
+use modulo_core::{Exposure, Frame, Gains, Mosaic, Psf, Range, Recovered, Samples, Sensor, SensorConfig};
+use modulo_images::{Coding, White, read_image};
 use modulo_scene::{Preset, Scene};
 use ndarray::Array3;
 
@@ -96,7 +94,7 @@ fn modulo_pixels_keep_the_radiance_of_hdr_pictures() {
     files.sort();
     let read = |file: &std::path::PathBuf| {
         let pixels = read_image(file).unwrap();
-        White::new(0.0, Transfer::Linear).unwrap().radiance(&pixels, file.display()).unwrap()
+        White::new(Coding::default()).unwrap().radiance(&pixels, file.display()).unwrap()
     };
     check(&table("HDR", &files.iter().map(read).collect::<Vec<_>>()));
 }

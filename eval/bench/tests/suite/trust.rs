@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use modulo_core::unwrap::{Options, Range, Trust, TrustLimits, by_name, of_gains};
-use modulo_core::{Frame, Mosaic, Psf, Recovered, Sensor, SensorConfig, Transfer};
-use modulo_images::{EXTENSIONS, White, read_image};
+use modulo_core::{Frame, Mosaic, Psf, Recovered, Sensor, SensorConfig};
+use modulo_images::{Coding, EXTENSIONS, White, read_image};
 use modulo_runtime::SensorModel;
 use modulo_scene::{Preset, Scene};
 use ndarray::Array3;
@@ -159,12 +159,12 @@ impl Picture {
         }
     }
 
-    /// Returns the radiance; `None` if the file cannot be decoded.
+    /// Returns the radiance; `None` if the file cannot be decoded, or has codes of unknown full scale.
     fn radiance(&self) -> Option<Array3<f32>> {
         match self {
             Self::File(path) => {
-                let mut white = White::new(0.0, Transfer::Linear).unwrap();
-                Some(white.radiance(&read_image(path).ok()?, path.display()).unwrap())
+                let mut white = White::new(Coding::default()).unwrap();
+                white.radiance(&read_image(path).ok()?, path.display()).ok()
             }
             Self::Rendered(preset) => Some(Scene::new(*preset, 1).render(0, 120, 320).radiance),
         }

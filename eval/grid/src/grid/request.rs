@@ -9,6 +9,7 @@ use modulo_bags::source::{
     self, CocoSource, FrameList, KittiFolder, KittiSource, Source, SourceError, SourceOptions, YoloSource,
 };
 use modulo_detector::{EngineChoice, EngineDevice};
+use modulo_runtime::sensor::options::CodingOptions;
 use sha2::{Digest as _, Sha256};
 
 use super::Axes;
@@ -77,10 +78,9 @@ pub struct GridOptions {
     /// Number of frames that are scored in parallel. 0: one for each core
     #[arg(long, default_value_t = 0, value_parser = RangedU64ValueParser::<usize>::new().range(..=1024))]
     pub jobs: usize,
-    /// Value that becomes full scale, for EXR, HDR and 16-bit images. 0: the 99.9th percentile of the first EXR or HDR
-    /// image, and 65536 for 16-bit images
-    #[arg(long, default_value_t = 0.0)]
-    pub white: f32,
+    /// How the samples of the images stand for radiance.
+    #[command(flatten)]
+    pub coding: CodingOptions,
     /// Seed of the noise and of the bootstrap
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
@@ -132,8 +132,13 @@ impl Request {
     }
 
     pub(super) fn source(&self) -> SourceOptions {
-        let GridOptions { white, axes, .. } = &self.options;
-        SourceOptions { white: *white, transfer: axes.sensor.first().transfer, topic: None }
+        let GridOptions { coding, axes, .. } = &self.options;
+        let sensors = axes.sensor.sensors(&["mosaic"]);
+        let mut coding = coding.of(&sensors[0]);
+        // A raw mosaic can be seen by a sensor with the same colour filters only, and so by no other cell.
+        coding.mosaic =
+            coding.mosaic.filter(|_| sensors.iter().all(|sensor| sensor.mosaic == sensors[0].mosaic));
+        SourceOptions { coding, topic: None }
     }
 
     pub(super) fn difficulty(&self) -> Difficulty {
