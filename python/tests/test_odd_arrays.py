@@ -103,7 +103,7 @@ PARAMETERS: dict[str, tuple[list[Any], list[Any]]] = {
     "gains": (["none", "checkerboard"], ["rows", "colours"]),
     "gain_ratio": ([0.0, 0.001], [1.0, -1.0, float("nan")]),
     "psf_sigma": ([0.0, 0.5, 1.4, 9.0], [-1.0, float("inf")]),
-    "psf": (["gaussian", "paper7"], ["box"]),
+    "psf": (["gaussian", "paper7", "unknown"], ["box"]),
     "read_noise": ([0.0, 2.5, 65536.0], [-1.0]),
     "shot_noise": ([0.0, 1.0], [1e9]),
     "full_well_electrons": ([0.0, 1e-300, 1e4], [-1.0]),

@@ -10,7 +10,7 @@ use modulo_images::{ImageError, White, read_image, save_png};
 use modulo_runtime::SensorModel;
 use modulo_runtime::sensor::options::{CodingOptions, SensorCommand, SensorOptions};
 use modulo_video::{VideoAddress, VideoFile};
-use ndarray::Array3;
+use ndarray::{Array3, Axis};
 
 use crate::runner::{Capture, Picture, RunOptions, RunOutcome, Runner, names, save_counts};
 use crate::{BenchError, BenchEvent, files};
@@ -113,7 +113,7 @@ impl SimulationRequest {
             // The sensor counts whole codes.
             save_counts(path, &exposure.wraps(), &exposure.x().mapv(f32::floor), exposure.range())?;
         }
-        let (range, sharpness) = (model.range()?, model.sharpness());
+        let (range, sharpness) = (model.range()?, model.of_channels(radiance.len_of(Axis(2))).sharpness());
         let truth = Some((exposure, *white, self.seed));
         Ok(Capture { y, sensor: model, range, sharpness, name, counts: self.counts, truth })
     }

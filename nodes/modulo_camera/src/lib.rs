@@ -135,7 +135,8 @@ impl ModuloCamera {
         let seed = self.parameters.seed.unsigned_abs().wrapping_add(number);
         self.sensed += 1;
         // Before the frame that it describes, and for late readers also when there is no reader now.
-        let info = sensor_info::message(header, &self.parameters.sensor, cx.node());
+        let sensor = self.parameters.sensor.of_channels(radiance.len_of(Axis(2)));
+        let info = sensor_info::message(header, &sensor, cx.node());
         cx.emit(SENSOR_INFO, info);
         if !self.calibration.is_on_topic_of(cx.node()) && cx.wanted(CAMERA_INFO) {
             let side = |axis| u32::try_from(radiance.len_of(Axis(axis))).unwrap_or(u32::MAX);
@@ -301,9 +302,8 @@ impl Node for ModuloCamera {
     }
 
     fn status(&self) -> Vec<(&'static str, String)> {
-        let fit = self.parameters.sensor.fit_up_to().to_string();
-        let mut status =
-            vec![("role", "source".into()), ("frames", self.sensed.to_string()), ("fit_up_to_alpha", fit)];
+        let mut status = vec![("role", "source".into()), ("frames", self.sensed.to_string())];
+        status.extend(self.parameters.sensor.fit_up_to().map(|fit| ("fit_up_to_alpha", fit.to_string())));
         if let CameraInput::Live(video, _) = &self.input {
             let LiveCounts { arrived, replaced, connections } = video.counts();
             let counts = format!("{arrived} frames arrived, {replaced} replaced, {connections} connections");

@@ -215,8 +215,9 @@ class Sensor:
         Pixels with a lower gain, which do not wrap: none, or every second one, as on a checkerboard.
     seed : int, in 0 to 9223372036854775807
         Seed of the noise. A sensor gives each frame the same noise; the camera adds the number of the frame to its seed.
-    psf : str, one of gaussian, paper7
-        Shape of the lens blur: gaussian with the width psf_sigma, or paper7 for the paper's fixed 7 taps (about 1.4 px).
+    psf : str, one of gaussian, paper7, unknown
+        Shape of the lens blur: gaussian with the width psf_sigma, paper7 for the paper's fixed 7 taps (about 1.4 px), or
+        unknown for images that have the blur of a real lens. Images of raw mosaics always have the latter.
     gain_ratio : float, a finite number in 0 to 1
         The lower gain divided by the full one, at most 1 / alpha. 0: 1 / alpha.
     full_well_electrons : float, a finite number in 0 to 1000000000
@@ -537,8 +538,9 @@ def deblur(
         Saturation factor: the brightest radiance of the scene divided by the sensor's peak.
     psf_sigma : float, a finite number in 0 to 100
         Standard deviation of the gaussian lens blur in px. 0 is a perfect lens. paper7 does not use it.
-    psf : str, one of gaussian, paper7
-        Shape of the lens blur: gaussian with the width psf_sigma, or paper7 for the paper's fixed 7 taps (about 1.4 px).
+    psf : str, one of gaussian, paper7, unknown
+        Shape of the lens blur: gaussian with the width psf_sigma, paper7 for the paper's fixed 7 taps (about 1.4 px), or
+        unknown for images that have the blur of a real lens. Images of raw mosaics always have the latter.
     mosaic : str, one of none, rggb, bggr, grbg, gbrg
         Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the
         source. The images of a mosaic have the encoding bayer_*8 or bayer_*16. Images of one channel are raw mosaics of these

@@ -5,7 +5,7 @@ use std::sync::{Mutex, PoisonError};
 use modulo_core::Psf;
 use modulo_core::unwrap::Sharpness;
 
-use super::parameters::SensorModel;
+use super::parameters::{BlurShape, SensorModel};
 
 /// The widths of the lenses of [`MEASURED`], in px.
 const LENSES: [f64; 6] = [0.0, 0.5, 0.8, 1.0, 1.4, 2.0];
@@ -22,14 +22,17 @@ const MEASURED: [(bool, bool, [f64; LENSES.len()]); 4] = [
     (true, true, [2.0, 2.0, 4.0, 6.0, 8.0, 8.0]),
 ];
 
-/// The sensors that were reported, by their alpha and the largest one that is fit; more of them are not reported.
-static REPORTED: Mutex<Vec<(f64, f64)>> = Mutex::new(Vec::new());
+/// The sensors that were reported; more of them are not.
+static REPORTED: Mutex<Vec<String>> = Mutex::new(Vec::new());
 const MOST_REPORTED: usize = 16;
 
 impl SensorModel {
     /// Returns the largest alpha up to which such a sensor is fit: at least 99.5 % of the counts of the samples that can wrap were found on
-    /// real pictures without noise. A lens between two measured ones counts as the sharper one.
-    pub fn fit_up_to(&self) -> f64 {
+    /// real pictures without noise. A lens between two measured ones counts as the sharper one; `None` if it is unknown.
+    pub fn fit_up_to(&self) -> Option<f64> {
+        if self.psf == BlurShape::Unknown {
+            return None;
+        }
         let kind = (self.mosaic.is_some(), self.gains);
         let row = MEASURED.iter().find(|(mosaic, gains, _)| (*mosaic, *gains) == kind);
         let (.., fit) = row.expect("the table has each kind of mosaic and gains");
@@ -39,37 +42,35 @@ impl SensorModel {
             Psf::Paper7 => PAPER7,
         };
         let softer = LENSES.iter().filter(|&&lens| lens <= sigma).count();
-        fit[softer.saturating_sub(1)]
+        Some(fit[softer.saturating_sub(1)])
     }
 
-    /// Returns what the lens, which must be known, and the fitness say about the edges of the images.
+    /// Returns what the lens and the fitness say about the edges of the images.
     pub fn sharpness(&self) -> Sharpness {
-        if self.alpha > self.fit_up_to() {
-            return Sharpness::Unfit;
+        match self.fit_up_to() {
+            None => Sharpness::Unknown,
+            Some(most) if self.alpha > most => Sharpness::Unfit,
+            Some(_) => Sharpness::UpTo(self.alpha * self.psf().bend()),
         }
-        Sharpness::UpTo(self.alpha * self.psf().bend())
     }
 
     /// Returns what is to be expected of this sensor, if its alpha is too large for it.
     pub fn unfit(&self) -> Option<String> {
-        let most = self.fit_up_to();
-        (self.alpha > most).then(|| {
-            format!(
-                "alpha {} is too large for this sensor, whose counts can be found up to alpha {most} on real pictures; take a smaller \
-                 alpha, a softer lens (psf_sigma) or other gains, or expect wrong counts",
-                self.alpha
-            )
-        })
+        let most = self.fit_up_to().filter(|most| self.alpha > *most)?;
+        Some(format!(
+            "alpha {} is too large for this sensor, whose counts can be found up to alpha {most} on real pictures; take a smaller \
+             alpha, a softer lens (psf_sigma) or other gains, or expect wrong counts",
+            self.alpha
+        ))
     }
 
     /// Warns of an alpha that is too large for this sensor, once in a process. For those that unwrap its images.
     pub fn warn_if_unfit(&self) {
         let Some(why) = self.unfit() else { return };
         let mut reported = REPORTED.lock().unwrap_or_else(PoisonError::into_inner);
-        let this = (self.alpha, self.fit_up_to());
-        if reported.len() < MOST_REPORTED && !reported.contains(&this) {
-            reported.push(this);
+        if reported.len() < MOST_REPORTED && !reported.contains(&why) {
             tracing::warn!("{why}");
+            reported.push(why);
         }
     }
 }
@@ -89,7 +90,9 @@ mod tests {
             for (gains, _) in modulo_core::Gains::WORDS {
                 let behind = |lens: f64| {
                     let lens = lens.to_string();
-                    sensor(&[("mosaic", mosaic), ("gains", gains), ("psf_sigma", &lens)]).fit_up_to()
+                    sensor(&[("mosaic", mosaic), ("gains", gains), ("psf_sigma", &lens)])
+                        .fit_up_to()
+                        .expect("a lens")
                 };
                 let fit = [0.0, 0.3, 0.5, 0.79, 0.8, 1.0, 1.4, 2.0, 8.0].map(behind);
                 assert!(fit.is_sorted(), "{mosaic} {gains}: {fit:?}");
@@ -103,6 +106,9 @@ mod tests {
         assert_eq!(sensor(&[("alpha", "4"), ("psf_sigma", "1.4")]).unfit(), None);
         assert_eq!(sensor(&[("alpha", "4"), ("psf", "paper7")]).unfit(), None);
         assert_eq!(sensor(&[("alpha", "1")]).unfit(), None, "nothing wraps");
+        let raw = sensor(&[("alpha", "4"), ("mosaic", "grbg")]);
+        assert!(raw.unfit().is_some() && raw.of_channels(3).unfit().is_some());
+        assert_eq!((raw.of_channels(1).unfit(), raw.of_channels(1).sharpness()), (None, Sharpness::Unknown));
         let why = sensor(&[("alpha", "4")]).unfit().expect("a sharp lens");
         assert!(why.contains("alpha 4") && why.contains("gains"), "{why}");
     }

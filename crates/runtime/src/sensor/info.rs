@@ -135,11 +135,11 @@ mod tests {
             bits in 1u8..=16,
             (alpha, headroom) in (1e-3f64..256.0, 1e-3f64..=1.0),
             (transfer, optical_black) in (0usize..4, 0usize..=64),
-            paper in any::<bool>(),
+            psf in 0usize..3,
             psf_sigma in 0.0f64..4.0,
             (gains, gain_ratio) in (any::<bool>(), 0.0f64..1.0),
         ) {
-            let psf = if paper { BlurShape::Paper7 } else { BlurShape::Gaussian };
+            let psf = BlurShape::WORDS[psf].1;
             let transfer = modulo_core::Transfer::WORDS[transfer].1;
             let rest = SensorModel { bits, alpha, headroom, transfer, optical_black, ..SensorModel::default() };
             let model = SensorModel { psf, psf_sigma, gains, gain_ratio, ..rest };

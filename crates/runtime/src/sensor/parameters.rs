@@ -1,6 +1,8 @@
 //! [`SensorModel`]: the parameters that describe a sensor and its lens, declared once for the node that simulates them,
 //! for the nodes that undo them, for the commands that vary them and for the results of these.
 
+use std::borrow::Cow;
+
 use modulo_core::optics::{MAX_SIGMA, Psf};
 use modulo_core::sensor::{MAX_NOISE, MAX_OPTICAL_BLACK, Sensor, SensorConfig};
 use modulo_core::{Gains, Mosaic, Range, Transfer};
@@ -14,17 +16,21 @@ pub enum BlurShape {
     Gaussian,
     /// The paper's fixed 7 taps.
     Paper7,
+    /// No blur is simulated: the images have that of a lens which nobody describes.
+    Unknown,
 }
 
 impl BlurShape {
     /// Every shape with its word.
-    pub const WORDS: [(&'static str, Self); 2] = [("gaussian", Self::Gaussian), ("paper7", Self::Paper7)];
+    pub const WORDS: [(&'static str, Self); 3] =
+        [("gaussian", Self::Gaussian), ("paper7", Self::Paper7), ("unknown", Self::Unknown)];
 
     /// Returns the blur of this shape. `sigma` is the width of a Gaussian in px; 0 is a perfect lens.
     pub fn of_sigma(self, sigma: f64) -> Psf {
         match self {
             Self::Gaussian => Psf::of_sigma(sigma),
             Self::Paper7 => Psf::Paper7,
+            Self::Unknown => Psf::None,
         }
     }
 }
@@ -51,8 +57,8 @@ crate::parameters! {
         /// Radiance in code units that you promise the darkest pixels of each frame to have, as the pedestal of a data sheet, to 1/32 of
         /// 2^bits. It shows unwrap the absolute level of a frame in which some pixels have it. -1: no promise.
         black_level: f64 = -1.0 => -1.0..=65536.0,
-        /// Shape of the lens blur: gaussian with the width psf_sigma, or paper7 for the paper's fixed 7 taps (about 1.4
-        /// px).
+        /// Shape of the lens blur: gaussian with the width psf_sigma, paper7 for the paper's fixed 7 taps (about 1.4 px), or unknown for
+        /// images that have the blur of a real lens. Images of raw mosaics always have the latter.
         psf: BlurShape = BlurShape::Gaussian => BlurShape::WORDS,
         /// Standard deviation of the gaussian lens blur in px. 0 is a perfect lens. paper7 does not use it.
         psf_sigma: f64 = 0.0 => 0.0..=MAX_SIGMA,
@@ -88,6 +94,14 @@ impl SensorModel {
     pub fn of_chip() -> Vec<&'static str> {
         let names = Self::descriptors().into_iter().map(|descriptor| descriptor.name);
         names.filter(|name| !OF_EXPOSURE.contains(name)).collect()
+    }
+
+    /// Returns the sensor of images of so many channels: a raw mosaic has the blur of its own lens, which is not known.
+    pub fn of_channels(&self, channels: usize) -> Cow<'_, Self> {
+        if self.mosaic.is_none() || channels != 1 || self.psf() != Psf::None {
+            return Cow::Borrowed(self);
+        }
+        Cow::Owned(Self { psf: BlurShape::Unknown, ..self.clone() })
     }
 
     /// Returns the simulated sensor.
@@ -201,7 +215,7 @@ crate::parameters! {
         /// Radiance in code units that you promise the darkest pixels of each frame to have. -1: that of the camera's sensor
         /// description.
         black_level: f64 = -1.0 => -1.0..=65536.0,
-        /// Shape of the lens blur: gaussian, or paper7 for the paper's fixed 7 taps (about 1.4 px).
+        /// Shape of the lens blur: gaussian, paper7 for the paper's fixed 7 taps (about 1.4 px), or unknown.
         psf: BlurShape = BlurShape::Gaussian => BlurShape::WORDS,
         /// Standard deviation of the gaussian lens blur in px. 0: the blur of the camera's sensor description.
         psf_sigma: f64 = 0.0 => 0.0..=MAX_SIGMA,
@@ -245,7 +259,7 @@ impl SensorOverride {
 
     /// Returns whether the lens is known without the camera.
     pub fn has_lens(&self) -> bool {
-        self.psf == BlurShape::Paper7 || self.psf_sigma > 0.0
+        self.psf != BlurShape::Gaussian || self.psf_sigma > 0.0
     }
 
     /// Returns whether bits and saturation factor are known without the camera.
