@@ -88,7 +88,9 @@ impl Summary {
                 report.status.get("engine_from").is_some_and(|note| note.starts_with("auto: "));
             let status = |key| report.status.get(key);
             if let (Some(methods), Some(trusted)) = (status("methods_used"), status("trusted")) {
-                add_life(&mut summary.unwrapped, report, format!("{methods}; trusted {trusted}"));
+                let over =
+                    status("over_budget").map_or_else(String::new, |over| format!("; over budget {over}"));
+                add_life(&mut summary.unwrapped, report, format!("{methods}; trusted {trusted}{over}"));
             }
             if let Some(live) = status("live") {
                 add_life(&mut summary.live, report, live.clone());

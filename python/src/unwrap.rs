@@ -29,7 +29,8 @@ pub fn unwrap<'py>(
     let sensor = SensorModel::from(&parameters);
     let (mosaic, range, gains) =
         (sensor.mosaic, sensor.range().map_err(value_error)?, sensor.gains().map_err(value_error)?);
-    let options = UnwrapParameters::from(&parameters);
+    // Nothing waits for a single image.
+    let options = UnwrapParameters { budget: 0.0, ..UnwrapParameters::from(&parameters) };
     let mut method = match of_gains(gains) {
         Some(method) => method,
         None => options.method().map_err(value_error)?,

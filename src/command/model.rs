@@ -9,6 +9,8 @@ use std::time::Duration;
 use clap::{Args, Subcommand};
 use indicatif::ProgressBar;
 use modulo_camera::CameraParameters;
+use modulo_core::unwrap::{Method, Options, WORK_OF_NOISE};
+use modulo_core::{Frame, Range, Recovered};
 use modulo_detector::{
     EngineChoice, EngineDevice, EngineOptions, ModelInfo, describe, measure, onnxruntime_library,
     onnxruntime_places,
@@ -16,7 +18,8 @@ use modulo_detector::{
 use modulo_eval::grid::words;
 use modulo_middleware::transport::zenoh::meeting_port;
 use modulo_models::{FetchRequest, Fetched, LICENCE, fetch, official};
-use modulo_runtime::SystemClock;
+use modulo_runtime::{Clock as _, SystemClock};
+use ndarray::Array3;
 
 use super::bench::style;
 use super::{domain, start_log, usage};
@@ -130,6 +133,7 @@ pub fn doctor(sensor: Option<&Path>) -> Result<Ended, Failure> {
     say!("modulo   {} on {os} {arch}", env!("CARGO_PKG_VERSION"));
     let threads = std::thread::available_parallelism().map_or(1, |threads| threads.get());
     say!("threads  {threads}");
+    work();
     engine();
     video();
     transport();
@@ -141,6 +145,28 @@ pub fn doctor(sensor: Option<&Path>) -> Result<Ended, Failure> {
         ),
     }
     Ok(Ended::Done)
+}
+
+/// Prints how long the work takes here that the parameter `budget` of unwrap counts.
+fn work() {
+    const SIDE: usize = 512;
+    let mut random = 1_u32;
+    let codes = Array3::from_shape_simple_fn((SIDE, SIDE, 1), || {
+        random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (random >> 24) as u8
+    });
+    let (y, range) = (Frame::from_u8(codes).expect("an image"), Range::new(8, 4.0).expect("possible"));
+    let mut method = Method::GradientTree.build(&Options::default()).expect("one thread is there");
+    let (mut out, clock) = (Recovered::default(), SystemClock::default());
+    // The first image takes the memory, and the faster one of the others is not disturbed.
+    let times = [(); 3].map(|()| {
+        let start = clock.ticks_ns();
+        method.unwrap(&y, range, &mut out).expect("codes of 8 bits");
+        (clock.ticks_ns() - start) as f64
+    });
+    let counted = WORK_OF_NOISE * (SIDE * SIDE) as f64;
+    let here = times[1].min(times[2]) / counted;
+    say!("budget   the default budget of unwrap, 250 ms, is {:.0} ms on one core here", 250.0 * here);
 }
 
 fn engine() {

@@ -56,6 +56,10 @@ modulo_runtime::parameters! {
         /// For auto: the largest number of second differences of the result above one peak, per sample, with which it trusts
         /// a result.
         trust_jumps: f64 = TrustLimits::default().jumps => 0.0..=2.0,
+        /// For auto: the work that it may do on a frame, as the time of its candidates in ms on one core of a server of 2023 (modulo doctor
+        /// gives the time here). It is counted and not measured, so that a replay gives the same images. A candidate that exceeds it is not
+        /// tried: the best result so far is published, not trusted, and counted. 0: no limit.
+        budget: f64 = 250.0 => 0.0..=1e6,
         /// For spud: the hard threshold, in units of the peak.
         tau: f64 = Options::default().tau => 0.0..=1e6,
         /// For spud: the threshold acts on the coefficients after the division (phi) or before it (rho).
@@ -72,6 +76,7 @@ impl UnwrapParameters {
             threshold_on: self.threshold_on,
             threads: self.threads,
             trust: TrustLimits { lines: self.trust_lines, jumps: self.trust_jumps },
+            budget: if self.budget > 0.0 { self.budget } else { f64::INFINITY },
             successive: true,
         }
     }
@@ -358,11 +363,12 @@ impl Node for UnwrapNode {
     }
 }
 
-/// Number of frames for each method that was used, and number of trusted frames.
+/// Number of frames for each method that was used, and number of trusted frames and of those with better results left out.
 #[derive(Default)]
 struct RecoveryCounts {
     methods: BTreeMap<&'static str, u64>,
     trusted: u64,
+    over_budget: u64,
 }
 
 impl RecoveryCounts {
@@ -370,6 +376,7 @@ impl RecoveryCounts {
     fn count(&mut self, report: &Report) {
         *self.methods.entry(report.method).or_default() += 1;
         self.trusted += u64::from(report.trust == Trust::Trusted);
+        self.over_budget += u64::from(report.is_over_budget);
     }
 
     /// Returns `("methods_used", "lines 58, gradient_tree 2")` `("trusted", "58 of 60 frames")` and the same as a share; nothing before the first
@@ -380,11 +387,15 @@ impl RecoveryCounts {
             return Vec::new();
         }
         let methods = self.methods.iter().map(|(method, count)| format!("{method} {count}"));
-        vec![
+        let mut status = vec![
             ("methods_used", methods.collect::<Vec<_>>().join(", ")),
             ("trusted", format!("{} of {frames} frames", self.trusted)),
             ("trusted_share", format!("{:.4}", self.trusted as f64 / frames as f64)),
-        ]
+        ];
+        if self.over_budget > 0 {
+            status.push(("over_budget", format!("{} of {frames} frames", self.over_budget)));
+        }
+        status
     }
 }
 
@@ -416,6 +427,9 @@ fn describe(node: &str, header: &Header, method: &str, report: &Report) -> Diagn
     // The evidence for the absolute offset, so that a reader knows when it comes from the frame before.
     if let Some(evidence) = report.offset_evidence() {
         values.push(("offset", evidence.to_owned()));
+    }
+    if report.is_over_budget {
+        values.push(("over_budget", "true".to_owned()));
     }
     if let Some(QualityMetrics { residues, steep, clamped, jumps, defects }) = report.quality {
         let shares = [

@@ -11,8 +11,11 @@
 //! An accepted result is trusted with evidence for the absolute offset ([`offset`]; without it, it is [`Trust::Relative`]), from 4 bits on, in a
 //! single colour only without steep loops, and unless an edge may hide a multiple of the peak, see [`edges`](super::edges).
 //!
+//! A candidate whose work exceeds what is left of the [`budget`](super::budget) is not tried.
+//!
 //! Hot, dead and stuck samples are left out first, see [`defects`](super::defects).
 
+use super::budget::{self, Budget};
 use super::congruence::{FEW_OUTLIERS, OUTLIERS};
 use super::defects::Defects;
 use super::smoothed_tree::SmoothedTree;
@@ -61,6 +64,9 @@ const HANDICAP: f64 = 1.02;
 /// The method with the buffers of its candidates.
 pub struct Auto {
     limits: TrustLimits,
+    /// The work that is allowed on a frame, in ms, and what is left of it.
+    work: f64,
+    budget: Budget,
     /// Whether trust needs evidence for the absolute offset.
     needs_offset: bool,
     /// The share of the pixels that may be below the least count, in a result without contradictions and in others.
@@ -73,6 +79,8 @@ pub struct Auto {
     spud: Spud,
     /// The result of a candidate.
     other: Recovered,
+    /// Whether a tree has a result for this image.
+    growable: bool,
 }
 
 /// The candidates after `lines`, from cheap to dear.
@@ -92,6 +100,8 @@ impl Auto {
     pub fn new(options: &Options) -> Result<Self, UnwrapError> {
         Ok(Self {
             limits: options.trust,
+            work: options.budget,
+            budget: Budget::default(),
             needs_offset: true,
             few_outliers: FEW_OUTLIERS,
             outliers: OUTLIERS,
@@ -101,6 +111,7 @@ impl Auto {
             smoothed_tree: SmoothedTree::default(),
             spud: Spud::with_threads(options.tau, options.threshold_on, options.threads)?,
             other: Recovered::default(),
+            growable: false,
         })
     }
 
@@ -124,6 +135,9 @@ impl Auto {
         self.finish_lines(y, range, out)?;
         // Another candidate overwrites the report, but the metrics of y remain those of `lines`.
         let quality = out.report.quality.expect("lines always gives its quality");
+        let [per_sample, per_steep] = budget::LINES;
+        let work = per_sample + per_steep * f64::from(quality.steep);
+        self.budget.spend(work * out.k.len() as f64);
         let mut quality = QualityMetrics { defects, ..quality };
         let is_steep = f64::from(quality.steep) > self.limits.lines;
         // Behind a hard edge, lines take the offset of the wrong side.
@@ -148,6 +162,7 @@ impl Auto {
             trust = if out.report.trust == Trust::Untrusted { Trust::Untrusted } else { trust };
         }
         (out.report.quality, out.report.trust) = (Some(quality), trust);
+        out.report.is_over_budget = self.budget.is_exceeded();
         Ok(())
     }
 
@@ -166,8 +181,8 @@ impl Auto {
         f64::from(jumps) <= self.limits.jumps
     }
 
-    /// Writes the result of the first candidate after `lines` that is accepted, else the one that bends least, and its jumps. Returns whether it
-    /// is accepted.
+    /// Writes the result of the first candidate after `lines` that is accepted, else the one that bends least, and its jumps. Without the work
+    /// for any of them, the result of `lines` stays. Returns whether one is accepted.
     fn try_others(
         &mut self,
         y: &Frame,
@@ -177,6 +192,7 @@ impl Auto {
     ) -> Result<bool, UnwrapError> {
         let mut least = f64::MAX;
         let noise = self.smoothed_tree.read(y, range)?;
+        self.growable = false;
         // A tree on codes with strong noise is slow and wrong.
         let candidates = [
             (Candidate::Tree, noise <= STRONG_NOISE),
@@ -184,7 +200,7 @@ impl Auto {
             (Candidate::Growth, true),
         ];
         for (candidate, _) in candidates.into_iter().filter(|(_, is_useful)| *is_useful) {
-            let jumps = self.try_one(candidate, y, range)?;
+            let Some(jumps) = self.try_one(candidate, y, range)? else { continue };
             if self.accepts(jumps) {
                 std::mem::swap(out, &mut self.other);
                 quality.jumps = jumps;
@@ -200,21 +216,44 @@ impl Auto {
         Ok(false)
     }
 
-    /// Unwraps by one candidate; returns the jumps of its result.
-    fn try_one(&mut self, candidate: Candidate, y: &Frame, range: Range) -> Result<f32, UnwrapError> {
-        let Self { gradient_tree, smoothed_tree, spud, other, few_outliers: few, .. } = self;
-        match candidate {
-            Candidate::Tree => gradient_tree.unwrap_within(y, range, *few, other)?,
-            Candidate::SmoothedTree => smoothed_tree.unwrap(gradient_tree, y.dim(), range, *few, other),
+    /// Unwraps by one candidate; returns whether its work was left.
+    fn unwrap_by(&mut self, candidate: Candidate, y: &Frame, range: Range) -> Result<bool, UnwrapError> {
+        let Self { gradient_tree, smoothed_tree, spud, budget, other, few_outliers: few, .. } = self;
+        let is_done = match candidate {
+            Candidate::Tree => {
+                let is_left = budget.take(smoothed_tree.work_of_tree(y.dim()));
+                if is_left {
+                    gradient_tree.unwrap_within(y, range, *few, other)?;
+                }
+                is_left
+            }
+            Candidate::SmoothedTree => {
+                smoothed_tree.unwrap(gradient_tree, y.dim(), (range, *few), budget, other)
+            }
             Candidate::Growth => {
-                if !smoothed_tree.grow(range, *few, other) {
+                // Without a tree there is nothing to grow from.
+                let grown =
+                    if self.growable { smoothed_tree.grow(range, *few, budget, other) } else { Some(false) };
+                let samples = y.height() * y.width() * y.channels();
+                let needs_spud = grown == Some(false) && budget.take(budget::SPUD * samples as f64);
+                if needs_spud {
                     spud.unwrap(y, range, other)?;
                 }
+                needs_spud || grown == Some(true)
             }
+        };
+        self.growable |= is_done;
+        Ok(is_done)
+    }
+
+    /// Unwraps by one candidate; returns the jumps of its result, or `None` if its work was not left.
+    fn try_one(&mut self, candidate: Candidate, y: &Frame, range: Range) -> Result<Option<f32>, UnwrapError> {
+        if !self.unwrap_by(candidate, y, range)? {
+            return Ok(None);
         }
-        let jumps = jumps::share(&other.x, range);
+        let jumps = jumps::share(&self.other.x, range);
         if f64::from(jumps) <= self.limits.jumps || candidate == Candidate::Growth {
-            return Ok(jumps);
+            return Ok(Some(jumps));
         }
         // Nor must regions that are wrong.
         let mut other = std::mem::take(&mut self.other);
@@ -223,7 +262,7 @@ impl Auto {
             self.smoothed_tree.take(&other);
         }
         self.other = other;
-        Ok(jumps::share(&self.other.x, range))
+        Ok(Some(jumps::share(&self.other.x, range)))
     }
 
     /// Writes the result of `lines` for the image that it has scanned. Where counts leave the range, alpha may be a little
@@ -259,7 +298,12 @@ impl Unwrap for Auto {
         "auto"
     }
 
+    fn limit_work(&mut self, ms: f64) {
+        self.work = ms;
+    }
+
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
+        self.budget = Budget::of_ms(self.work);
         // A defect that matters makes loops steep: an image without steep loops is not searched.
         let Some(rows) = self.lines.scan_to_steep(y, range)? else {
             return self.unwrap_scanned(y, 0.0, range, out);

@@ -8,6 +8,7 @@
 
 use ndarray::Array3;
 
+use super::budget::{self, Budget};
 use super::congruence::{FEW_OUTLIERS, OUTLIERS, base_level};
 use super::gradient_sums::{GradientSums, GreenCodes};
 use super::jumps::Regions;
@@ -86,15 +87,19 @@ impl GreenSums {
         &mut self,
         image: &MosaicImage,
         range: Range,
+        left: &mut Budget,
         out: &mut Recovered,
     ) -> Result<Doubts, UnwrapError> {
+        left.spend(budget::SUMS * image.codes.len() as f64);
         self.sums.find(&self.codes);
         self.tree.grow(&self.codes, &self.sums, range.max_wraps());
         let mut contradictions = self.tree.contradictions(&self.codes, &self.sums);
         let zero = if contradictions <= NO_LOOSE_REGION {
             base_level(&self.tree.counts, range, FEW_OUTLIERS, &mut self.levels)
         } else {
-            contradictions = self.grow_by_colours(image, range, contradictions)?;
+            if left.take(budget::SUMS_BY_COLOURS * image.codes.len() as f64) {
+                contradictions = self.grow_by_colours(image, range, contradictions)?;
+            }
             self.base_level_of_region(range)
         };
         let mut outside = 0;
@@ -195,7 +200,7 @@ mod tests {
             out.prepare((height, width, 1), "");
             let mut sums = GreenSums::new(threads).unwrap();
             sums.read(&image, range);
-            let doubts = sums.unwrap(&image, range, &mut out).unwrap();
+            let doubts = sums.unwrap(&image, range, &mut Budget::default(), &mut out).unwrap();
             prop_assert_eq!(doubts.contradictions, 0.0);
             let truth = Array3::from_shape_fn((height, width, 1), |(row, column, _)| {
                 (light(row, column) / range.peak()) as u8
@@ -228,7 +233,7 @@ mod tests {
         out.prepare((dim.0, dim.1, 1), "");
         let mut sums = GreenSums::new(1).unwrap();
         sums.read(&image, range);
-        sums.unwrap(&image, range, &mut out).unwrap();
+        sums.unwrap(&image, range, &mut Budget::default(), &mut out).unwrap();
         let green = out.k.indexed_iter().filter(|((i, j, _), _)| mosaic.channel(*i, *j) == 1);
         let wrong = green.filter(|((i, j, _), k)| u16::from(**k) != light(*i, *j) / 256).count();
         assert!(wrong < 40, "{wrong} of the counts are wrong");

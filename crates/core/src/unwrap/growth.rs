@@ -177,8 +177,9 @@ impl Pixel {
 }
 
 impl Growth {
-    /// Finds the part of the result `x` (code units) from which it can grow, and fits the predictors to it. Returns whether it can grow.
-    pub fn read(&mut self, x: &Array3<f32>, range: Range) -> bool {
+    /// Finds the part of the result `x` (code units) from which it can grow, and fits the predictors to it. Returns the share of the pixels in
+    /// the part; `None` if it cannot grow.
+    pub fn read(&mut self, x: &Array3<f32>, range: Range) -> Option<f64> {
         let (height, width, channels) = x.dim();
         let layout = Layout { width };
         self.known.clear();
@@ -194,8 +195,8 @@ impl Growth {
             1 => self.fit(samples.as_chunks::<1>().0, layout),
             _ => self.fit(samples.as_chunks::<3>().0, layout),
         }
-        let weight = self.predictors[2][2].weight;
-        weight >= LEAST_WEIGHT && size as f64 >= LEAST_SHARE * (height * width) as f64
+        let (weight, share) = (self.predictors[2][2].weight, size as f64 / (height * width) as f64);
+        (weight >= LEAST_WEIGHT && share >= LEAST_SHARE).then_some(share)
     }
 
     /// Grows the part of `x` that was read over the rest. The part first gets an absolute offset of its own, since that of `x` is one of regions
@@ -419,7 +420,7 @@ mod tests {
         let mut x = divided(&scene).mapv(|x| x + 256.0);
         x.slice_mut(ndarray::s![0..4, 0..4, ..]).mapv_inplace(|x| x % 256.0);
         let mut growth = Growth::default();
-        assert!(growth.read(&x, range()));
+        assert!(growth.read(&x, range()).is_some());
         growth.grow(&mut x, range(), 0.0);
         assert_eq!(x, scene);
     }
@@ -430,7 +431,7 @@ mod tests {
             let scene = scene((60, 80, channels));
             let mut growth = Growth::default();
             for mut x in [divided(&scene), scene.clone()] {
-                assert!(growth.read(&x, range()), "{channels} channels");
+                assert!(growth.read(&x, range()).is_some(), "{channels} channels");
                 growth.grow(&mut x, range(), 0.0);
                 assert_eq!(x, scene, "{channels} channels");
             }
@@ -443,9 +444,12 @@ mod tests {
         for channels in [1, 3] {
             let dim = (60, 80, channels);
             let squares = Array3::from_shape_fn(dim, |(i, j, _)| 512.0 * ((i / 3 + j / 3) % 2) as f32);
-            assert!(!growth.read(&squares, range()), "no part has a fifth of the pixels");
-            assert!(!growth.read(&Array3::from_elem(dim, 300.0), range()), "a flat image tells nothing");
-            assert!(!growth.read(&scene((1, 1, channels)), range()), "a pixel has no neighbour");
+            assert!(growth.read(&squares, range()).is_none(), "no part has a fifth of the pixels");
+            assert!(
+                growth.read(&Array3::from_elem(dim, 300.0), range()).is_none(),
+                "a flat image tells nothing"
+            );
+            assert!(growth.read(&scene((1, 1, channels)), range()).is_none(), "a pixel has no neighbour");
         }
     }
 
@@ -453,7 +457,7 @@ mod tests {
     fn a_predictor_continues_a_slope() {
         let x = scene((60, 80, 1));
         let mut growth = Growth::default();
-        assert!(growth.read(&x, range()));
+        assert!(growth.read(&x, range()).is_some());
         let [first, .., last] = growth.predictors;
         assert_eq!((first[0].of, first[0].weight), ([0.0; 3], 1.0), "the nearest pixel alone is the measure");
         assert!(last[2].weight > last[0].weight.max(first[2].weight), "more neighbours predict better");

@@ -1,25 +1,30 @@
 //! Unwraps colour mosaics with any method: green first, then red and blue against it.
 //!
 //! `auto` takes the gradient sums ([`green_sums`](super::green_sums)) for green, unless there is much noise or they contradict each other.
-//! Else, and for the other methods, green is unwrapped as follows.
+//! Else, and for the other methods, green is unwrapped as follows. If `auto` has no work left for it ([`budget`](super::budget)), the sums stay, or
+//! `lines` unwraps each place of the 2 x 2 pixels by itself.
 //!
 //! The method works along the [`lattice`](super::lattice) of the green pixels. Both other colours go with them as channels, since a jump by
 //! one peak in one colour is hardly one in all three.
 
+use ndarray::{Array3, s};
+
 use super::auto::{FEWEST_BITS, STRONG_NOISE};
+use super::budget::{self, Budget};
 use super::defects::Defects;
 use super::edges::{Arrangement, Sharpness};
 use super::green_sums::{Doubts, FEW_CONTRADICTIONS, GreenSums};
 use super::lattice::Lattice;
-use super::mosaic_image::MosaicImage;
+use super::lines::Lines;
+use super::mosaic_image::{MosaicImage, frame};
 use super::offset::OffsetFinder;
 use super::other_colour::{OtherColour, OtherDoubts};
 use super::{
-    GRADIENT_SUMS, GradientTree, Integers, Options, QualityMetrics, Range, Recovered, Trust, TrustLimits,
-    Unwrap, UnwrapError, edges, jumps, offset,
+    GRADIENT_SUMS, GradientTree, Integers, Options, QualityMetrics, Range, Recovered, Report, Trust,
+    TrustLimits, Unwrap, UnwrapError, edges, jumps, offset,
 };
 use crate::frame::Frame;
-use crate::mosaic::Mosaic;
+use crate::mosaic::{Mosaic, PLACES};
 use crate::workers::Workers;
 
 /// With more than this share of contradictions, the gradient sums are not used: edges are too sharp for them.
@@ -32,6 +37,15 @@ const MOST_OUTSIDE: f64 = 5e-5;
 /// of one colour are farther apart here, and contradictions show wrong regions as well.
 const JUMPS_OF_SUMS: f64 = 20.0;
 
+/// The share of the work that red and blue have beside the lattice.
+const OF_OTHERS: f64 = 0.3;
+
+/// Returns the work of the lattice before its trees, in ns.
+fn work_of_lattice(image: &MosaicImage) -> f64 {
+    let lattice = Lattice::new(image);
+    budget::LATTICE * (lattice.rows * lattice.columns) as f64
+}
+
 /// A method that also takes mosaics.
 pub(super) struct MosaicUnwrap {
     method: Box<dyn Unwrap>,
@@ -42,6 +56,10 @@ pub(super) struct MosaicUnwrap {
     sums: GreenSums,
     others: [OtherColour; 2],
     limits: TrustLimits,
+    /// The work that `auto` may do on an image, in ms.
+    work: f64,
+    /// Unwraps single places.
+    lines: Lines,
     defects: Defects,
     /// The codes of the image without them, as a buffer.
     codes: Vec<u16>,
@@ -65,6 +83,8 @@ impl MosaicUnwrap {
             sums: GreenSums::new(options.threads)?,
             others: [other()?, other()?],
             limits: options.trust,
+            work: options.budget,
+            lines: Lines::default(),
             defects: Defects::default(),
             codes: Vec::new(),
             green: Recovered::default(),
@@ -73,14 +93,16 @@ impl MosaicUnwrap {
         })
     }
 
-    /// Unwraps green along the lattice by the method, and then red and blue.
+    /// Unwraps green along the lattice by the method, and then red and blue, with the work that is `left`.
     fn unwrap_lattice(
         &mut self,
         image: &MosaicImage,
         range: Range,
+        left: &Budget,
         out: &mut Recovered,
     ) -> Result<(), UnwrapError> {
         let lattice = Lattice::new(image);
+        self.method.limit_work((1.0 - OF_OTHERS) * left.left_ms());
         self.method.unwrap(&lattice.frame(image, range), range, &mut self.green)?;
         lattice.scatter(&self.green, out);
         out.report = self.green.report;
@@ -93,7 +115,8 @@ impl MosaicUnwrap {
             quality.jumps = jumps;
         }
         let mut trust = self.trust_in_green(jumps, range);
-        let others = self.unwrap_others(image, range, out)?;
+        let others = self.unwrap_others(image, range, OF_OTHERS * left.left_ms(), out)?;
+        out.report.is_over_budget |= left.is_exceeded();
         if others.iter().any(|other| other.outside > MOST_OUTSIDE || other.trust != Trust::Trusted) {
             trust = Trust::Untrusted;
         }
@@ -118,14 +141,21 @@ impl MosaicUnwrap {
         }
     }
 
-    /// Unwraps an image with little noise by gradient sums. Returns the share of contradictions; with many of them, red and blue are left out.
-    fn sum(&mut self, image: &MosaicImage, range: Range, out: &mut Recovered) -> Result<f64, UnwrapError> {
-        let Doubts { contradictions, outside } = self.sums.unwrap(image, range, out)?;
-        if contradictions > MANY_CONTRADICTIONS {
-            return Ok(contradictions);
+    /// Unwraps an image with little noise by gradient sums. Returns whether the result stays: the lattice is better where many sums contradict
+    /// each other and the work for it is `left`, and then red and blue are left out here.
+    fn sum(
+        &mut self,
+        image: &MosaicImage,
+        range: Range,
+        left: &mut Budget,
+        out: &mut Recovered,
+    ) -> Result<bool, UnwrapError> {
+        let Doubts { contradictions, outside } = self.sums.unwrap(image, range, left, out)?;
+        if contradictions > MANY_CONTRADICTIONS && left.take(work_of_lattice(image)) {
+            return Ok(false);
         }
         let jumps = jumps::share_of_green(&out.x, image.parity(), range);
-        let others = self.unwrap_others(image, range, out)?;
+        let others = self.unwrap_others(image, range, left.left_ms(), out)?;
         let is_sound = range.bits() >= FEWEST_BITS
             && contradictions <= FEW_CONTRADICTIONS
             && outside <= MOST_OUTSIDE
@@ -134,19 +164,45 @@ impl MosaicUnwrap {
                 other.outside <= MOST_OUTSIDE && other.jumps <= JUMPS_OF_SUMS * self.limits.jumps
             });
         out.report.method = GRADIENT_SUMS;
+        out.report.is_over_budget |= left.is_exceeded();
         out.report.trust = if is_sound { offset::trust_of_mosaic(out, range) } else { Trust::Untrusted };
         let (residues, clamped) = (contradictions as f32, outside as f32);
         out.report.quality = Some(QualityMetrics { residues, clamped, jumps, ..QualityMetrics::default() });
-        Ok(contradictions)
+        Ok(true)
     }
 
-    /// Unwraps red and blue beside green in `out`; returns what speaks against the results.
-    fn unwrap_others(
+    /// Unwraps each place of the 2 x 2 pixels by itself; the result is not trusted.
+    fn unwrap_places(
         &mut self,
         image: &MosaicImage,
         range: Range,
         out: &mut Recovered,
+    ) -> Result<(), UnwrapError> {
+        for (row, column) in PLACES {
+            let dim = ((image.height - row).div_ceil(2), (image.width - column).div_ceil(2), 1);
+            let codes = Array3::from_shape_fn(dim, |(i, j, _)| {
+                image.codes[(2 * i + row) * image.width + 2 * j + column]
+            });
+            self.lines.unwrap(&frame(codes, range), range, &mut self.green)?;
+            let place = s![row..;2, column..;2, ..];
+            out.x.slice_mut(place).assign(&self.green.x);
+            out.k.slice_mut(place).assign(&self.green.k);
+        }
+        let Report { method, quality, .. } = self.green.report;
+        out.report =
+            Report { method, quality, trust: Trust::Untrusted, is_over_budget: true, ..Report::default() };
+        Ok(())
+    }
+
+    /// Unwraps red and blue beside green in `out`, with so much work in ms; returns what speaks against the results.
+    fn unwrap_others(
+        &mut self,
+        image: &MosaicImage,
+        range: Range,
+        work: f64,
+        out: &mut Recovered,
     ) -> Result<[OtherDoubts; 2], UnwrapError> {
+        self.others.iter_mut().for_each(|other| other.limit_work(work / 2.0));
         let (row, column) = image.mosaic.red();
         let places = [(row, column), (1 - row, 1 - column)];
         let x = out.x.as_slice().expect("prepare has made the layout standard");
@@ -155,7 +211,9 @@ impl MosaicUnwrap {
             done[0] = other[0].find(image, x, places[at], range);
         });
         done.into_iter().collect::<Result<(), _>>()?;
-        Ok([0, 1].map(|at| self.others[at].write(image, places[at], range, out)))
+        let doubts = [0, 1].map(|at| self.others[at].write(image, places[at], range, out));
+        out.report.is_over_budget |= doubts.iter().any(|doubts| doubts.is_over_budget);
+        Ok(doubts)
     }
 }
 
@@ -171,11 +229,16 @@ impl Unwrap for MosaicUnwrap {
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
         match y.mosaic() {
             Some(mosaic) => self.unwrap_mosaic(y, mosaic, range, out)?,
-            None => self.method.unwrap(y, range, out)?,
+            None => {
+                self.method.limit_work(self.work);
+                self.method.unwrap(y, range, out)?;
+            }
         }
         let arrangement = if y.mosaic().is_some() { Arrangement::Mosaic } else { Arrangement::Next };
         edges::withhold_trust(out, arrangement, self.sharpness, range);
         self.offset.settle(out, y.mosaic().is_some(), range);
+        // What does not contradict itself would not have become better.
+        out.report.is_over_budget &= ![Trust::Trusted, Trust::Relative].contains(&out.report.trust);
         Ok(())
     }
 }
@@ -215,13 +278,16 @@ impl MosaicUnwrap {
         out: &mut Recovered,
     ) -> Result<(), UnwrapError> {
         out.prepare((image.height, image.width, 1), self.name());
-        if self.judges
-            && self.sums.read(image, range) <= STRONG_NOISE
-            && self.sum(image, range, out)? <= MANY_CONTRADICTIONS
-        {
-            return Ok(());
+        // A method that was asked for by its name is run whatever it takes.
+        let mut left = if self.judges { Budget::of_ms(self.work) } else { Budget::default() };
+        if self.judges && self.sums.read(image, range) <= STRONG_NOISE {
+            if self.sum(image, range, &mut left, out)? {
+                return Ok(());
+            }
+        } else if !left.take(work_of_lattice(image)) {
+            return self.unwrap_places(image, range, out);
         }
-        self.unwrap_lattice(image, range, out)
+        self.unwrap_lattice(image, range, &left, out)
     }
 }
 

@@ -17,8 +17,9 @@ pub(super) struct OtherDoubts {
     pub outside: f64,
     /// The second differences of the difference from green above one peak, per pixel.
     pub jumps: f64,
-    /// The trust of `auto` in this difference.
+    /// The trust of `auto` in this difference, and whether it has left something out.
     pub trust: Trust,
+    pub is_over_budget: bool,
 }
 
 /// The method with its buffers.
@@ -39,6 +40,11 @@ impl OtherColour {
     pub fn new(options: &Options) -> Result<Self, UnwrapError> {
         let (auto, difference) = (Auto::of_differences(options)?, Recovered::default());
         Ok(Self { auto, green: Vec::new(), difference, counts: Vec::new(), levels: Vec::new() })
+    }
+
+    /// Limits the work on each of the next images, in ms.
+    pub fn limit_work(&mut self, ms: f64) {
+        self.auto.limit_work(ms);
     }
 
     /// Finds the counts at the pixels of one place in the 2 x 2 pixels, up to a constant, beside green in `x`, an image of the size of
@@ -113,9 +119,10 @@ impl OtherColour {
             let counts = counts.iter().map(|count| count.saturating_sub(zero));
             outside += image.write_row((row, column), counts, range, out);
         }
-        let Report { quality, trust, .. } = self.difference.report;
+        let Report { quality, trust, is_over_budget, .. } = self.difference.report;
         let jumps = quality.map_or(0.0, |quality| quality.jumps).into();
-        OtherDoubts { outside: outside as f64 / self.counts.len() as f64, jumps, trust }
+        let outside = outside as f64 / self.counts.len() as f64;
+        OtherDoubts { outside, jumps, trust, is_over_budget }
     }
 }
 

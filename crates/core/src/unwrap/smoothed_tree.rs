@@ -3,6 +3,7 @@
 //! With the smoothed codes s of [`Smoothing`], and their result `s + k_s 2^b`, the radiance is `s + k_s 2^b + M_b(y - s)`, which is congruent
 //! with y. It is exact where the noise of y is below half a peak and `gradient_tree` is exact on s.
 
+use super::budget::{self, Budget};
 use super::growth::Growth;
 use super::smoothing::{Smoothing, noise};
 use super::{GROWTH, GradientTree, Integers, Range, Recovered, SMOOTHED_TREE, UnwrapError};
@@ -37,17 +38,28 @@ impl SmoothedTree {
         Ok(self.noise / (u32::from(u16::MAX) + 1) as f32)
     }
 
-    /// Unwraps the image of `dim` that was read, by `tree` on smoothed codes.
+    /// Returns the work of the tree on the codes of `dim` that were read.
+    pub fn work_of_tree(&self, dim: (usize, usize, usize)) -> f64 {
+        budget::of_tree(&self.codes, dim)
+    }
+
+    /// Unwraps the image of `dim` that was read, by `tree` on smoothed codes; returns whether the work was left.
     pub fn unwrap(
         &mut self,
         tree: &mut GradientTree,
         dim: (usize, usize, usize),
-        range: Range,
-        outliers: f64,
+        (range, outliers): (Range, f64),
+        left: &mut Budget,
         out: &mut Recovered,
-    ) {
+    ) -> bool {
         let Self { smoothing, codes, noise, smoothed, smooth, .. } = self;
+        if !left.take(budget::SMOOTHING * codes.len() as f64) {
+            return false;
+        }
         smoothing.apply(codes, dim, *noise, smoothed);
+        if !left.take(budget::of_tree(smoothed, dim)) {
+            return false;
+        }
         // The tree reads codes of the range; the last half of a code rounds up to the next peak.
         let shift = 16 - range.bits();
         let half = (1 << shift) >> 1;
@@ -55,6 +67,7 @@ impl SmoothedTree {
         smooth.prepare(dim, SMOOTHED_TREE);
         tree.unwrap_codes(Integers::U16(smoothed), dim, range, outliers, smooth);
         self.lift(SMOOTHED_TREE, range, out);
+        true
     }
 
     /// Takes a result for the codes that were read as the one to grow from.
@@ -68,15 +81,27 @@ impl SmoothedTree {
         self.lift(SMOOTHED_TREE, range, out);
     }
 
-    /// Grows the last result from its largest part without a contradiction, if it can be predicted; returns whether it can. So many `outliers`
-    /// of the part may be below its least count.
-    pub fn grow(&mut self, range: Range, outliers: f64, out: &mut Recovered) -> bool {
-        let can_grow = self.growth.read(&self.smooth.x, range);
-        if can_grow {
-            self.growth.grow(&mut self.smooth.x, range, outliers);
-            self.lift(GROWTH, range, out);
+    /// Grows the last result from its largest part without a contradiction, if it can be predicted; returns whether it can, and `None` if the
+    /// work was not left. So many `outliers` of the part may be below its least count.
+    pub fn grow(
+        &mut self,
+        range: Range,
+        outliers: f64,
+        left: &mut Budget,
+        out: &mut Recovered,
+    ) -> Option<bool> {
+        let (height, width, _) = self.smooth.x.dim();
+        let pixels = (height * width) as f64;
+        if !left.take(budget::FIND_PART * pixels) {
+            return None;
         }
-        can_grow
+        let Some(share) = self.growth.read(&self.smooth.x, range) else { return Some(false) };
+        if !left.take(budget::GROWTH * (1.0 - share) * pixels) {
+            return None;
+        }
+        self.growth.grow(&mut self.smooth.x, range, outliers);
+        self.lift(GROWTH, range, out);
+        Some(true)
     }
 
     /// Writes the radiance that is congruent with the codes and nearest to the result for the smoothed ones.

@@ -64,7 +64,8 @@ fn images_below(folder: &Path, found: &mut Vec<PathBuf>) {
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
         if path.is_dir() {
             images_below(&path, found);
-        } else if EXTENSIONS.contains(&extension.as_str()) {
+        // The TIFF files of the data are measured phases and raw codes, and no pictures.
+        } else if EXTENSIONS.contains(&extension.as_str()) && !extension.starts_with("tif") {
             found.push(path);
         }
     }

@@ -3,12 +3,21 @@
 //! lens's width.
 
 use modulo_core::unwrap::{METHODS, Options, Trust, by_name};
-use modulo_core::{Frame, Range, Recovered, SamplePosition, UnwrapError};
+use modulo_core::{Frame, Mosaic, Range, Recovered, SamplePosition, UnwrapError};
 use ndarray::{Array3, Axis, s};
 use proptest::prelude::*;
 
 mod circles;
 mod trees;
+
+/// Returns codes of noise without any scene.
+fn noise(dim: (usize, usize, usize), bits: u8) -> Array3<u32> {
+    let mut random = 1_u64;
+    Array3::from_shape_simple_fn(dim, || {
+        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        (random >> 40) as u32 % (1 << bits)
+    })
+}
 
 /// Returns the modulo image of `x` in 16-bit samples.
 fn wrap16(x: &Array3<u32>, bits: u8) -> Frame {
@@ -268,6 +277,26 @@ fn buffers_are_reused_and_follow_the_shape() {
         assert_eq!(before, (out.x.as_ptr(), out.k.as_ptr()), "{method}");
         unwrap.unwrap(&large, range, &mut out).unwrap();
         assert_eq!((out.x.dim(), out.x.iter().all(|&x| x == 200.0)), ((6, 5, 3), true), "{method}");
+    }
+}
+
+/// A node must not stand at a frame of noise. What is left out for that is said, and a budget that suffices changes nothing.
+#[test]
+fn work_beyond_the_budget_is_left_out_and_said() {
+    let range = Range::new(8, 4.0).unwrap();
+    let with = |budget: f64, y: &Frame| recover("auto", &Options { budget, ..Options::default() }, y, range);
+    let mosaic = |dim| wrap(&noise(dim, 8), 8).with_mosaic(Mosaic::Rggb).unwrap();
+    for y in [wrap(&noise((96, 128, 1), 8), 8), wrap(&noise((96, 128, 3), 8), 8), mosaic((96, 128, 1))] {
+        let free = with(f64::INFINITY, &y);
+        assert!(!free.report.is_over_budget && free.report.method != "lines", "{:?}", free.report);
+        assert_eq!(with(1e3, &y), free);
+        let bound = with(0.4, &y);
+        assert_eq!((bound.report.method, bound.report.trust), ("lines", Trust::Untrusted));
+        assert!(bound.report.is_over_budget);
+        assert_eq!(with(0.4, &y), bound, "no clock is read");
+        for ((x, k), y) in bound.x.iter().zip(&bound.k).zip(&y.to_f32()) {
+            assert_eq!(*x, y + 256.0 * f32::from(*k));
+        }
     }
 }
 
