@@ -94,7 +94,11 @@ fn lockstep_writes_the_same_bytes_twice() {
     let end = Instant::now() + Duration::from_secs(60);
     std::thread::scope(|scope| {
         (0..8).for_each(|_| {
-            _ = scope.spawn(|| while !is_over.load(Ordering::Relaxed) && Instant::now() < end {})
+            _ = scope.spawn(|| {
+                while !is_over.load(Ordering::Relaxed) && Instant::now() < end {
+                    std::hint::spin_loop()
+                }
+            })
         });
         let again = once();
         is_over.store(true, Ordering::Relaxed);
