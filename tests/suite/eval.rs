@@ -35,13 +35,13 @@ fn every_camera_is_scored_against_its_own_objects() {
         let cameras = format!("engine:=rten front:={FRONT} rear:={REAR} {shared} --images");
         let message = bench.says(0, &format!("eval launch/cameras.launch.yaml {cameras} -o @/{shared}"));
         let scores = json(&out.join("scores.json"));
-        for (name, (boxes, score)) in ["front.recovered", "rear.recovered"].iter().zip(&alone) {
+        for (name, (boxes, score)) in ["front.auto", "rear.auto"].iter().zip(&alone) {
             assert_eq!(&json(&out.join(format!("{name}.json"))), boxes, "{shared} {name}");
             assert_eq!(&scores[name], score, "{shared} {name}");
             let line = message.lines().any(|line| line.starts_with(&format!("AP50 on {name} ")));
             assert!(line, "{shared} {name}: {message}");
         }
-        let images = ["000001.png", "000002.png"].map(|name| out.join("rear.recovered").join(name).exists());
+        let images = ["000001.png", "000002.png"].map(|name| out.join("rear.auto").join(name).exists());
         assert_eq!(images, [true, false]);
         // Both, although they have other sizes and one ends first.
         let sheet = image::open(out.join("grid.png")).expect("an image");

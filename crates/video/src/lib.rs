@@ -38,7 +38,8 @@ impl Pixels {
     /// # Errors
     /// [`ImageError`] as [`White::new`] and [`White::radiance`] have it.
     pub fn radiance(&self, coding: &Coding, origin: impl fmt::Display) -> Result<Array3<f32>, ImageError> {
-        let white = if self.frame.depth() == 8 { 0.0 } else { ((1_u32 << self.bits) - 1) as f32 };
+        let is_known = self.frame.depth() == 8 || coding.knees.is_some();
+        let white = if is_known { 0.0 } else { ((1_u32 << self.bits) - 1) as f32 };
         White::new(Coding { white, ..coding.clone() })?.radiance(&self.frame, origin)
     }
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use modulo_core::{Detection, Psf};
+use modulo_core::Detection;
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_msgs::vision_msgs::{Detection2D, Detection2DArray, LabelInfo, VisionInfo};
@@ -143,7 +143,7 @@ impl Camera {
             // Measured (docs/live.md): without blur an image that is not trusted is worse than the saturated one; with
             // blur it is better.
             StreamChoice::Auto(None) => match self.described(TRUSTED).and_then(SensorHistory::latest) {
-                Some(sensor) if sensor.psf() == Psf::None => SHARP_FALLBACK,
+                Some(sensor) if sensor.is_sharp() => SHARP_FALLBACK,
                 _ => TRUSTED,
             },
         }

@@ -160,6 +160,11 @@ impl SensorModel {
         self.psf.of_sigma(self.psf_sigma)
     }
 
+    /// Returns whether the lens is known to have no blur.
+    pub fn is_sharp(&self) -> bool {
+        self.psf != BlurShape::Unknown && self.psf() == Psf::None
+    }
+
     /// Returns the gains of the pixels.
     ///
     /// # Errors

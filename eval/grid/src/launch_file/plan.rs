@@ -18,8 +18,8 @@ pub type NamedNodes = Vec<(Box<dyn Node>, NodeName)>;
 /// A detector and the image stream that it reads.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DetectorStream {
-    /// Name of its files: the image topic without the leading slash and with `.` for `/`, and behind it the name of the detector
-    /// where several read the topic.
+    /// Name of its files: the image topic without the leading slash and with `.` for `/`, its last part `auto` for a detector that selects
+    /// its stream by trust, and behind it the name of the detector where several read the topic.
     pub name: String,
     /// Topic of the images.
     pub images: String,
@@ -67,6 +67,8 @@ struct Ports {
     images_out: Vec<String>,
     boxes: Vec<String>,
     recovery: Option<String>,
+    /// Whether the node selects its stream by trust.
+    is_auto: bool,
     published: Vec<String>,
 }
 
@@ -85,6 +87,7 @@ impl Ports {
             images_out: topics(&outputs, MessageKind::Image),
             boxes: topics(&outputs, MessageKind::Detections),
             recovery: recovery.map(|place| outputs[place].topic.clone()),
+            is_auto: node.state().contains(&("input", "auto".to_owned())),
             published: outputs.iter().map(|address| address.topic.clone()).collect(),
         })
     }
@@ -151,8 +154,10 @@ fn streams(nodes: &[Ports]) -> Result<Vec<(usize, DetectorStream)>, String> {
         for (place, (images, detections)) in node.images_in.iter().zip(&node.boxes).enumerate() {
             let camera = camera_of(nodes, (&node.name, images))?;
             let maker = nodes.iter().find(|other| other.images_out.contains(images));
+            let name =
+                if node.is_auto { dotted(images).replace("recovered", "auto") } else { dotted(images) };
             let stream = DetectorStream {
-                name: dotted(images),
+                name,
                 images: images.clone(),
                 detections: detections.clone(),
                 annotated: node.images_out.get(place).cloned(),
