@@ -30,10 +30,24 @@ def binary(request: pytest.FixtureRequest) -> Path:
     return existing[0]
 
 
+def shared(path: str) -> Path:
+    """Returns the place of test data outside the project."""
+    return Path(os.environ.get("MODULO_SHARED", ROOT.parent / "shared")) / path
+
+
+@pytest.fixture
+def spikes(request: pytest.FixtureRequest) -> Path:
+    """Readings of a spike camera, whose pixels reset: 200 x 250 x 250 of 0 or 1."""
+    file = shared("data/spike/uhsr.npz")
+    if not file.is_file():
+        skip(request, f"there is no {file}")
+    return file
+
+
 @pytest.fixture
 def kitti(request: pytest.FixtureRequest) -> list[Path]:
     """The first 20 frames of KITTI."""
-    folder = Path(os.environ.get("MODULO_SHARED", ROOT.parent / "shared")) / "data/kitti_object/image_2"
+    folder = shared("data/kitti_object/image_2")
     frames = sorted(folder.glob("*.png"))[:20]
     if len(frames) < 20:
         skip(request, f"there are no 20 frames of KITTI in {folder}")

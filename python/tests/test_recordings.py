@@ -90,3 +90,12 @@ def test_results_can_be_pickled() -> None:
     result = modulo.unwrap(np.zeros((4, 6), dtype=np.uint8))
     again = pickle.loads(pickle.dumps(result))
     assert np.array_equal(again.x, result.x) and again.report == result.report
+
+
+def test_resets_of_a_real_sensor_are_counted_from_their_low_bits(spikes: Path) -> None:
+    """A pixel of a spike camera resets at each photon count that fills it: the low bits of the number of resets are a modulo image."""
+    resets = np.load(spikes)["spk"].sum(axis=0, dtype=np.uint8)
+    for bits, alpha, least in [(3, 4.0, 0.997), (4, 2.0, 0.999)]:
+        _, wraps, report = modulo.unwrap(resets % (1 << bits), bits=bits, alpha=alpha)
+        assert (wraps == resets >> bits).mean() >= least, bits
+        assert not report.trusted, "with so few bits, nothing shows a wrong count"
