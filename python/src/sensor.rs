@@ -42,15 +42,22 @@ impl Sensor {
     fn expose<'py>(&self, py: Python<'py>, radiance: &Bound<'py, PyAny>) -> PyResult<[Bound<'py, PyAny>; 4]> {
         let Image { pixels, is_flat } = Image::new("radiance", radiance)?;
         let is_flat = is_flat || self.has_mosaic;
+        let Coding { white, black, ref knees, .. } = self.coding;
+        let is_relative = white == 0.0 && black == 0.0 && knees.is_none();
         let given = match pixels.view() {
-            View::F32(radiance) if self.coding.white == 0.0 => Given::Radiance(radiance.to_owned()),
+            View::F32(radiance) if is_relative => Given::Radiance(radiance.to_owned()),
             codes => Given::Codes(codes.to_frame().map_err(value_error)?),
         };
         let (modulo, saturated, ideal, wraps) = py.detach(|| -> PyResult<_> {
             let radiance = match given {
                 Given::Radiance(radiance) => radiance,
                 Given::Codes(frame) => {
-                    let mut white = White::new(self.coding.clone()).map_err(value_error)?;
+                    let mut coding = self.coding.clone();
+                    // Floats are fractions of full scale, and none is looked for.
+                    if frame.depth() == 32 && coding.knees.is_none() && coding.white == 0.0 {
+                        coding.white = 1.0;
+                    }
+                    let mut white = White::new(coding).map_err(value_error)?;
                     white.radiance(&frame, "radiance").map_err(value_error)?
                 }
             };

@@ -114,6 +114,9 @@ PARAMETERS: dict[str, tuple[list[Any], list[Any]]] = {
     "optical_black": ([0, 1, 32, 64], [65, -1]),
     "seed": ([0, 2**63 - 1], [2**63, -1]),
     "white": ([0.0, 1e-40, 2.0, 4096.0, 1e12], [-1.0, float("nan")]),
+    "black": ([0.0, 1e-40, 0.5, 64.0], [-1.0, 1e12, float("nan")]),
+    "knees": (["", "1023:1023, 2559:4095, 3455:32767, 65535:65536"], ["5:5,4:9", "a:b", "1:1"]),
+    "black_level": ([-1.0, 0.0, 340.0], [float("nan"), -2.0]),
     "tau": ([0.1, 0.0, 1e6], [float("nan")]),
     "threshold_on": (["phi", "rho"], ["both"]),
     "trust_lines": ([1e-5, 0.0, 1.0], [2.0]),
@@ -132,11 +135,11 @@ def options(*names: str) -> st.SearchStrategy[dict[str, Any]]:
 SENSOR = options(
     "bits", "alpha", "psf_sigma", "read_noise", "shot_noise", "mosaic", "gains", "seed", "psf", "gain_ratio",
     "full_well_electrons", "prnu", "hot_pixels", "headroom", "transfer", "optical_black",
-    "white",
+    "black_level", "white", "black", "knees",
 )  # fmt: skip
 UNWRAP = options(
     "bits", "alpha", "method", "threads", "mosaic", "gains", "gain_ratio", "optical_black", "tau", "threshold_on",
-    "trust_lines",
+    "trust_lines", "black_level",
     "confidence",
 )  # fmt: skip
 TONE = options("bits", "alpha", "mosaic", "headroom", "transfer")

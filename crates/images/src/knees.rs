@@ -31,7 +31,7 @@ impl Knees {
         *self.points.last().expect("there is a point")
     }
 
-    /// Returns the linear value of a code of at least 0; beyond the last point, that of the last point.
+    /// Returns the linear value of a code of at least 0; beyond the last point, the value of the last point.
     pub fn linear(&self, code: f32) -> f32 {
         let right = self.points.partition_point(|(knee, _)| *knee < code);
         let Some(&(code_right, right_value)) = self.points.get(right) else { return self.end().1 };

@@ -122,7 +122,7 @@ impl White {
     /// # Errors
     /// [`ImageError::Undecodable`] for 16 bits without a given white point whose largest code is in 256 to 4095, unless an
     /// earlier frame had a larger one; for a raw mosaic of another order than that of the sensor; for knee points of another
-    /// kind of samples; and for a black that is not below full scale.
+    /// kind of samples, or that end below a code; and for a black that is not below full scale.
     pub fn radiance(
         &mut self,
         frame: &Frame,
@@ -184,16 +184,18 @@ impl White {
 /// Returns the linear values of companded codes, with dither. The error is the reason why these samples are no such codes.
 fn companded(samples: &Samples, knees: &Knees) -> Result<Array3<f32>, String> {
     let most = knees.end().0;
-    let codes = match samples {
-        Samples::U8(codes) if most <= 255.0 => dithered(codes, most),
-        Samples::U16(codes) => dithered(codes, most),
-        Samples::U8(_) | Samples::F32(_) => {
-            return Err(format!(
-                "is no image of 16 bits, in which the companded codes up to {most} of knees are; give no knees for it"
-            ));
-        }
+    let Samples::U16(codes) = samples else {
+        return Err(format!(
+            "is no image of 16 bits, in which the companded codes up to {most} of knees are; give no knees for it"
+        ));
     };
-    Ok(codes.mapv_into(|code| knees.linear(code)))
+    let largest = codes.iter().copied().max().unwrap_or_default();
+    if f32::from(largest) > most {
+        return Err(format!(
+            "has the code {largest}, but knees end at {most}; give the knee points of its camera"
+        ));
+    }
+    Ok(dithered(codes, most).mapv_into(|code| knees.linear(code)))
 }
 
 /// Moves each code by up to half a code, but none below 0, and none from `white` on.
@@ -388,14 +390,11 @@ mod tests {
             White::new(Coding { knees: Some("300:300".parse().expect("a curve")), ..Coding::default() })
                 .expect("possible");
         let eight = Frame::from_u8(Array3::zeros((1, 1, 1))).expect("one pixel");
-        for frame in [eight, linear([0.0, 0.5, 1.0])] {
-            assert!(
-                white
-                    .radiance(&frame, "a")
-                    .expect_err("no companded codes")
-                    .to_string()
-                    .contains("up to 300")
-            );
+        for (frame, wanted) in
+            [(eight, "up to 300"), (linear([0.0, 0.5, 1.0]), "up to 300"), (deep(301), "code 301")]
+        {
+            let why = white.radiance(&frame, "a").expect_err("no companded codes").to_string();
+            assert!(why.contains(wanted), "{why}");
         }
     }
 }

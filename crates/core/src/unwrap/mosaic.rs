@@ -340,10 +340,14 @@ mod tests {
                 ((random >> 40) % (1 << bits)) as u16
             });
             let y = Frame::from_u16(codes.clone()).unwrap().with_mosaic(Mosaic::WORDS[which].1.unwrap()).unwrap();
-            let out = unwrapped(Method::Auto, &y, range);
-            for ((at, x), y) in out.x.indexed_iter().zip(&codes) {
-                prop_assert_eq!(*x, f32::from(*y) + f32::from(out.k[at]) * range.peak());
-                prop_assert!(out.k[at] <= range.max_wraps());
+            for budget in [f64::INFINITY, 0.0] {
+                let mut out = Recovered::default();
+                let options = Options { budget, ..Options::default() };
+                Method::Auto.build(&options).unwrap().unwrap(&y, range, &mut out).unwrap();
+                for ((at, x), y) in out.x.indexed_iter().zip(&codes) {
+                    prop_assert_eq!(*x, f32::from(*y) + f32::from(out.k[at]) * range.peak());
+                    prop_assert!(out.k[at] <= range.max_wraps());
+                }
             }
         }
 
