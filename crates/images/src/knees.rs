@@ -50,20 +50,19 @@ impl FromStr for Knees {
             let number = |text: &str| text.trim().parse::<f32>().ok();
             Some((number(code)?, number(value)?))
         };
-        let points: Option<Vec<_>> = text.split(',').map(point).collect();
-        let points = points.unwrap_or_default();
-        let rises = [&[(0.0, 0.0)], &points[..]].concat().windows(2).all(|pair| {
-            // The comparisons are false for NaN, too.
-            pair[0].0 < pair[1].0 && pair[0].1 < pair[1].1
-        });
-        let fits = |(code, value): (f32, f32)| code <= f32::from(u16::MAX) && value <= MOST;
-        if rises && points.last().copied().is_some_and(fits) {
-            return Ok(Self { points });
-        }
-        Err(format!(
-            "must list CODE:VALUE points with rising codes up to 65535 and rising values up to {MOST}, such as \
-             1023:1023, 2559:4095, 3455:32767, 3967:65535"
-        ))
+        // The comparisons are false for NaN, too.
+        let rises = |pair: &[(f32, f32)]| pair[0].0 < pair[1].0 && pair[0].1 < pair[1].1;
+        let is_curve = |points: &Vec<(f32, f32)>| {
+            let fits = |(code, value): &(f32, f32)| *code <= f32::from(u16::MAX) && *value <= MOST;
+            points.iter().all(fits) && [&[(0.0, 0.0)], &points[..]].concat().windows(2).all(rises)
+        };
+        let points = text.split(',').map(point).collect::<Option<Vec<_>>>().filter(is_curve);
+        points.map(|points| Self { points }).ok_or_else(|| {
+            format!(
+                "must list CODE:VALUE points with rising codes up to 65535 and rising values up to {MOST}, such as \
+                 1023:1023, 2559:4095, 3455:32767, 3967:65535"
+            )
+        })
     }
 }
 

@@ -189,7 +189,7 @@ fn companded(samples: &Samples, knees: &Knees) -> Result<Array3<f32>, String> {
             "is no image of 16 bits, in which the companded codes up to {most} of knees are; give no knees for it"
         ));
     };
-    let largest = codes.iter().copied().max().unwrap_or_default();
+    let largest = codes.iter().copied().max().expect("an image has a pixel");
     if f32::from(largest) > most {
         return Err(format!(
             "has the code {largest}, but knees end at {most}; give the knee points of its camera"
