@@ -268,14 +268,15 @@ def test_ten_thousand_calls_leave_no_memory() -> None:
 
 
 def test_other_threads_run_while_an_image_is_unwrapped() -> None:
-    y = modulo.Sensor().expose(np.random.default_rng(1).random((900, 900), dtype=np.float32)).modulo
+    y = modulo.Sensor().expose(np.random.default_rng(1).random((2400, 2400), dtype=np.float32)).modulo
     worker = threading.Thread(target=modulo.unwrap, args=(y, 8, 4, "spud"))
     worker.start()
     ticks = 0
     while worker.is_alive():
         time.sleep(1e-3)
         ticks += 1
-    assert ticks > 20
+    # A call that kept the lock of Python would let this loop run once or twice: before it and after it.
+    assert ticks > 5
 
 
 def test_another_thread_may_write_the_array_during_a_call() -> None:

@@ -19,6 +19,7 @@ use modulo_eval::grid::words;
 use modulo_middleware::transport::zenoh::meeting_port;
 use modulo_models::{FetchRequest, Fetched, LICENCE, fetch, official};
 use modulo_runtime::{Clock as _, SystemClock};
+use modulo_unwrap::UnwrapParameters;
 use ndarray::Array3;
 
 use super::bench::style;
@@ -166,7 +167,11 @@ fn work() {
     });
     let counted = WORK_OF_NOISE * (SIDE * SIDE) as f64;
     let here = times[1].min(times[2]) / counted;
-    say!("budget   the default budget of unwrap, 250 ms, is {:.0} ms on one core here", 250.0 * here);
+    let budget = UnwrapParameters::default().budget;
+    say!(
+        "budget   the default budget of unwrap, {budget:.0} ms, is {:.0} ms on one core here",
+        budget * here
+    );
 }
 
 fn engine() {

@@ -450,6 +450,35 @@ mod tests {
     }
 
     #[test]
+    fn a_tiff_of_one_image_is_read_and_no_other() {
+        let mut bytes = Cursor::new(Vec::new());
+        let codes: Vec<u16> = (0..24 * 16).map(|at| 150 * at).collect();
+        let words: Vec<u8> = codes.iter().flat_map(|code| code.to_ne_bytes()).collect();
+        let encoder = image::codecs::tiff::TiffEncoder::new(&mut bytes);
+        encoder.write_image(&words, 24, 16, ExtendedColorType::L16).expect("encoded");
+        let mut file = bytes.into_inner();
+        let frame = decode(&file, "raw.tiff").expect("a TIFF of one image");
+        assert_eq!(frame, Frame::from_u16(samples((16, 24), 1, codes)).expect("an image"));
+        assert_eq!(sample_depth(Cursor::new(&file)), Some(SampleDepth::U16));
+        for length in 0..file.len() {
+            // Behind its last directory, a TIFF may have bytes that nobody needs.
+            match decode(&file[..length], "cut.tiff") {
+                Ok(cut) => assert_eq!(cut, frame, "{length}"),
+                Err(why) => assert!(why.to_string().starts_with("cut.tiff: "), "{length}: {why}"),
+            }
+        }
+        // The place of the next directory, of which there is none, stands behind the entries.
+        let place = u32::from_le_bytes(file[4..8].try_into().expect("four bytes")) as usize;
+        let entries = usize::from(u16::from_le_bytes(file[place..place + 2].try_into().expect("two bytes")));
+        file[place + 2 + 12 * entries] = 8;
+        let why = decode(&file, "pages.tiff").expect_err("two images").to_string();
+        assert!(why.contains("several images"), "{why}");
+        file[2] = 43;
+        let why = decode(&file, "big.tiff").expect_err("a BigTIFF").to_string();
+        assert!(why.contains("BigTIFF") || why.contains("format"), "{why}");
+    }
+
+    #[test]
     fn no_cut_or_changed_file_is_a_panic() {
         for bytes in [photograph(ImageFormat::Jpeg, 6), photograph(ImageFormat::Png, 6)] {
             let mut printed = String::new();

@@ -497,7 +497,7 @@ fn a_raw_mosaic_is_sensed_as_it_is_from_a_folder_a_bag_and_a_topic() {
     assert!(why.is_some_and(|why| why.name == "knees"));
 }
 
-/// What is missing in a bag is told once, before the first frame, and takes no number of a frame: noise stays that of the whole bag.
+/// A part that is missing in a bag is reported once, before the first frame. It takes no frame number, so that the noise of the frames stays.
 #[test]
 fn a_bag_that_was_cut_is_told_before_its_frames() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -3,7 +3,9 @@
 //! Work is counted before it is done, from what is known of the frame: its pixels, and those whose second differences wrap. The clock is never
 //! read, so that a frame has the same result on every machine and under every load. A candidate whose work is not left is not tried.
 //!
-//! The unit is the time of the work on one core of a server of 2023 (x86-64 with AVX-512), in ns.
+//! The unit is the time of the work on one core of a server of 2023 (x86-64 with AVX-512), in ns. The constants are measured, by `modulo unwrap` in
+//! its release build: on frames of KITTI behind lenses of 0 to 1.4 px at alpha 2 to 8, on a raw HDR mosaic at 11 to 13 bits, and on images of noise of
+//! 1920 x 1024 pixels.
 
 use crate::simd::widest;
 

@@ -70,7 +70,7 @@ impl<C> SensorOptions<C> {
 #[derive(Args, Clone, Debug, Default, PartialEq)]
 pub struct CodingOptions {
     /// Value that becomes full scale, for EXR, HDR and 16-bit images. 0: the 99.9th percentile of the first EXR or HDR
-    /// image, and 65536 for 16-bit images
+    /// image (modulo simulate: of each), and 65536 for 16-bit images
     #[arg(long, default_value_t = 0.0)]
     pub white: f32,
     /// Value without light (the black level), whose radiance is 0

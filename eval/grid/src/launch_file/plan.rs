@@ -154,8 +154,8 @@ fn streams(nodes: &[Ports]) -> Result<Vec<(usize, DetectorStream)>, String> {
         for (place, (images, detections)) in node.images_in.iter().zip(&node.boxes).enumerate() {
             let camera = camera_of(nodes, (&node.name, images))?;
             let maker = nodes.iter().find(|other| other.images_out.contains(images));
-            let name =
-                if node.is_auto { dotted(images).replace("recovered", "auto") } else { dotted(images) };
+            let auto = images.strip_suffix("recovered").filter(|_| node.is_auto);
+            let name = auto.map_or_else(|| dotted(images), |namespace| dotted(&format!("{namespace}auto")));
             let stream = DetectorStream {
                 name,
                 images: images.clone(),
