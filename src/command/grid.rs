@@ -209,13 +209,12 @@ fn data(args: &LabelledFrames, source: &[String]) -> Result<Data, Failure> {
         (None, [], None, Some(annotations), _) => {
             Ok(Data::Coco { annotations: annotations.clone(), images: args.coco_images.clone() })
         }
-        (None, [], None, None, [source]) if is_endless(source) => Err(usage(anyhow!(
-            "--source {source} has no end, but a grid needs one; give the number of frames, such as scene://day?frames=20"
-        ))),
-        (None, [], None, None, [source]) => Ok(Data::Any(source.clone())),
-        (None, [], None, None, [_, _, ..]) => {
-            Err(usage(anyhow!("a grid has one --source; give several with a launch file only")))
-        }
+        (None, [], None, None, [_, ..]) => match source.iter().find(|source| is_endless(source)) {
+            Some(source) => Err(usage(anyhow!(
+                "--source {source} has no end, but a grid needs one; give the number of frames, such as scene://day?frames=20"
+            ))),
+            None => Ok(Data::Any(source.to_vec())),
+        },
         _ => Err(usage(anyhow!(
             "nothing to evaluate: give a launch file, or one of --kitti, --sequence, --yolo, --coco, --source"
         ))),

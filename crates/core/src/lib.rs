@@ -7,6 +7,7 @@
 //! This crate reads no file, clock or environment, starts threads only when it is asked to, and does not know
 //! messages and topics.
 
+pub mod auto_exposure;
 pub mod boxes;
 pub mod bracket;
 mod dct;
@@ -28,6 +29,7 @@ mod transfer;
 pub mod unwrap;
 mod workers;
 
+pub use auto_exposure::{AutoExposure, ExposureControl, Metering};
 pub use boxes::{BBox, Detection};
 pub use bracket::{Bracket, BracketError};
 pub use deblur::Deblur;

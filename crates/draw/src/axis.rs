@@ -12,6 +12,8 @@ pub struct Axis {
 pub enum Scale {
     /// Linear for shares from 0 to 1, whose ticks are in percent.
     Share,
+    /// Linear around the data.
+    Linear,
     /// Logarithmic around the data. Zeros have a position of their own before the smallest value.
     Log,
     /// The distinct values of the data at equal distances, each with a tick. Points of several series at one value are drawn
@@ -49,6 +51,11 @@ impl Axis {
         Self { label: label.into(), scale: Scale::Log }
     }
 
+    /// A linear axis of plain numbers, such as frames.
+    pub fn linear(label: impl Into<String>) -> Self {
+        Self { scale: Scale::Linear, ..Self::log(label) }
+    }
+
     /// An axis of the settings of the data, see [`Scale::Settings`].
     pub fn settings(label: impl Into<String>) -> Self {
         Self { scale: Scale::Settings, ..Self::log(label) }
@@ -63,6 +70,7 @@ impl Axis {
     pub fn fit(&self, values: impl Iterator<Item = f64> + Clone) -> FittedAxis {
         let (from, to, places, ticks) = match self.scale {
             Scale::Share => (0.0, 1.0, Places::Linear, vec![0.0, 0.2, 0.4, 0.6, 0.8, 1.0]),
+            Scale::Linear => linear_range(values),
             Scale::Log => log_range(values),
             Scale::Settings => {
                 let mut settings = distinct(values);
@@ -74,7 +82,7 @@ impl Axis {
         let pad = (to - from).max(1e-9) * PAD;
         let text = |value| match self.scale {
             Scale::Share => format!("{} %", rounded(100.0 * value)),
-            Scale::Log | Scale::Settings => rounded(value).to_string(),
+            Scale::Linear | Scale::Log | Scale::Settings => rounded(value).to_string(),
         };
         let ticks = ticks.into_iter().map(|value| (value, text(value))).collect();
         FittedAxis { from: from - pad, to: to + pad, places, ticks }
@@ -116,6 +124,20 @@ pub fn distinct<T: PartialEq>(values: impl Iterator<Item = T>) -> Vec<T> {
 /// Removes the last digits that result from binary fractions.
 fn rounded(value: f64) -> f64 {
     format!("{value:.9e}").parse().expect("a number that was just written")
+}
+
+/// Both ends, the positions, and the values of at most eleven ticks, which enclose the data.
+fn linear_range(values: impl Iterator<Item = f64> + Clone) -> (f64, f64, Places, Vec<f64>) {
+    let least = values.clone().fold(f64::INFINITY, f64::min);
+    let most = values.fold(f64::NEG_INFINITY, f64::max);
+    // Without data, and for a single value, the axis still needs a length.
+    let (least, most) = if least < most { (least, most) } else { (least.min(0.0).min(most), most.max(1.0)) };
+    let power = 10f64.powf(((most - least) / 10.0).log10().floor());
+    let step = [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|step| (most - least) / step <= 9.0);
+    let step = step.expect("ten steps of 10^n are longer than the data");
+    let (first, last) = ((least / step).floor() as i64, (most / step).ceil() as i64);
+    let ticks: Vec<f64> = (first..=last).map(|tick| tick as f64 * step).collect();
+    (ticks[0], ticks[ticks.len() - 1], Places::Linear, ticks)
 }
 
 /// Logarithms of both ends, the positions, and the values of the ticks.
@@ -168,6 +190,11 @@ mod tests {
             texts(&log.fit([0.0, 0.00002, 0.6].into_iter())),
             ["0", "0.00001", "0.0001", "0.001", "0.01", "0.1", "1"]
         );
+        let linear = axis(Scale::Linear);
+        assert_eq!(
+            texts(&linear.fit([-6.0, 22.0].into_iter())),
+            ["-10", "-5", "0", "5", "10", "15", "20", "25"]
+        );
         let settings = axis(Scale::Settings);
         assert_eq!(texts(&settings.fit([4.0, 0.0, 1.5, 4.0].into_iter())), ["0", "1.5", "4"]);
         let share = axis(Scale::Share);
@@ -177,7 +204,7 @@ mod tests {
     #[test]
     fn places_rise_with_values_and_stay_on_the_axis() {
         for data in [vec![], vec![0.0], vec![5.0], vec![0.0, 1e-6, 0.3], vec![1e-12, 1e12], vec![7.0, 7.0]] {
-            for scale in [Scale::Log, Scale::Settings] {
+            for scale in [Scale::Linear, Scale::Log, Scale::Settings] {
                 let fitted = axis(scale).fit(data.iter().copied());
                 let places: Vec<f32> = fitted.ticks.iter().map(|(value, _)| fitted.place(*value)).collect();
                 assert!(places.windows(2).all(|pair| pair[0] < pair[1]), "{data:?}: {places:?}");

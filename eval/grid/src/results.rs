@@ -190,6 +190,8 @@ pub enum Stream {
     Ideal,
     /// Clipped at the peak
     Saturated,
+    /// Of a normal camera whose exposure follows the frames before
+    AutoExposed,
     /// Wrapped at the peak
     Modulo,
     /// Unwrapped
@@ -220,6 +222,11 @@ pub struct Point {
 }
 
 impl Stream {
+    /// Whether an image depends on the frames before it.
+    pub fn follows_frames(self) -> bool {
+        self == Self::AutoExposed
+    }
+
     /// The name in results and options.
     pub fn name(self) -> String {
         self.to_possible_value().expect("no stream is hidden").get_name().to_owned()
@@ -282,6 +289,12 @@ pub struct Cell {
     pub difficulty: BTreeMap<Difficulty, BTreeMap<String, Option<f64>>>,
     /// Bounds of the 95 % bootstrap interval by figure: `ap50.vehicle`, `paper.f1`, ...
     pub interval95: BTreeMap<String, [f64; 2]>,
+    /// Share of the frames whose nearest object is found, of those with an object that counts. `None` without one.
+    #[serde(default)]
+    pub nearest: Option<f64>,
+    /// The accuracy around the changes of the light, if it changes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub moments: Vec<Moment>,
     /// The three figures of the paper.
     pub paper: Paper,
     /// The [`WORST`] labelled frames with the lowest F1, the worst first.
@@ -360,6 +373,21 @@ impl Cell {
 
 /// Number of frames in [`Cell::worst`].
 pub const WORST: usize = 3;
+
+/// The accuracy at some time before or after the changes of the light.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Moment {
+    /// Whether the light gets darker, or else brighter.
+    pub is_darker: bool,
+    /// The first frame of the moment, counted from the first frame of the change.
+    pub frame: i64,
+    /// Number of frames, over all changes of all drives.
+    pub frames: usize,
+    /// Mean over the groups of AP at IoU 0.5.
+    pub ap50: Option<f64>,
+    /// Share of the frames whose nearest object is found.
+    pub nearest: Option<f64>,
+}
 
 /// A frame with a low F1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -1,7 +1,8 @@
 //! The `modulo_camera` node: a simulated modulo sensor over any source of frames (images, a video, KITTI, a bag, a scene, a live
 //! camera, or an image topic of a running stack).
 //!
-//! One exposure gives the modulo, the saturated and the ideal stream; each is made only while it has a reader. The node
+//! One exposure gives the modulo, the saturated and the ideal stream, and a second one that of a normal camera with automatic exposure; each
+//! is made only while it has a reader. The node
 //! never unwraps and never paces itself: its period is a request to the driver.
 
 mod calibration;
@@ -12,8 +13,8 @@ use std::time::Duration;
 
 use modulo_bags::source;
 use modulo_bags::source::{FRAME_ID, Source, SourceFrame, SourceOptions, to_detections};
-use modulo_core::Frame;
-use modulo_core::sensor::{Exposure, Sensor};
+use modulo_core::sensor::Sensor;
+use modulo_core::{AutoExposure, Frame};
 use modulo_images::{Coding, White};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::name::NameError;
@@ -37,6 +38,7 @@ const IDEAL: usize = 2;
 const GROUND_TRUTH: usize = 3;
 const SENSOR_INFO: usize = 4;
 const CAMERA_INFO: usize = 5;
+const AUTO_EXPOSED: usize = 6;
 
 /// A step waits this long for a frame of a live camera. Between two steps the node answers requests.
 const LIVE_PATIENCE: Duration = Duration::from_millis(100);
@@ -49,6 +51,8 @@ pub struct ModuloCamera {
     /// That of the source.
     calibration: Calibration,
     sensor: Sensor,
+    /// The normal camera beside it.
+    auto_exposure: AutoExposure,
     /// Describes the sensor to the nodes that read its frames.
     parameters: CameraParameters,
     /// Frames taken from this source since the launch, those that could not be read included.
@@ -80,6 +84,7 @@ impl ModuloCamera {
             calibration: input.calibration(),
             input,
             sensor: parameters.sensor.simulated()?,
+            auto_exposure: parameters.sensor.auto_exposure()?,
             parameters: parameters.clone(),
             frames_read: 0,
             sensed: 0,
@@ -92,12 +97,17 @@ impl ModuloCamera {
         parameters: CameraParameters,
         input: Option<CameraInput>,
     ) -> Result<(), ParameterError> {
-        // The only step that can fail comes first, so that a set that is refused changes nothing.
-        self.sensor = parameters.sensor.simulated()?;
-        if let Some(input) = input {
-            self.calibration = input.calibration();
-            (self.input, self.frames_read) = (input, 0);
+        // The only steps that can fail come first, so that a set that is refused changes nothing.
+        let (sensor, mut auto_exposure) =
+            (parameters.sensor.simulated()?, parameters.sensor.auto_exposure()?);
+        match input {
+            Some(input) => {
+                self.calibration = input.calibration();
+                (self.input, self.frames_read) = (input, 0);
+            }
+            None => auto_exposure.go_on_from(&self.auto_exposure),
         }
+        (self.sensor, self.auto_exposure) = (sensor, auto_exposure);
         self.parameters = parameters;
         Ok(())
     }
@@ -143,21 +153,18 @@ impl ModuloCamera {
             let info = self.calibration.of((side(0), side(1)), header);
             cx.emit(CAMERA_INFO, Message::CameraInfo(Arc::new(info)));
         }
-        if ![MODULO, SATURATED, IDEAL].iter().any(|&output| cx.wanted(output)) {
-            return Ok(());
+        let (sensor, normal, view) = (&self.sensor, &mut self.auto_exposure, radiance.view());
+        if [MODULO, SATURATED, IDEAL].iter().any(|&output| cx.wanted(output)) {
+            let exposure = cx.stage("sense", || sensor.expose(view, seed)).map_err(|why| why.to_string())?;
+            send(cx, header, MODULO, || exposure.modulo());
+            send(cx, header, SATURATED, || exposure.saturated());
+            send(cx, header, IDEAL, || exposure.ideal());
         }
-        let exposure =
-            cx.stage("sense", || self.sensor.expose(radiance.view(), seed)).map_err(|why| why.to_string())?;
-        // A stream without a reader is not even computed.
-        let mut send = |output, frame: fn(&Exposure) -> Frame| {
-            if cx.wanted(output) {
-                let image = StampedFrame { header: header.clone(), frame: frame(&exposure) };
-                cx.emit(output, Message::Image(Arc::new(image)));
-            }
-        };
-        send(MODULO, Exposure::modulo);
-        send(SATURATED, Exposure::saturated);
-        send(IDEAL, Exposure::ideal);
+        if cx.wanted(AUTO_EXPOSED) {
+            let exposure =
+                cx.stage("auto_expose", || normal.expose(view, seed)).map_err(|why| why.to_string())?;
+            send(cx, header, AUTO_EXPOSED, || exposure.saturated());
+        }
         Ok(())
     }
 
@@ -195,6 +202,14 @@ impl ModuloCamera {
     }
 }
 
+/// Sends an image, which is not even computed for an output without a reader.
+fn send(cx: &mut Context<'_>, header: &Header, output: usize, frame: impl FnOnce() -> Frame) {
+    if cx.wanted(output) {
+        let image = StampedFrame { header: header.clone(), frame: frame() };
+        cx.emit(output, Message::Image(Arc::new(image)));
+    }
+}
+
 /// Returns the topics that a camera publishes.
 pub fn outputs() -> Vec<Topic> {
     vec![
@@ -205,6 +220,7 @@ pub fn outputs() -> Vec<Topic> {
         Topic::new("ground_truth", MessageKind::Detections),
         sensor_info::topic(),
         Topic::new("camera_info", MessageKind::CameraInfo),
+        Topic::new("auto_exposed", MessageKind::Image),
     ]
 }
 
@@ -303,6 +319,7 @@ impl Node for ModuloCamera {
 
     fn status(&self) -> Vec<(&'static str, String)> {
         let mut status = vec![("role", "source".into()), ("frames", self.sensed.to_string())];
+        status.extend(self.auto_exposure.time().map(|time| ("exposure_time", time.to_string())));
         status.extend(self.parameters.sensor.fit_up_to().map(|fit| ("fit_up_to_alpha", fit.to_string())));
         if let CameraInput::Live(video, _) = &self.input {
             let LiveCounts { arrived, replaced, connections } = video.counts();

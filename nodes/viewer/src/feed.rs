@@ -11,7 +11,7 @@ use modulo_msgs::ros_name;
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::topic::{Durability, Profile, Reliability};
 use modulo_runtime::wire::keys::{Endpoint, EntityKind, Token};
-use modulo_runtime::{Clock, Message, MessageKind, NodeName};
+use modulo_runtime::{Clock, Message, MessageKind, NodeName, StreamScale};
 
 use crate::cameras;
 use crate::protocol::{DetectorView, GraphView, LinkView, StatusView};
@@ -20,8 +20,6 @@ use crate::protocol::{DetectorView, GraphView, LinkView, StatusView};
 pub(crate) const PLAYER: &str = "/rosbag2_player";
 /// The input that follows the trust of the unwrapper.
 const AUTO: &str = "auto";
-/// The streams that a detector reads by a short name.
-pub(crate) const STREAMS: [&str; 4] = ["modulo", "recovered", "saturated", "ideal"];
 /// Names of statuses that are kept; a publisher may invent more.
 const STATUSES: usize = 256;
 
@@ -216,8 +214,9 @@ pub(crate) fn input_topic(node: &str, stream: &str) -> String {
 /// its short name, any other image by its topic, and `auto`. Annotated images and `/hdr` are left out: no detector was made for
 /// them.
 fn offers(node: &str, images: &[String]) -> Vec<String> {
-    let short = STREAMS.into_iter().filter(|stream| images.contains(&input_topic(node, stream)));
-    let is_short = |topic: &&String| STREAMS.iter().any(|stream| input_topic(node, stream) == **topic);
+    let short = StreamScale::STREAMS.into_iter().filter(|stream| images.contains(&input_topic(node, stream)));
+    let is_short =
+        |topic: &&String| StreamScale::STREAMS.iter().any(|stream| input_topic(node, stream) == **topic);
     let made = |topic: &&String| topic.ends_with("/annotated") || topic.ends_with("/hdr");
     let others = images.iter().filter(|topic| !is_short(topic) && !made(topic));
     short.map(str::to_owned).chain(others.cloned()).chain([AUTO.to_owned()]).collect()

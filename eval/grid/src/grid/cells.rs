@@ -109,7 +109,10 @@ impl Axes {
             for input in &inputs {
                 for sensor in &sensors {
                     for (stream, method, deblur, psf_sigma) in of_sensor(sensor, &images) {
-                        let sensor = SensorModel { psf_sigma, ..sensor.clone() };
+                        let mut sensor = SensorModel { psf_sigma, ..sensor.clone() };
+                        if !stream.follows_frames() {
+                            sensor = sensor.reset(&SensorModel::EXPOSURE_CONTROL);
+                        }
                         let (model, input) = (model.clone(), input.clone());
                         let point = Point { stream, method, deblur, sensor, model, input };
                         // Values may be listed twice, and a lens blur of 0 gives the sharp ideal image a second time.

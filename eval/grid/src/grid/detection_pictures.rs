@@ -81,7 +81,7 @@ fn picture(frame: &Frame, point: &Point, truth: &[GroundTruth], found: &[&Detect
     let (height, width, channels) = pixels.dim();
     let stream = match point.stream {
         Stream::Modulo => "modulo",
-        Stream::Saturated => "saturated",
+        Stream::Saturated | Stream::AutoExposed => "saturated",
         // All of these have the full range.
         Stream::Ideal | Stream::Recovered | Stream::MultiExposure | Stream::MultiExposureStill => "ideal",
     };

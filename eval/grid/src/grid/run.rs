@@ -4,7 +4,7 @@ use modulo_ap::{average, difficulty};
 use modulo_runtime::Clock;
 
 use super::frames::Frames;
-use super::pipeline::{Nodes, RECOVERY_DEFINITION, multi_exposure};
+use super::pipeline::{Nodes, RECOVERY_DEFINITION, auto_exposure, multi_exposure};
 use super::runner::CellRunner;
 use super::score::Scorer;
 use super::{GridEvent, GridOptions, Request, timing};
@@ -29,6 +29,7 @@ pub fn run(
     let warn = |line: &String| tell(GridEvent::Warning(line));
     let points = axes.points(*protocol)?;
     multi_exposure::check(request, &points)?;
+    auto_exposure::check(request, &points)?;
     axes.unused(*protocol, &points).iter().for_each(warn);
     let (map, groups) = (request.class_map()?, request.groups()?);
     let setup = request.setup(&map, &groups, &points)?;

@@ -79,7 +79,7 @@ impl Node for DriftingDetector {
 fn still_request(out: &Path) -> Request {
     let axes = Axes::parse_from(["grid", "--stream", "ideal", "--alpha", "2"]);
     Request {
-        data: Data::Any("scene://day?seed=3&frames=3&width=320&height=128".to_owned()),
+        data: Data::Any(vec!["scene://day?seed=3&frames=3&width=320&height=128".to_owned()]),
         options: GridOptions {
             axes,
             engine: EngineChoice::Rten,
@@ -132,7 +132,7 @@ fn what_moves_has_ghosts_in_three_captures_and_none_in_one() {
     let folder = tempfile::tempdir().expect("a folder");
     let streams = [Stream::Ideal, Stream::Recovered, Stream::MultiExposure, Stream::MultiExposureStill];
     let scene = "scene://glare?seed=3&frames=6&width=480&height=144";
-    let request = request(Data::Any(scene.to_owned()), &streams, folder.path());
+    let request = request(Data::Any(vec![scene.to_owned()]), &streams, folder.path());
     let results = results(&request).expect("results");
     let psnr = |stream| cell(&results, stream).psnr_db.unwrap_or(f64::INFINITY);
     let [one, moving, still] =

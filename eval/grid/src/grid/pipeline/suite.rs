@@ -59,8 +59,8 @@ impl<'a> SuitePipeline<'a> {
             Stream::Ideal => "/ideal",
             Stream::Saturated => "/saturated",
             Stream::Modulo | Stream::Recovered => "/modulo",
-            Stream::MultiExposure | Stream::MultiExposureStill => {
-                unreachable!("merged captures have a pipeline of their own")
+            Stream::AutoExposed | Stream::MultiExposure | Stream::MultiExposureStill => {
+                unreachable!("these streams have a pipeline of their own")
             }
         };
         let with = CameraParameters { seed, ..self.camera.clone() };
