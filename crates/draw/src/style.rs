@@ -13,9 +13,10 @@ const MARKERS: usize = 8;
 /// Colour and marker of each stream, method and stage of the project, by its name: it has this style in every chart. The
 /// first colours are those of Okabe and Ito, which colour-blind readers can distinguish. Each marker separates
 /// the names whose colours are similar.
-const STYLES: [(&str, Colour, usize); 24] = [
+const STYLES: [(&str, Colour, usize); 25] = [
     ("ideal", [0x00, 0x00, 0x00], 0),
     ("saturated", [0xe6, 0x9f, 0x00], 1),
+    ("metered", [0x56, 0xb4, 0xe9], 3),
     ("auto_exposed", [0x00, 0x9e, 0x73], 6),
     ("modulo", [0xd5, 0x5e, 0x00], 2),
     ("auto", [0x00, 0x72, 0xb2], 3),

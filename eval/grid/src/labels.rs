@@ -123,7 +123,7 @@ pub fn stream(point: &Point) -> String {
         Some(method) if point.deblur => format!("{name} ({method}, deblurred)"),
         Some(method) => format!("{name} ({method})"),
         None if is_sharp_ideal(point) => format!("{name}, sharp"),
-        None if point.stream.follows_frames() => {
+        None if point.stream.is_metered() => {
             let SensorModel { metering, metering_target, exposure_delay, exposure_step, .. } = point.sensor;
             let plain = SensorModel::default();
             let control = SensorModel { metering, metering_target, exposure_delay, exposure_step, ..plain };

@@ -196,6 +196,8 @@ pub enum Stream {
     Modulo,
     /// Unwrapped
     Recovered,
+    /// Unwrapped, and shown with the exposure that the frame itself asks for
+    Metered,
     /// Three consecutive captures of a moving scene, merged as a normal camera does
     MultiExposure,
     /// The same three captures of a scene in which nothing moves; the difference is the effect of motion
@@ -207,7 +209,7 @@ pub enum Stream {
 pub struct Point {
     /// The image that the detector gets.
     pub stream: Stream,
-    /// Unwrapping method, or the one that the gains have. `None` for streams other than [`Stream::Recovered`], but for the
+    /// Unwrapping method, or the one that the gains have. `None` for streams that are not unwrapped, but for the
     /// saturated stream of a sensor with two gains, whose pixels are merged.
     pub method: Option<String>,
     /// Whether the lens blur was removed. Only for [`Stream::Recovered`].
@@ -222,6 +224,16 @@ pub struct Point {
 }
 
 impl Stream {
+    /// Whether its images are unwrapped.
+    pub fn is_unwrapped(self) -> bool {
+        matches!(self, Self::Recovered | Self::Metered)
+    }
+
+    /// Whether its exposure is metered.
+    pub fn is_metered(self) -> bool {
+        matches!(self, Self::Metered | Self::AutoExposed)
+    }
+
     /// Whether an image depends on the frames before it.
     pub fn follows_frames(self) -> bool {
         self == Self::AutoExposed

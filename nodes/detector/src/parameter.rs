@@ -24,10 +24,10 @@ modulo_runtime::parameters! {
         /// Device that runs the model: cpu, cuda or tensorrt, the last two with ort only and with the number of a GPU where it is
         /// not the first, such as cuda:1. A device that is not there is an error.
         device: String = "cpu".to_owned(),
-        /// Stream that the detector reads (the paper's p): modulo, recovered, saturated, auto_exposed, ideal, an absolute topic such
-        /// as /camera/image_raw, or auto: recovered while unwrap trusts it, else that of fallback.
+        /// Stream that the detector reads (the paper's p): modulo, recovered, metered, saturated, auto_exposed, ideal, an absolute
+        /// topic such as /camera/image_raw, or auto: recovered while unwrap trusts it, else that of fallback.
         input: String = "recovered".to_owned(),
-        /// Stream that input: auto reads while unwrap does not trust the recovered image: modulo, recovered, saturated,
+        /// Stream that input: auto reads while unwrap does not trust the recovered image: modulo, recovered, metered, saturated,
         /// auto_exposed, ideal, an absolute topic, or auto: what was measured to be best, saturated where the lens has no blur, else recovered.
         fallback: String = AUTO.to_owned(),
         /// Namespaces of the cameras whose streams are read by turns, such as [/front, /rear]. The results of /front are on
@@ -171,13 +171,16 @@ mod tests {
 
     #[test]
     fn an_input_is_a_stream_or_a_topic() {
-        for possible in ["modulo", "recovered", "saturated", "auto_exposed", "ideal", "/image", "/_a/b2"] {
+        for possible in
+            ["modulo", "recovered", "metered", "saturated", "auto_exposed", "ideal", "/image", "/_a/b2"]
+        {
             assert_eq!(stream("input", possible), Ok(Some(possible.to_owned())));
         }
         for bad in ["", "p", "Recovered", "image", "/", "//a", "/a/", "/a b", "/2a", "~/a"] {
             let why = stream("input", bad).expect_err(bad).to_string();
             assert!(
-                why.contains("modulo, recovered, saturated, auto_exposed, ideal") && why.contains("absolute"),
+                why.contains("modulo, recovered, metered, saturated, auto_exposed, ideal")
+                    && why.contains("absolute"),
                 "{why}"
             );
         }

@@ -83,10 +83,10 @@ crate::parameters! {
         /// the source. The images of a mosaic have the encoding bayer_*8 or bayer_*16. Images of one channel are raw mosaics of
         /// these filters, which are sensed as they are, without a lens.
         mosaic: Option<Mosaic> = None => Mosaic::WORDS; fixed,
-        /// What the exposure of the image auto_exposed follows: the mean of all pixels, that of the centre, whose pixels count three
+        /// What the exposure of the images auto_exposed and metered follows: the mean of all pixels, that of the centre, whose pixels count three
         /// times, or the highlights, of which 99.9 % shall not clip.
         metering: Metering = Metering::Mean => Metering::WORDS,
-        /// Goal of the mean and of the centre, divided by the largest code of the image auto_exposed.
+        /// Goal of the mean and of the centre, divided by the largest code of these images.
         metering_target: f64 = 0.3 => 0.01..=1.0,
         /// Frames of the image auto_exposed after which a measured frame takes effect.
         exposure_delay: usize = 2 => 1..=10,
@@ -99,9 +99,12 @@ crate::parameters! {
 const OF_EXPOSURE: [&str; 4] = ["alpha", "headroom", "transfer", "gain_ratio"];
 
 impl SensorModel {
-    /// The parameters of the exposure control, which only the image auto_exposed depends on.
+    /// The parameters of the exposure control, which only the images auto_exposed and metered depend on.
     pub const EXPOSURE_CONTROL: [&str; 4] =
         ["metering", "metering_target", "exposure_delay", "exposure_step"];
+
+    /// Those of an exposure that follows the frames before.
+    pub const FOLLOWING: [&str; 2] = ["exposure_delay", "exposure_step"];
 
     /// Returns the names of the parameters that describe the chip or the lens.
     pub fn of_chip() -> Vec<&'static str> {

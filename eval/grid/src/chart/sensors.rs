@@ -161,9 +161,8 @@ fn rank(cell: &Cell) -> Option<(Pixels, u8)> {
     Some(match point.stream {
         Stream::Saturated => (Pixels::Normal, two_gains),
         Stream::MultiExposure => (Pixels::Normal, 2),
-        Stream::AutoExposed => return None,
         Stream::Modulo => (Pixels::Modulo, 0),
         Stream::Recovered => (Pixels::Modulo, 1 + 2 * two_gains + u8::from(point.deblur)),
-        Stream::Ideal | Stream::MultiExposureStill => return None,
+        Stream::Ideal | Stream::AutoExposed | Stream::Metered | Stream::MultiExposureStill => return None,
     })
 }

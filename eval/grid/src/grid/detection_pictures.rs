@@ -83,7 +83,11 @@ fn picture(frame: &Frame, point: &Point, truth: &[GroundTruth], found: &[&Detect
         Stream::Modulo => "modulo",
         Stream::Saturated | Stream::AutoExposed => "saturated",
         // All of these have the full range.
-        Stream::Ideal | Stream::Recovered | Stream::MultiExposure | Stream::MultiExposureStill => "ideal",
+        Stream::Ideal
+        | Stream::Recovered
+        | Stream::Metered
+        | Stream::MultiExposure
+        | Stream::MultiExposureStill => "ideal",
     };
     let shown = StreamScale::of(stream, frame.depth(), Some(&point.sensor), 0)?.light()?.shown();
     let repeated = if channels == 1 { 3 } else { 1 };

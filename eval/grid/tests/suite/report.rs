@@ -22,7 +22,7 @@ fn cell(stream: Stream, method: Option<&str>, alpha: f64, model: &str, psf_sigma
     let loss = match (stream, method) {
         (Stream::Ideal, _) => 0.001,
         (Stream::Recovered, Some("auto")) => 0.004,
-        (Stream::Recovered, _) => 0.05,
+        (Stream::Recovered | Stream::Metered, _) => 0.05,
         (Stream::Saturated | Stream::AutoExposed, _) => 0.07,
         (Stream::Modulo, _) => 0.1,
         (Stream::MultiExposure | Stream::MultiExposureStill, _) => 0.02,

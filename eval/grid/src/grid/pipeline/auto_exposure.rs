@@ -10,11 +10,10 @@ use crate::results::{Point, Protocol};
 
 /// Refuses the stream under the protocol of the paper, which knows no exposure control.
 pub fn check(request: &Request, points: &[Point]) -> Result<(), GridError> {
-    if request.options.protocol == Protocol::Paper && points.iter().any(|point| point.stream.follows_frames())
-    {
+    if request.options.protocol == Protocol::Paper && points.iter().any(|point| point.stream.is_metered()) {
         return Err(GridError::value(
             "stream",
-            "auto_exposed",
+            "auto_exposed or metered",
             "one of the other streams under the protocol of the paper",
         ));
     }

@@ -78,7 +78,7 @@ impl<'a> PaperPipeline<'a> {
             Stream::Ideal => codes(frame),
             Stream::Saturated => self.exposed(frame).mapv(|v| v.clamp(0.0, 1.0) * 255.0),
             Stream::Modulo | Stream::Recovered => self.exposed(frame).mapv(wrapped),
-            Stream::AutoExposed | Stream::MultiExposure | Stream::MultiExposureStill => {
+            Stream::AutoExposed | Stream::Metered | Stream::MultiExposure | Stream::MultiExposureStill => {
                 unreachable!("these streams are refused under the protocol of the paper")
             }
         });
