@@ -262,13 +262,13 @@ fn raw_and_recovered_differ_in_the_input_alone() {
 #[test]
 fn compare_has_a_detector_for_each_stream() {
     let plan = shipped_plan("compare", &[]);
-    let expected = ["modulo", "recovered", "saturated", "ideal"];
-    let inputs: Vec<&str> = plan.nodes[..4].iter().map(|node| parameter(node, "input")).collect();
+    let expected = ["modulo", "recovered", "saturated", "auto_exposed", "ideal"];
+    let inputs: Vec<&str> = plan.nodes[..5].iter().map(|node| parameter(node, "input")).collect();
     assert_eq!(inputs, expected);
-    assert_eq!(names(&plan)[..4], expected.map(|stream| format!("detector_{stream}")));
+    assert_eq!(names(&plan)[..5], expected.map(|stream| format!("detector_{stream}")));
     assert_eq!(
-        parameter(&plan.nodes[4], "wait_for"),
-        "[detector_modulo, detector_recovered, detector_saturated, detector_ideal]"
+        parameter(&plan.nodes[5], "wait_for"),
+        "[detector_modulo, detector_recovered, detector_saturated, detector_auto_exposed, detector_ideal]"
     );
 }
 

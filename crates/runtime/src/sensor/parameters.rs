@@ -90,7 +90,7 @@ crate::parameters! {
         metering_target: f64 = 0.3 => 0.01..=1.0,
         /// Frames of the image auto_exposed after which a measured frame takes effect.
         exposure_delay: usize = 2 => 1..=10,
-        /// Largest factor between the exposure times of two frames of the image auto_exposed.
+        /// Largest factor between the exposures of two frames of the image auto_exposed.
         exposure_step: f64 = 2.0 => 1.0..=64.0,
     }
 }

@@ -1,7 +1,5 @@
 //! [`pipeline`]: the images of a normal camera whose exposure follows the frames before them.
 
-use modulo_core::SensorError;
-
 use super::{DetectorInput, FramePipeline, PipelineConfig, Stages, timed, unstamped};
 use crate::GridError;
 use crate::grid::frames::FrameWithNeighbours;
@@ -35,9 +33,8 @@ pub fn pipeline<'a>(
             camera = (drive, fresh.clone());
         }
         let (mut stages, seed) = (Stages::new(), config.seed.wrapping_add(number as u64));
-        let image = timed(config.timer, &mut stages, "sense", || {
-            Ok::<_, SensorError>(camera.1.expose(frame.radiance.view(), seed)?.saturated())
-        })?;
+        let image =
+            timed(config.timer, &mut stages, "sense", || camera.1.expose(frame.radiance.view(), seed))?;
         Ok(DetectorInput { image: Some(unstamped(image)), stages, ..DetectorInput::default() })
     }))
 }
