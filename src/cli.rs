@@ -24,7 +24,7 @@ const GRAPH_COMMANDS: [&[&str]; 8] = [
 
 /// The commands in the order of `modulo help`, by what one does with them.
 const GROUPS: [(&str, &[&str]); 3] = [
-    ("Run", &["launch", "run", "bag", "unwrap", "model", "completions", "man"]),
+    ("Run", &["launch", "run", "bag", "unwrap", "model", "completions"]),
     ("Look", &["view", "topic", "node", "param", "doctor"]),
     ("Measure", &["eval", "simulate", "bench", "stability"]),
 ];
@@ -95,11 +95,6 @@ pub enum Command {
         /// Shell, such as bash; `modulo completions bash > ~/.local/share/bash-completion/completions/modulo` installs
         /// it
         shell: clap_complete::Shell,
-    },
-    /// Write a manual page for each command
-    Man {
-        /// Folder for the pages, such as ~/.local/share/man/man1
-        folder: PathBuf,
     },
 }
 

@@ -73,12 +73,6 @@ pub fn dispatch(cli: Cli) -> Result<Ended, Failure> {
             clap_complete::generate(shell, &mut cli::command(), "modulo", &mut std::io::stdout());
             Ok(Ended::Done)
         }
-        Command::Man { folder } => {
-            std::fs::create_dir_all(&folder)
-                .and_then(|()| clap_mangen::generate_to(cli::command(), &folder))
-                .with_context(|| folder.display().to_string())?;
-            Ok(Ended::Done)
-        }
     }
 }
 
