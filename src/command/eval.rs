@@ -70,22 +70,12 @@ pub enum Verb {
         /// Folder with results.json
         folder: PathBuf,
     },
-    /// Print the stream, method and model of highest accuracy within a time
-    Budget {
-        /// Folder with results.json
-        folder: PathBuf,
-        /// Time from the captured image to the boxes, ms
-        #[arg(long)]
-        ms: f64,
-    },
 }
 
 pub fn eval(args: &Eval) -> Result<Ended, Failure> {
     start_log(if args.verbose { "debug" } else { "warn" });
-    match &args.verb {
-        Some(Verb::Report { folder }) => return grid::report(folder),
-        Some(Verb::Budget { folder, ms }) => return grid::budget(folder, *ms),
-        None => {}
+    if let Some(Verb::Report { folder }) = &args.verb {
+        return grid::report(folder);
     }
     let out = args.out.as_deref().context("--out is needed").map_err(usage)?;
     match &args.file {

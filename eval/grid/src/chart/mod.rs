@@ -1,6 +1,7 @@
 //! The charts of a grid: from results to a [`Chart`]. This file has the charts over a setting of the sensor.
 
 mod frontier;
+mod pareto;
 pub(crate) mod pictures;
 mod sensors;
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use modulo_eval::results::{Cell, Device, Drawn, FrameTime, Input, Paper, Point, Results, Setup, Stream};
-use modulo_eval::{budget, chart, report};
+use modulo_eval::{chart, report};
 use modulo_runtime::SensorModel;
 use modulo_runtime::report::Percentiles;
 
@@ -445,21 +445,4 @@ fn a_part_of_a_grid_says_so_and_an_empty_one_is_still_a_page() {
     assert!(!page(&results).contains("0 threads"), "nothing was timed");
     results.cells.clear();
     well_formed(&page(&results)).expect("well-formed");
-}
-
-#[test]
-fn a_budget_picks_the_most_accurate_choice_that_is_fast_enough() {
-    let results = made_up();
-    let at = |ms: f64| {
-        let budgets = budget::within(&results, ms);
-        assert_eq!(budgets.len(), 5 * 2, "alphas and lenses");
-        let four = budgets.iter().find(|budget| budget.alpha == 4.0).expect("alpha 4");
-        assert!(four.front.iter().all(|choice| !choice.name().starts_with("ideal")));
-        four.best.as_ref().map(budget::Choice::name)
-    };
-    assert_eq!(at(5.0), None, "nothing is that fast");
-    assert_eq!(at(12.0).as_deref(), Some("saturated, demo 640x192"));
-    assert_eq!(at(40.0).as_deref(), Some("recovered (auto), demo 640x192"));
-    assert_eq!(at(43.0).as_deref(), Some("saturated, yolov10n 640x192"), "59 % against 58.4 %");
-    assert_eq!(at(100.0).as_deref(), Some("recovered (auto), yolov10n 640x192"));
 }
