@@ -14,7 +14,6 @@ pub mod stability;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use modulo_core::metric::ShapesDiffer;
 use modulo_core::{SensorError, UnwrapError};
 use modulo_draw::ChartError;
 pub use modulo_draw::below_100;
@@ -60,9 +59,6 @@ pub enum BenchError {
     /// A run of the pipeline, or of the network by itself, fails.
     #[error("{0}")]
     Run(String),
-    /// Images have different shapes.
-    #[error(transparent)]
-    Shapes(#[from] ShapesDiffer),
 }
 
 impl BenchError {
