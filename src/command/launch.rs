@@ -361,10 +361,9 @@ fn members(plan: &Plan) -> Result<Vec<Member>, Failure> {
 }
 
 pub fn prepare(node: &ComposedNode) -> anyhow::Result<(&'static NodeKind, NodeName, Parameters)> {
-    let kind = kind_of(&node.kind)?;
-    let node_name = NodeName::new(&node.name, &node.namespace, &node.remaps)?;
-    let declared = kind.parameters_of(&node_name)?;
-    let known = declared.known_of(node.parameters.clone(), &node_name.fully_qualified());
-    let parameters = declared.with_text(&known).with_context(|| node_name.fully_qualified())?;
-    Ok((kind, node_name, parameters))
+    let ComposedNode { kind, node_name, parameters } = node;
+    let (kind, named) = (kind_of(kind)?, node_name.fully_qualified());
+    let declared = kind.parameters_of(node_name)?;
+    let known = declared.known_of(parameters.clone(), &named);
+    Ok((kind, node_name.clone(), declared.with_text(&known).context(named)?))
 }
