@@ -348,7 +348,6 @@ fn the_fastest_engine_is_named_among_those_that_are_accurate() {
     assert!(number(wrong, "p50_ms") < number(right, "p50_ms"), "{rows}");
     let missing = row("ort", "cuda", "demo")["missing"].as_str().expect("no GPU where the tests run");
     assert!(missing.contains("engine 'ort'") || missing.contains("cuda:0"), "{missing}");
-    assert!(bench.path("engines.png").exists());
     let is_named = |line: &str| line.contains("engine:=") && line.ends_with("model:=demo");
     assert!(complaint.lines().any(is_named), "{complaint}");
 }

@@ -15,7 +15,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use modulo_core::{SensorError, UnwrapError};
-use modulo_draw::ChartError;
 pub use modulo_draw::below_100;
 use modulo_images::{EXTENSIONS, ImageError, SaveError, is_hidden};
 use modulo_runtime::{ParameterError, launcher};
@@ -35,9 +34,6 @@ pub enum BenchError {
     /// A file or folder cannot be read or written, or is not a list of results.
     #[error("{path}: {1}", path = .0.display())]
     Io(PathBuf, #[source] std::io::Error),
-    /// The chart cannot be drawn.
-    #[error(transparent)]
-    Chart(#[from] ChartError),
     /// An image cannot be read, or the white point is impossible.
     #[error(transparent)]
     Image(#[from] ImageError),
