@@ -290,7 +290,7 @@ fn sources_with_the_same_stamps_follow_each_other() {
     let bags = [("a", 10), ("b", 60)].map(|(name, seed)| {
         let (kitti, bag) = (folder.path().join(name), folder.path().join(format!("{name}_bag")));
         write_kitti(&kitti, 2, seed);
-        import_kitti(&kitti, &bag, Compression::None).expect("imported");
+        import_kitti(&kitti, &bag).expect("imported");
         bag
     });
     let bag = folder.path().join("bag");
