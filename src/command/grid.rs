@@ -107,7 +107,7 @@ pub fn grid(args: &Grid, source: &[String], out: &Path) -> Result<Ended, Failure
     results.cells.iter().for_each(print_cell);
     tell_unscored(&results);
     let pictures = draw_pictures(&request, &Suite, &timer, &results).map_err(failure)?;
-    page::save_pictures(out, &pictures).map_err(failure)?;
+    pictures.iter().try_for_each(|chart| page::save_pictures(out, chart)).map_err(failure)?;
     say!("{}", page::write(out, &results).map_err(failure)?.display());
     Ok(if results.lost() { Ended::WithLoss } else { Ended::Done })
 }

@@ -284,8 +284,6 @@ pub struct Cell {
     pub interval95: BTreeMap<String, [f64; 2]>,
     /// The three figures of the paper.
     pub paper: Paper,
-    /// The [`WORST`] labelled frames with the lowest F1, the worst first.
-    pub worst: Vec<Worst>,
     /// Share of the samples with the true wrap count. This and the next three figures exist only for recovered streams.
     pub exact_k: Option<f64>,
     /// Share of the frames in which all samples have the true wrap count.
@@ -356,18 +354,6 @@ impl Cell {
     pub fn is_unscored(&self) -> bool {
         self.ap50.values().all(Option::is_none)
     }
-}
-
-/// Number of frames in [`Cell::worst`].
-pub const WORST: usize = 3;
-
-/// A frame with a low F1.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Worst {
-    /// Number among the scored frames, from 0.
-    pub number: usize,
-    /// F1 as in [`Paper::f1`].
-    pub f1: f64,
 }
 
 /// AP of one class.
