@@ -25,7 +25,7 @@ use modulo_runtime::{Clock, NodeName, NodeReport, Parameters, Stop, SystemClock,
 use super::eval::evaluable;
 use super::progress::{self, ProgressLine};
 use super::run::{NodeKind, kind_of};
-use super::{HASHES_VARIABLE, chosen_hashes, pairs, start_log, usage};
+use super::{pairs, start_log, usage};
 use crate::{Ended, Failure};
 
 /// Time between two looks at the reports of nodes in this process.
@@ -260,14 +260,9 @@ fn ignored(node: &NodePlan, node_name: &NodeName, declared: &Parameters) -> anyh
 }
 
 fn run_processes(mut plan: Plan, args: &Launch) -> Result<LaunchResult, Failure> {
-    let word = chosen_hashes()?.word();
-    for node in &mut plan.nodes {
-        // An `env` of the launch file wins over the option.
-        node.process.env.entry(HASHES_VARIABLE.to_owned()).or_insert_with(|| word.to_owned());
-        if args.verbose && node.package == modulo_launch::SUITE {
-            // In front: a level of the launch file comes later and wins.
-            node.ros_args.splice(0..0, ["--log-level", "debug"].map(str::to_owned));
-        }
+    for node in plan.nodes.iter_mut().filter(|node| args.verbose && node.package == modulo_launch::SUITE) {
+        // In front: a level of the launch file comes later and wins.
+        node.ros_args.splice(0..0, ["--log-level", "debug"].map(str::to_owned));
     }
     let names: Vec<&str> = plan.processes().map(|process| process.label.as_str()).collect();
     eprintln!("[launch] starting {}; Ctrl-C ends the run", names.join(", "));
