@@ -10,7 +10,8 @@
 
 use crate::type_description_interfaces::{Field, FieldType};
 
-/// Error of a line that is not part of a definition, or of a type that is missing or contains itself.
+/// Error of a line that is not part of a definition, of a type that is missing or contains itself, or of a crate that is built without
+/// the feature `hashes`.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct DefinitionError(pub(crate) String);

@@ -3,33 +3,31 @@
 //! Source: <https://github.com/ros-infrastructure/rep/pull/381> (REP 2011, 2016)
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::LazyLock;
-
-use sha2::{Digest, Sha256};
+use std::sync::OnceLock;
 
 use crate::definition::{DefinitionError, full_name};
 use crate::interface;
 use crate::type_description_interfaces::{Field, IndividualTypeDescription, TypeDescription};
 
 /// `RIHS01_` and 64 hexadecimal digits for a message, a service, or a service's request, response or event. `None` when
-/// the suite does not define it.
+/// the suite does not define it, or when the crate is built without the feature `hashes`.
 ///
 /// ```
 /// let hash = modulo_msgs::type_hash("sensor_msgs/msg/Image").expect("the suite defines it");
 /// assert_eq!(hash, "RIHS01_d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47");
 /// ```
 pub fn type_hash(name: &str) -> Option<String> {
-    static HASHES: LazyLock<BTreeMap<String, String>> = LazyLock::new(all_hashes);
-    HASHES.get(name).cloned()
+    static HASHES: OnceLock<BTreeMap<String, String>> = OnceLock::new();
+    HASHES.get_or_init(all_hashes).get(name).cloned()
 }
 
 /// Returns the hash of `name` as foreign `ros2msg` text defines it: the type's own fields, then each dependency after a
 /// line of 80 `=` and a line `MSG: pkg/Name`.
 ///
 /// # Errors
-/// [`DefinitionError`] with the line that is no field, or the type that is missing.
+/// [`DefinitionError`] with the line that is no field, or the type that is missing; and without the feature `hashes`.
 pub fn type_hash_of_schema(name: &str, text: &str) -> Result<String, DefinitionError> {
-    description_of_schema(name, text).map(|description| hash(&description))
+    hash(&description_of_schema(name, text)?)
 }
 
 /// Returns the description of `name` that foreign `ros2msg` text gives it. Messages can be read with it as they come: no
@@ -52,7 +50,7 @@ fn all_hashes() -> BTreeMap<String, String> {
     let parts = ["", "_Request", "_Response", "_Event"];
     interface::names()
         .flat_map(|name| parts.map(|part| format!("{name}{part}")))
-        .filter_map(|name| type_description(&name).map(|description| (name, hash(&description))))
+        .filter_map(|name| hash(&type_description(&name)?).ok().map(|hash| (name, hash)))
         .collect()
 }
 
@@ -104,7 +102,7 @@ fn needs(description: &IndividualTypeDescription) -> Vec<String> {
     nested.filter(|name| !name.is_empty()).cloned().collect()
 }
 
-fn hash(description: &TypeDescription) -> String {
+fn hash(description: &TypeDescription) -> Result<String, DefinitionError> {
     // The hash is computed over text, so that the order of the keys and each space count: this is the form of
     // `json.dumps` of Python without newlines. serde_json would leave out the spaces.
     let referenced: Vec<_> = description.referenced_type_descriptions.iter().map(individual_json).collect();
@@ -113,8 +111,19 @@ fn hash(description: &TypeDescription) -> String {
         individual_json(&description.type_description),
         referenced.join(", "),
     );
-    let digits: String = Sha256::digest(json).iter().map(|byte| format!("{byte:02x}")).collect();
-    format!("RIHS01_{digits}")
+    let no_hashes = || DefinitionError("this build has no hashes of types".to_owned());
+    sha256(&json).map(|digits| format!("RIHS01_{digits}")).ok_or_else(no_hashes)
+}
+
+#[cfg(feature = "hashes")]
+fn sha256(text: &str) -> Option<String> {
+    use sha2::{Digest, Sha256};
+    Some(Sha256::digest(text).iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+#[cfg(not(feature = "hashes"))]
+fn sha256(_: &str) -> Option<String> {
+    None
 }
 
 // `full_name` and `parse_line` accept only letters, digits, `_` and `/` in names, so that no name needs JSON escapes.
