@@ -309,8 +309,6 @@ pub struct Cell {
     pub moments: Vec<Moment>,
     /// The three figures of the paper.
     pub paper: Paper,
-    /// The [`WORST`] labelled frames with the lowest F1, the worst first.
-    pub worst: Vec<Worst>,
     /// Share of the samples with the true wrap count. This and the next three figures exist only for recovered streams.
     pub exact_k: Option<f64>,
     /// Share of the frames in which all samples have the true wrap count.
@@ -383,9 +381,6 @@ impl Cell {
     }
 }
 
-/// Number of frames in [`Cell::worst`].
-pub const WORST: usize = 3;
-
 /// The accuracy at some time before or after the changes of the light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Moment {
@@ -399,15 +394,6 @@ pub struct Moment {
     pub ap50: Option<f64>,
     /// Share of the frames whose nearest object is found.
     pub nearest: Option<f64>,
-}
-
-/// A frame with a low F1.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Worst {
-    /// Number among the scored frames, from 0.
-    pub number: usize,
-    /// F1 as in [`Paper::f1`].
-    pub f1: f64,
 }
 
 /// AP of one class.

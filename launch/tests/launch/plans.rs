@@ -187,7 +187,7 @@ fn only_nodes_of_the_suite_can_share_a_process() {
     let suite =
         "launch:\n  - node: { pkg: modulo, exec: unwrap, param: [{ name: m, value: '1', type: str }] }\n";
     let nodes = compose(&plan(suite, &[])).expect("composable");
-    assert_eq!((nodes[0].kind.as_str(), nodes[0].name.as_str()), ("unwrap", "unwrap"));
+    assert_eq!((nodes[0].kind.as_str(), nodes[0].node_name.name.as_str()), ("unwrap", "unwrap"));
     assert_eq!(nodes[0].parameters, [("m".to_owned(), "1".to_owned())]);
     for (more, why) in [
         ("  - executable: { cmd: a }\n", "a cannot run in one process: it is an executable"),

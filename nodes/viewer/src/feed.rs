@@ -14,7 +14,7 @@ use modulo_runtime::wire::keys::{Endpoint, EntityKind, Token};
 use modulo_runtime::{Clock, Message, MessageKind, NodeName, StreamScale};
 
 use crate::cameras;
-use crate::protocol::{DetectorView, GraphView, LinkView, StatusView};
+use crate::protocol::{DetectorView, GraphView, LinkView};
 
 /// Name of the player of ROS 2, and of the suite.
 pub(crate) const PLAYER: &str = "/rosbag2_player";
@@ -107,7 +107,7 @@ impl Heard {
 
 #[derive(Default)]
 pub(crate) struct Statuses {
-    by_name: BTreeMap<String, StatusView>,
+    by_name: BTreeMap<String, DiagnosticStatus>,
     /// The names of those that have come since they were taken last.
     fresh: BTreeSet<String>,
 }
@@ -117,13 +117,14 @@ impl Statuses {
     /// out.
     pub fn note(&mut self, name: &str, status: &DiagnosticStatus) {
         if self.by_name.len() < STATUSES || self.by_name.contains_key(name) {
-            self.by_name.insert(name.to_owned(), StatusView { name: name.to_owned(), ..status.into() });
+            self.by_name
+                .insert(name.to_owned(), DiagnosticStatus { name: name.to_owned(), ..status.clone() });
             self.fresh.insert(name.to_owned());
         }
     }
 
     /// Returns those that have come since the last call.
-    pub fn take_fresh(&mut self) -> Vec<StatusView> {
+    pub fn take_fresh(&mut self) -> Vec<DiagnosticStatus> {
         let fresh = std::mem::take(&mut self.fresh);
         fresh.iter().filter_map(|name| self.by_name.get(name).cloned()).collect()
     }

@@ -2,6 +2,7 @@
 
 use modulo_ap::{average, difficulty};
 use modulo_runtime::Clock;
+use modulo_runtime::output::prepare_folder;
 
 use super::frames::Frames;
 use super::pipeline::{Nodes, RECOVERY_DEFINITION, auto_exposure, multi_exposure};
@@ -35,7 +36,7 @@ pub fn run(
     let setup = request.setup(&map, &groups, &points)?;
     let mut frames = Frames::inspect(&request.data, &request.source())?;
     // After the checks of the request, so that a wrong one makes no folder, and before the first cell.
-    store::prepare(&request.out)?;
+    prepare_folder(&request.out).map_err(|why| GridError::Request(why.to_string()))?;
     let scorer = Scorer::new(request, map, groups, &mut frames)?;
     // Few drives are no loss, so that this warning is not among those of the input.
     frames.input.warnings.iter().chain(&frames.input.interval_warning()).for_each(warn);

@@ -18,7 +18,7 @@ use super::{Axes, Request};
 use crate::GridError;
 use crate::classes::{ClassGroups, ClassMap, of_labels};
 use crate::metric::{bootstrap, paper};
-use crate::results::{Cell, ClassScore, Paper, Point, WORST, Worst};
+use crate::results::{Cell, ClassScore, Paper, Point};
 
 /// Least share of exact wrap counts of a frame that may be trusted: docs/methods.md promises it.
 const LEAST_TRUSTED_SHARE: f64 = 0.999;
@@ -104,7 +104,6 @@ impl Scorer {
             nearest: around::share(nearest.iter().flatten().copied()),
             moments,
             paper: paper::mean(&papers),
-            worst: self.worst(&papers),
             // The times are measured in a pass of their own.
             ..recovered(frames)
         }
@@ -176,16 +175,6 @@ impl Scorer {
             paper::of_image(found, &labels)
         };
         found.iter().zip(&self.truths).map(of_image).collect()
-    }
-
-    fn worst(&self, papers: &[Paper]) -> Vec<Worst> {
-        let labelled = |number: &usize| self.truths[*number].iter().any(|label| label.class != DONT_CARE);
-        // A frame without objects has an F1 of 0 under the rule of the paper: it would always be among the worst.
-        let numbers = (0..papers.len()).filter(labelled);
-        let mut worst: Vec<Worst> = numbers.map(|number| Worst { number, f1: papers[number].f1 }).collect();
-        worst.sort_by(|a, b| a.f1.total_cmp(&b.f1));
-        worst.truncate(WORST);
-        worst
     }
 
     fn intervals(

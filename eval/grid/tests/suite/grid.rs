@@ -176,7 +176,7 @@ fn what_moves_has_ghosts_in_three_captures_and_none_in_one() {
     assert!(merged.latency_ms.contains_key("merge"));
 
     let pictures = draw_pictures(&request, &Suite, &SystemClock::default(), &results).expect("pictures");
-    report::save_pictures(folder.path(), &pictures).expect("kept");
+    report::save_pictures(folder.path(), &pictures.expect("a chart")).expect("kept");
     let page =
         std::fs::read_to_string(report::write(folder.path(), &results).expect("a page")).expect("readable");
     assert!(page.contains("multi_exposure_still") && page.contains("data:image/jpeg;base64,"));
@@ -321,7 +321,7 @@ fn sources_with_the_same_stamps_follow_each_other() {
     let bags = [("a", 10), ("b", 60)].map(|(name, seed)| {
         let (kitti, bag) = (folder.path().join(name), folder.path().join(format!("{name}_bag")));
         write_kitti(&kitti, 2, seed);
-        import_kitti(&kitti, &bag, Compression::None).expect("imported");
+        import_kitti(&kitti, &bag).expect("imported");
         bag
     });
     let bag = folder.path().join("bag");

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use modulo_eval::results::{Cell, Device, Drawn, FrameTime, Input, Paper, Point, Results, Setup, Stream};
-use modulo_eval::{budget, chart, report};
+use modulo_eval::{chart, report};
 use modulo_runtime::SensorModel;
 use modulo_runtime::report::Percentiles;
 
@@ -255,53 +255,6 @@ fn a_stream_has_one_colour_in_every_report() {
     }
 }
 
-/// At each lens and alpha, the simplest choice within a point of the ideal image is named.
-#[test]
-fn the_simplest_sufficient_sensor_is_shown() {
-    let with = |stream, method: Option<&str>, gains, (alpha, lens): (f64, f64), ap50: f64| {
-        let mut cell = cell(stream, method, alpha, "yolov10n", lens);
-        cell.point.sensor.gains = gains;
-        cell.ap50 = map(&[("vehicle", Some(ap50))]);
-        cell
-    };
-    let mut results = made_up();
-    results.cells.clear();
-    // AP50 of the saturated image, of `auto` and of two gains; that of the ideal image is 0.9.
-    for (at, [saturated, auto, gains]) in [
-        ((2.0, 0.5), [0.895, 0.9, 0.9]),
-        ((4.0, 0.5), [0.8, 0.7, 0.891]),
-        ((2.0, 1.4), [0.88, 0.895, 0.91]),
-        ((4.0, 1.4), [0.889, 0.5, 0.889]),
-    ] {
-        results.cells.extend([
-            with(Stream::Ideal, None, false, at, 0.9),
-            with(Stream::Ideal, None, false, (at.0, 0.0), 0.95),
-            with(Stream::Recovered, Some("checkerboard_gains"), true, at, gains),
-            with(Stream::Recovered, Some("auto"), false, at, auto),
-            with(Stream::Saturated, None, false, at, saturated),
-        ]);
-    }
-    let charts = chart::all(&results);
-    let chart = charts.iter().find(|named| named.name.starts_with("sensors_")).expect("lens and alpha vary");
-    let svg = chart.chart.svg(modulo_draw::PageWidth::Wide).expect("drawn");
-    for text in [
-        "alpha 2, lens blur 0.5 px: saturated, AP50 89.5 %, AP50 of the ideal image 90.0 %",
-        "alpha 4, lens blur 0.5 px: no choice, AP50 of the ideal image 90.0 %",
-        "alpha 4, lens blur 0.5 px: recovered (checkerboard_gains), AP50 89.1 %",
-        "alpha 2, lens blur 1.4 px: recovered (auto), AP50 89.5 %",
-        "alpha 4, lens blur 1.4 px: no choice, AP50 of the ideal image 90.0 %",
-    ] {
-        assert!(svg.contains(text), "{text}: {svg}");
-    }
-    assert!(!svg.contains("lens blur 0 px"), "no sensor was measured there");
-    // The ticks are the measured lenses and alphas.
-    for tick in ["0.5", "1.4", "2", "4"] {
-        assert!(svg.contains(&format!(">{tick}</text>")), "{tick}: {svg}");
-    }
-    assert!(!svg.contains(">1</text>"), "a value that nobody measured: {svg}");
-    assert!(chart.name.contains("vehicle"), "the larger group comes first: {}", chart.name);
-}
-
 #[test]
 fn nothing_that_is_not_whole_reads_as_whole_and_each_figure_has_a_column() {
     let mut results = made_up();
@@ -445,21 +398,4 @@ fn a_part_of_a_grid_says_so_and_an_empty_one_is_still_a_page() {
     assert!(!page(&results).contains("0 threads"), "nothing was timed");
     results.cells.clear();
     well_formed(&page(&results)).expect("well-formed");
-}
-
-#[test]
-fn a_budget_picks_the_most_accurate_choice_that_is_fast_enough() {
-    let results = made_up();
-    let at = |ms: f64| {
-        let budgets = budget::within(&results, ms);
-        assert_eq!(budgets.len(), 5 * 2, "alphas and lenses");
-        let four = budgets.iter().find(|budget| budget.alpha == 4.0).expect("alpha 4");
-        assert!(four.front.iter().all(|choice| !choice.name().starts_with("ideal")));
-        four.best.as_ref().map(budget::Choice::name)
-    };
-    assert_eq!(at(5.0), None, "nothing is that fast");
-    assert_eq!(at(12.0).as_deref(), Some("saturated, demo 640x192"));
-    assert_eq!(at(40.0).as_deref(), Some("recovered (auto), demo 640x192"));
-    assert_eq!(at(43.0).as_deref(), Some("saturated, yolov10n 640x192"), "59 % against 58.4 %");
-    assert_eq!(at(100.0).as_deref(), Some("recovered (auto), yolov10n 640x192"));
 }
