@@ -255,6 +255,53 @@ fn a_stream_has_one_colour_in_every_report() {
     }
 }
 
+/// At each lens and alpha, the simplest choice within a point of the ideal image is named.
+#[test]
+fn the_simplest_sufficient_sensor_is_shown() {
+    let with = |stream, method: Option<&str>, gains, (alpha, lens): (f64, f64), ap50: f64| {
+        let mut cell = cell(stream, method, alpha, "yolov10n", lens);
+        cell.point.sensor.gains = gains;
+        cell.ap50 = map(&[("vehicle", Some(ap50))]);
+        cell
+    };
+    let mut results = made_up();
+    results.cells.clear();
+    // AP50 of the saturated image, of `auto` and of two gains; that of the ideal image is 0.9.
+    for (at, [saturated, auto, gains]) in [
+        ((2.0, 0.5), [0.895, 0.9, 0.9]),
+        ((4.0, 0.5), [0.8, 0.7, 0.891]),
+        ((2.0, 1.4), [0.88, 0.895, 0.91]),
+        ((4.0, 1.4), [0.889, 0.5, 0.889]),
+    ] {
+        results.cells.extend([
+            with(Stream::Ideal, None, false, at, 0.9),
+            with(Stream::Ideal, None, false, (at.0, 0.0), 0.95),
+            with(Stream::Recovered, Some("checkerboard_gains"), true, at, gains),
+            with(Stream::Recovered, Some("auto"), false, at, auto),
+            with(Stream::Saturated, None, false, at, saturated),
+        ]);
+    }
+    let charts = chart::all(&results);
+    let chart = charts.iter().find(|named| named.name.starts_with("sensors_")).expect("lens and alpha vary");
+    let svg = chart.chart.svg(modulo_draw::PageWidth::Wide).expect("drawn");
+    for text in [
+        "alpha 2, lens blur 0.5 px: saturated, AP50 89.5 %, AP50 of the ideal image 90.0 %",
+        "alpha 4, lens blur 0.5 px: no choice, AP50 of the ideal image 90.0 %",
+        "alpha 4, lens blur 0.5 px: recovered (checkerboard_gains), AP50 89.1 %",
+        "alpha 2, lens blur 1.4 px: recovered (auto), AP50 89.5 %",
+        "alpha 4, lens blur 1.4 px: no choice, AP50 of the ideal image 90.0 %",
+    ] {
+        assert!(svg.contains(text), "{text}: {svg}");
+    }
+    assert!(!svg.contains("lens blur 0 px"), "no sensor was measured there");
+    // The ticks are the measured lenses and alphas.
+    for tick in ["0.5", "1.4", "2", "4"] {
+        assert!(svg.contains(&format!(">{tick}</text>")), "{tick}: {svg}");
+    }
+    assert!(!svg.contains(">1</text>"), "a value that nobody measured: {svg}");
+    assert!(chart.name.contains("vehicle"), "the larger group comes first: {}", chart.name);
+}
+
 #[test]
 fn nothing_that_is_not_whole_reads_as_whole_and_each_figure_has_a_column() {
     let mut results = made_up();
