@@ -131,10 +131,14 @@ fn linear_range(values: impl Iterator<Item = f64> + Clone) -> (f64, f64, Places,
     let least = values.clone().fold(f64::INFINITY, f64::min);
     let most = values.fold(f64::NEG_INFINITY, f64::max);
     // Without data, and for a single value, the axis still needs a length.
-    let (least, most) = if least < most { (least, most) } else { (least.min(0.0).min(most), most.max(1.0)) };
-    let power = 10f64.powf(((most - least) / 10.0).log10().floor());
-    let step = [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|step| (most - least) / step <= 9.0);
-    let step = step.expect("ten steps of 10^n are longer than the data");
+    let (least, most) = match most - least {
+        length if length > 0.0 => (least, most),
+        length if length == 0.0 => (least - 0.5, most + 0.5),
+        _ => (0.0, 1.0),
+    };
+    let power = 10f64.powf(((most - least) / 9.0).log10().floor());
+    let step = [1.0, 2.0, 5.0].map(|m| m * power).into_iter().find(|step| (most - least) / step <= 9.0);
+    let step = step.unwrap_or(10.0 * power);
     let (first, last) = ((least / step).floor() as i64, (most / step).ceil() as i64);
     let ticks: Vec<f64> = (first..=last).map(|tick| tick as f64 * step).collect();
     (ticks[0], ticks[ticks.len() - 1], Places::Linear, ticks)
