@@ -133,7 +133,7 @@ fn linear_range(values: impl Iterator<Item = f64> + Clone) -> (f64, f64, Places,
     // Without data, and for a single value, the axis still needs a length.
     let (least, most) = match most - least {
         length if length > 0.0 => (least, most),
-        length if length == 0.0 => (least - 0.5, most + 0.5),
+        0.0 => (least - 0.5, most + 0.5),
         _ => (0.0, 1.0),
     };
     let power = 10f64.powf(((most - least) / 9.0).log10().floor());

@@ -246,33 +246,40 @@ impl UnwrapNode {
         Ok(())
     }
 
+    /// Sends the pictures for a detector that have a reader.
+    fn emit_pictures(&self, modulo: &StampedFrame, cx: &mut Context<'_>) -> Result<(), FrameError> {
+        if !cx.wanted(RECOVERED) && !cx.wanted(METERED) {
+            return Ok(());
+        }
+        let Prepared { model, range, deblur, .. } = self.sensor.as_ref().expect("`prepare` comes before");
+        let radiance = &self.recovered.x;
+        let x = match modulo.frame.mosaic() {
+            None => Cow::Borrowed(radiance),
+            Some(mosaic) => Cow::Owned(cx.stage("demosaic", || mosaic.demosaic(radiance.view()))),
+        };
+        // A sharpened image is for the detector only: `hdr` keeps what the sensor saw.
+        let shown = |cx: &mut Context<'_>, range| match deblur {
+            None => cx.stage("tone", || tone::picture(&x, range, model.transfer)),
+            Some(deblur) => cx.stage("deblur", || deblur.picture(&x, range, model.transfer)),
+        };
+        if cx.wanted(RECOVERED) {
+            let frame = shown(cx, *range)?;
+            cx.emit(RECOVERED, stamped(&modulo.header, frame));
+        }
+        if cx.wanted(METERED) {
+            let SensorModel { transfer, metering, metering_target, .. } = *model;
+            let range = cx.stage("meter", || exposed_anew(&x, *range, transfer, metering, metering_target));
+            let frame = shown(cx, range)?;
+            cx.emit(METERED, stamped(&modulo.header, frame));
+        }
+        Ok(())
+    }
+
     /// Sends the images of the result that have a reader.
     fn emit_images(&self, modulo: &StampedFrame, cx: &mut Context<'_>) -> Result<(), FrameError> {
-        let Prepared { model, range, deblur, .. } = self.sensor.as_ref().expect("`prepare` comes before");
-        let mosaic = modulo.frame.mosaic();
-        let radiance = &self.recovered.x;
-        if cx.wanted(RECOVERED) || cx.wanted(METERED) {
-            let x = match mosaic {
-                None => Cow::Borrowed(radiance),
-                Some(mosaic) => Cow::Owned(cx.stage("demosaic", || mosaic.demosaic(radiance.view()))),
-            };
-            // A sharpened image is for the detector only: `hdr` keeps what the sensor saw.
-            let shown = |cx: &mut Context<'_>, range| match deblur {
-                None => cx.stage("tone", || tone::picture(&x, range, model.transfer)),
-                Some(deblur) => cx.stage("deblur", || deblur.picture(&x, range, model.transfer)),
-            };
-            if cx.wanted(RECOVERED) {
-                let frame = shown(cx, *range)?;
-                cx.emit(RECOVERED, stamped(&modulo.header, frame));
-            }
-            if cx.wanted(METERED) {
-                let SensorModel { transfer, metering, metering_target, .. } = *model;
-                let range =
-                    cx.stage("meter", || exposed_anew(&x, *range, transfer, metering, metering_target));
-                let frame = shown(cx, range)?;
-                cx.emit(METERED, stamped(&modulo.header, frame));
-            }
-        }
+        let Prepared { range, .. } = self.sensor.as_ref().expect("`prepare` comes before");
+        let (mosaic, radiance) = (modulo.frame.mosaic(), &self.recovered.x);
+        self.emit_pictures(modulo, cx)?;
         if cx.wanted(HDR) {
             let frame = tone::hdr(radiance, *range)?;
             // There is no encoding for a mosaic of floats.

@@ -63,7 +63,7 @@ fn panel(cells: &[&Cell], (label, figure): Figure, is_darker: bool) -> ChartPane
             Some(DataPoint { x: moment.frame as f64, y, hover, ..DataPoint::default() })
         };
         let points: Vec<DataPoint> = here.filter_map(point).collect();
-        (!points.is_empty()).then(|| Series { name, points, style: SeriesStyle::LineAndMarkers })
+        (!points.is_empty()).then_some(Series { name, points, style: SeriesStyle::LineAndMarkers })
     };
     ChartPanel {
         x: Axis::linear("frames after the change of the light"),

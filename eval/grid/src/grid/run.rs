@@ -29,8 +29,7 @@ pub fn run(
     let (GridOptions { axes, protocol, fresh, .. }, start) = (&request.options, timer.ticks_ns());
     let warn = |line: &String| tell(GridEvent::Warning(line));
     let points = axes.points(*protocol)?;
-    multi_exposure::check(request, &points)?;
-    auto_exposure::check(request, &points)?;
+    multi_exposure::check(request, &points).and_then(|()| auto_exposure::check(request, &points))?;
     axes.unused(*protocol, &points).iter().for_each(warn);
     let (map, groups) = (request.class_map()?, request.groups()?);
     let setup = request.setup(&map, &groups, &points)?;

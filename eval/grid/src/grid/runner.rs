@@ -69,8 +69,7 @@ impl<'a> CellRunner<'a> {
             };
             let workers: Vec<_> =
                 workers.into_iter().map(|worker| scope.spawn(move || work(worker))).collect();
-            // A worker that fails ends alone, and the others go on with the remaining frames. Its error is reported
-            // here.
+            // A worker that fails ends alone, and the others go on with the remaining frames. Its error is reported here.
             let join = |worker: ScopedJoinHandle<'_, _>| {
                 worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
             };

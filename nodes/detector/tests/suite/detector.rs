@@ -126,7 +126,10 @@ fn the_input_is_swapped_between_frames() {
     }
     let refused =
         node.configure(&parameters(&data("rows.onnx"), &[("input", "raw")])).expect_err("no stream");
-    assert!(refused.to_string().contains("modulo, recovered, metered, saturated, auto_exposed, ideal"), "{refused}");
+    assert!(
+        refused.to_string().contains("modulo, recovered, metered, saturated, auto_exposed, ideal"),
+        "{refused}"
+    );
     assert_eq!(node.inputs()[0].name, "/camera/image_raw", "goes on exactly as before");
 }
 
