@@ -1,10 +1,11 @@
 //! The simulated sensor.
 
+use std::sync::{Mutex, PoisonError};
+
 use modulo_camera::CameraParameters;
 use modulo_core::{AutoExposure, Frame};
 use modulo_images::{Coding, White};
 use ndarray::Array3;
-use std::sync::{Mutex, PoisonError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
