@@ -392,8 +392,8 @@ class Sensor:
         >>> import modulo
         >>> camera = modulo.Sensor(alpha=4, metering_target=0.5)
         >>> image, exposure = camera.auto_expose(np.full((8, 8), 0.9, dtype=np.float32))
-        >>> int(image[0, 0]), round(exposure, 2)  # 0.14 * 0.97 * 0.9 * 4 * 256 = 127
-        (127, 0.14)
+        >>> int(image[0, 0]), round(exposure, 2)  # half of the largest code
+        (128, 0.14)
         """
         return self._sensor.auto_expose(radiance)
 
