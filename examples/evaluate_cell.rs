@@ -14,7 +14,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let options =
         ["evaluate_cell", "--stream", "recovered", "--method", "auto", "--alpha", &alpha, "--fresh"];
     let request = Request {
-        data: Data::Any("scene://tunnel?seed=3&frames=8".into()),
+        data: Data::Any(vec!["scene://tunnel?seed=3&frames=8".into()]),
         options: GridOptions::try_parse_from(options)?,
         provenance: Provenance { command: "evaluate_cell".into(), ..Provenance::default() },
         out: "evaluation".into(),

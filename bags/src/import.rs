@@ -59,13 +59,9 @@ pub enum ImportError {
 ///
 /// # Errors
 /// [`ImportError`] of the first label or write that fails, and of a float image. Images that are damaged are counted.
-pub fn import_kitti(
-    folder: &Path,
-    out: &Path,
-    compression: Compression,
-) -> Result<ImportReport, ImportError> {
+pub fn import_kitti(folder: &Path, out: &Path) -> Result<ImportReport, ImportError> {
     let folder = KittiFolder::open(folder)?;
-    whole(out, write(&folder, BagWriter::create(out, compression)?))
+    whole(out, write(&folder, BagWriter::create(out, Compression::None)?))
 }
 
 /// Writes the video `video` as the new bag `out`: `/camera/image_raw`, each frame at its time of presentation since the first one. Codes
@@ -73,10 +69,10 @@ pub fn import_kitti(
 ///
 /// # Errors
 /// [`ImportError`] of a video that cannot be read, and of a write that fails. Single frames that are missing are counted.
-pub fn import_video(video: &Path, out: &Path, compression: Compression) -> Result<ImportReport, ImportError> {
+pub fn import_video(video: &Path, out: &Path) -> Result<ImportReport, ImportError> {
     let mut frames = VideoFile::open(video).map_err(SourceError::from)?;
     frames.warnings().iter().for_each(|warning| tracing::warn!("{warning}"));
-    let mut import = Import::new(BagWriter::create(out, compression)?, false)?;
+    let mut import = Import::new(BagWriter::create(out, Compression::None)?, false)?;
     let written = std::iter::from_fn(|| frames.next_frame()).try_for_each(|frame| {
         let Ok(frame) = frame.inspect_err(|why| tracing::warn!("left out: {why}")) else {
             import.report.missing += 1;

@@ -114,14 +114,10 @@ pub struct Respawn {
 pub struct ComposedNode {
     /// Its executable: `modulo_camera`, `unwrap` or `detector`.
     pub kind: String,
-    /// Its name.
-    pub name: String,
-    /// Its namespace, `/` for none.
-    pub namespace: String,
+    /// Its name, namespace and remaps.
+    pub node_name: NodeName,
     /// (name, value as text) in order; a later one of the same name wins.
     pub parameters: Vec<(String, String)>,
-    /// (from, to) in order; the first that fits is used.
-    pub remaps: Vec<(String, String)>,
 }
 
 impl Plan {
@@ -190,9 +186,9 @@ fn composed(node: &NodePlan) -> Result<ComposedNode, LaunchError> {
     if let Some((_, setting)) = own.iter().find(|(used, _)| *used) {
         return Err(refuse(label, &format!("it has {setting}, which needs a process of its own")));
     }
-    let name = node.name.clone().unwrap_or_else(|| node.executable.clone());
     let wrong = |why: String| refuse(label, &why);
-    let node_name = NodeName::new(&name, &node.namespace, &node.remaps);
+    let node_name =
+        NodeName::new(node.name.as_ref().unwrap_or(&node.executable), &node.namespace, &node.remaps);
     let node_name = node_name.map_err(|why| wrong(why.to_string()))?;
     let shared = node.shared_parameters.iter().map(|(name, value)| (name.clone(), value.text.clone()));
     let mut parameters: Vec<_> = shared.collect();
@@ -203,8 +199,7 @@ fn composed(node: &NodePlan) -> Result<ComposedNode, LaunchError> {
             NodeParameter::Value(name, value) => parameters.push((name.clone(), value.text.clone())),
         }
     }
-    let (kind, namespace, remaps) = (node.executable.clone(), node.namespace.clone(), node.remaps.clone());
-    Ok(ComposedNode { kind, name, namespace, parameters, remaps })
+    Ok(ComposedNode { kind: node.executable.clone(), node_name, parameters })
 }
 
 fn refuse(process: &str, why: &str) -> LaunchError {

@@ -12,7 +12,7 @@ use std::fmt;
 use std::future::Future;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use modulo_runtime::stop::is_hangup_ignored;
 use tokio::signal::unix::{SignalKind, signal};
@@ -86,8 +86,6 @@ pub struct Outcome {
     pub processes: Vec<ProcessOutcome>,
     /// What the nodes of this suite reported.
     pub reports: Vec<NodeReport>,
-    /// From the first start to the last end.
-    pub elapsed: Duration,
     /// The content of the trace, if one was asked for, or why it could not be written.
     pub trace: Option<Result<TraceCounts, LaunchError>>,
 }
@@ -209,15 +207,13 @@ pub async fn run_until(
     let folders = Folders::new().map_err(|e| start_error("launcher", format!("temporary folder: {e}")))?;
     plan.messages.iter().for_each(|message| (how.print)(Channel::Out, &format!("[launch] {message}")));
     let jobs = job::all(&plan, how, &folders)?;
-    let begin = Instant::now();
     // The second future never ends: it only passes reports on until the processes are done.
     let (ending, processes) = tokio::select! {
         ended = supervise(jobs, how, stop) => ended,
         never = watch_reports(how.watch.as_ref(), folders.reports()) => match never {},
     };
-    let elapsed = begin.elapsed();
     let trace = how.trace.as_ref().map(|file| trace::join(folders.traces(), file));
-    Ok(Outcome { ending, processes, reports: read_reports(folders.reports()), elapsed, trace })
+    Ok(Outcome { ending, processes, reports: read_reports(folders.reports()), trace })
 }
 
 /// Passes the reports in `folder` on to `watch`, again and again.

@@ -170,7 +170,7 @@ messages! {
     ListParametersRequest = "rcl_interfaces/srv/ListParameters_Request" {
         /// Prefixes of the listed names; an empty list stands for all names.
         prefixes: Vec<String>,
-        /// Largest depth below a prefix, in components of a name, or [`ListParametersRequest::DEPTH_RECURSIVE`].
+        /// Largest depth below a prefix, in components of a name; 0 does not limit it.
         depth: u64,
     }
     ListParametersResponse = "rcl_interfaces/srv/ListParameters_Response" {
@@ -192,9 +192,4 @@ messages! {
         /// The result of the whole request.
         result: SetParametersResult,
     }
-}
-
-impl ListParametersRequest {
-    /// The depth is not limited.
-    pub const DEPTH_RECURSIVE: u64 = 0;
 }

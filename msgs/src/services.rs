@@ -29,7 +29,7 @@ pub mod service_msgs {
 
     messages! {
         ServiceEventInfo = "service_msgs/msg/ServiceEventInfo" {
-            /// [`ServiceEventInfo::REQUEST_SENT`], `REQUEST_RECEIVED`, `RESPONSE_SENT` or `RESPONSE_RECEIVED`.
+            /// 0: a client has sent a request; 1: a server has received it, and 2: has sent a response; 3: the client has received that.
             event_type: u8,
             stamp: Time,
             /// Global id of the client.
@@ -37,17 +37,6 @@ pub mod service_msgs {
             /// Number of the call at the client, from 1.
             sequence_number: i64,
         }
-    }
-
-    impl ServiceEventInfo {
-        /// A client has sent a request.
-        pub const REQUEST_SENT: u8 = 0;
-        /// A server has received a request.
-        pub const REQUEST_RECEIVED: u8 = 1;
-        /// A server has sent a response.
-        pub const RESPONSE_SENT: u8 = 2;
-        /// A client has received a response.
-        pub const RESPONSE_RECEIVED: u8 = 3;
     }
 }
 

@@ -1,7 +1,9 @@
 //! The simulated sensor.
 
+use std::sync::{Mutex, PoisonError};
+
 use modulo_camera::CameraParameters;
-use modulo_core::Frame;
+use modulo_core::{AutoExposure, Frame};
 use modulo_images::{Coding, White};
 use ndarray::Array3;
 use pyo3::prelude::*;
@@ -14,6 +16,7 @@ use crate::parameters::parse;
 #[pyclass(frozen, module = "modulo._core")]
 pub struct Sensor {
     sensor: modulo_core::Sensor,
+    auto_exposure: Mutex<AutoExposure>,
     seed: u64,
     coding: Coding,
     has_mosaic: bool,
@@ -33,38 +36,66 @@ impl Sensor {
     fn new(parameters: &Bound<'_, PyDict>) -> PyResult<Self> {
         let parameters = CameraParameters::from(&parse(parameters)?);
         let sensor = parameters.sensor.simulated().map_err(value_error)?;
+        let auto_exposure = Mutex::new(parameters.sensor.auto_exposure().map_err(value_error)?);
         let coding = parameters.coding().map_err(value_error)?;
         let has_mosaic = parameters.sensor.mosaic.is_some();
-        Ok(Self { sensor, seed: parameters.seed.unsigned_abs(), coding, has_mosaic })
+        Ok(Self { sensor, auto_exposure, seed: parameters.seed.unsigned_abs(), coding, has_mosaic })
     }
 
     /// Returns the images modulo, saturated and ideal, and the true wrap counts.
     fn expose<'py>(&self, py: Python<'py>, radiance: &Bound<'py, PyAny>) -> PyResult<[Bound<'py, PyAny>; 4]> {
+        let (given, is_flat) = self.given(radiance)?;
+        let (modulo, saturated, ideal, wraps) = py.detach(|| -> PyResult<_> {
+            let radiance = self.radiance(given)?;
+            let exposure = self.sensor.expose(radiance.view(), self.seed).map_err(value_error)?;
+            Ok((exposure.modulo(), exposure.saturated(), exposure.ideal(), exposure.wraps()))
+        })?;
+        let image = |frame| frame_to_numpy(py, frame, is_flat);
+        Ok([image(modulo), image(saturated), image(ideal), to_numpy(py, wraps, is_flat)])
+    }
+
+    /// Returns the next image of the camera with automatic exposure, and its exposure.
+    fn auto_expose<'py>(
+        &self,
+        py: Python<'py>,
+        radiance: &Bound<'py, PyAny>,
+    ) -> PyResult<(Bound<'py, PyAny>, f64)> {
+        let (given, is_flat) = self.given(radiance)?;
+        let (image, exposure) = py.detach(|| -> PyResult<_> {
+            let radiance = self.radiance(given)?;
+            let mut camera = self.auto_exposure.lock().unwrap_or_else(PoisonError::into_inner);
+            let image = camera.expose(radiance.view(), self.seed).map_err(value_error)?;
+            Ok((image, camera.exposure().expect("a frame was exposed")))
+        })?;
+        Ok((frame_to_numpy(py, image, is_flat), exposure))
+    }
+}
+
+impl Sensor {
+    /// Copies the samples, and returns whether the images are H x W.
+    fn given(&self, radiance: &Bound<'_, PyAny>) -> PyResult<(Given, bool)> {
         let Image { pixels, is_flat } = Image::new("radiance", radiance)?;
-        let is_flat = is_flat || self.has_mosaic;
         let Coding { white, black, ref knees, .. } = self.coding;
         let is_relative = white == 0.0 && black == 0.0 && knees.is_none();
         let given = match pixels.view() {
             View::F32(radiance) if is_relative => Given::Radiance(radiance.to_owned()),
             codes => Given::Codes(codes.to_frame().map_err(value_error)?),
         };
-        let (modulo, saturated, ideal, wraps) = py.detach(|| -> PyResult<_> {
-            let radiance = match given {
-                Given::Radiance(radiance) => radiance,
-                Given::Codes(frame) => {
-                    let mut coding = self.coding.clone();
-                    // Floats are fractions of full scale, and none is looked for.
-                    if frame.depth() == 32 && coding.knees.is_none() && coding.white == 0.0 {
-                        coding.white = 1.0;
-                    }
-                    let mut white = White::new(coding).map_err(value_error)?;
-                    white.radiance(&frame, "radiance").map_err(value_error)?
+        Ok((given, is_flat || self.has_mosaic))
+    }
+
+    fn radiance(&self, given: Given) -> PyResult<Array3<f32>> {
+        match given {
+            Given::Radiance(radiance) => Ok(radiance),
+            Given::Codes(frame) => {
+                let mut coding = self.coding.clone();
+                // Floats are fractions of full scale, and none is looked for.
+                if frame.depth() == 32 && coding.knees.is_none() && coding.white == 0.0 {
+                    coding.white = 1.0;
                 }
-            };
-            let exposure = self.sensor.expose(radiance.view(), self.seed).map_err(value_error)?;
-            Ok((exposure.modulo(), exposure.saturated(), exposure.ideal(), exposure.wraps()))
-        })?;
-        let image = |frame| frame_to_numpy(py, frame, is_flat);
-        Ok([image(modulo), image(saturated), image(ideal), to_numpy(py, wraps, is_flat)])
+                let mut white = White::new(coding).map_err(value_error)?;
+                white.radiance(&frame, "radiance").map_err(value_error)
+            }
+        }
     }
 }

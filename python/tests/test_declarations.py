@@ -42,7 +42,7 @@ def test_arguments_are_those_that_the_nodes_declare(function: Callable[..., Any]
 
 def test_the_whole_sensor_and_method_can_be_set() -> None:
     """No parameter of the nodes is forgotten, except those of the stream."""
-    stream = {"source", "source_topic", "rate", "loop", "frames", "frame_id", "budget"}
+    stream = {"source", "source_topic", "rate", "loop", "frames", "frame_id", "budget", "exposure", "alpha_most"}
     given = {name for function in DOCUMENTED for name in inspect.signature(function).parameters} | {"deblur"}
     assert set(DECLARED) - stream <= given
 

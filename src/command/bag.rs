@@ -150,12 +150,12 @@ pub fn bag(args: &Bag) -> Result<Ended, Failure> {
         // Both copy what can be read; only the reason to call them differs.
         Bag::Recover(args) | Bag::Convert(args) => copy(&BagReader::open(&args.bag)?, args),
         Bag::Import(BagImport::Kitti { folder, out }) => {
-            let report = import_kitti(folder, out, Compression::None).map_err(import_failed)?;
+            let report = import_kitti(folder, out).map_err(import_failed)?;
             say!("{} frames, {} labelled, {} objects", report.frames, report.labelled, report.objects);
             Ok(missing(report))
         }
         Bag::Import(BagImport::Video { video, out }) => {
-            let report = import_video(video, out, Compression::None).map_err(import_failed)?;
+            let report = import_video(video, out).map_err(import_failed)?;
             say!("{} frames, {} missing", report.frames, report.missing);
             Ok(missing(report))
         }

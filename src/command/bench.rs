@@ -33,8 +33,8 @@ pub enum Bench {
     /// Measure the time from the modulo image to the boxes in one process, in several and in lockstep, beside that of the network
     /// by itself
     Pipeline(pipeline::PipelineRequest),
-    /// Measure the accuracy, the time and the memory of the inference engines of this machine, draw a chart, and name the fastest
-    /// one that loses less than 0.5 points of AP50
+    /// Measure the accuracy, the time and the memory of the inference engines of this machine, and name the fastest one that loses less
+    /// than 0.5 points of AP50
     Detector(DetectorBench),
 }
 
@@ -126,9 +126,8 @@ fn bench_detector(args: &DetectorBench) -> Result<Ended, Failure> {
         options = vec!["--source".into(), source.into()];
     }
     let bar = progress_bar(STEPS);
-    let (rows, chart) =
-        engines::engines(request, &options, (&this_program()?, &processor()), &mut |event| tell(&bar, event))
-            .map_err(failure)?;
+    let rows = engines::engines(request, &options, &this_program()?, &mut |event| tell(&bar, event))
+        .map_err(failure)?;
     bar.finish_and_clear();
     say!(
         "engine        device    p50 ms    p99 ms  memory MB  loss of AP50  AP50 with its 95 % interval; model"
@@ -148,7 +147,6 @@ fn bench_detector(args: &DetectorBench) -> Result<Ended, Failure> {
             EngineOutcome::Missing(why) => say!("{name} {why}; {}", row.model),
         }
     }
-    chart.iter().for_each(|file| say!("{}", file.display()));
     if let Some(row) = engines::choice(&rows) {
         say!("The fastest that loses less than 0.5 points of AP50: {}", row.arguments());
     }

@@ -9,12 +9,11 @@ use clap::{Args, Subcommand};
 use modulo_bags::bag::{BagWriter, Compression};
 use modulo_bags::source::{SourceError, is_endless};
 use modulo_eval::launch_file::{Evaluation, EvaluationPlan, NamedNodes, Recordings, SCORES, StreamResult};
-use modulo_eval::store;
 use modulo_eval::video::AnnotatedVideo;
 use modulo_launch::{Plan, Summary};
 use modulo_middleware::process::signals::first_signal;
 use modulo_runtime::lockstep::Lockstep;
-use modulo_runtime::output::{OutputError, prepare_file};
+use modulo_runtime::output::{OutputError, prepare_file, prepare_folder};
 use modulo_runtime::{NodeName, NodeReport, Parameters, SystemClock, Value};
 use modulo_video::VideoAddress;
 
@@ -70,22 +69,12 @@ pub enum Verb {
         /// Folder with results.json
         folder: PathBuf,
     },
-    /// Print the stream, method and model of highest accuracy within a time
-    Budget {
-        /// Folder with results.json
-        folder: PathBuf,
-        /// Time from the captured image to the boxes, ms
-        #[arg(long)]
-        ms: f64,
-    },
 }
 
 pub fn eval(args: &Eval) -> Result<Ended, Failure> {
     start_log(if args.verbose { "debug" } else { "warn" });
-    match &args.verb {
-        Some(Verb::Report { folder }) => return grid::report(folder),
-        Some(Verb::Budget { folder, ms }) => return grid::budget(folder, *ms),
-        None => {}
+    if let Some(Verb::Report { folder }) = &args.verb {
+        return grid::report(folder);
     }
     let out = args.out.as_deref().context("--out is needed").map_err(usage)?;
     match &args.file {
@@ -200,7 +189,7 @@ fn outputs(args: &Eval, plan: &EvaluationPlan) -> Result<Recordings, Failure> {
     let out = &plan.folder;
     let is_new = !out.exists();
     let opened = || -> anyhow::Result<Recordings> {
-        store::prepare(out)?;
+        prepare_folder(out)?;
         let files = plan.streams().map(|stream| format!("{}.json", stream.name));
         let files = files.chain([SUMMARY, SCORES].map(str::to_owned)).map(|name| out.join(name));
         files.filter(|file| file.exists()).try_for_each(|file| prepare_file(&file))?;

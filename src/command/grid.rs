@@ -1,5 +1,4 @@
-//! `modulo eval` without a launch file: runs the grid over labelled frames. `modulo eval report` and `modulo eval budget`
-//! show its results.
+//! `modulo eval` without a launch file: runs the grid over labelled frames. `modulo eval report` shows its results.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -14,7 +13,7 @@ use modulo_camera::CameraParameters;
 use modulo_eval::below_100;
 use modulo_eval::grid::{Data, GridError, GridEvent, GridOptions, Request, Suite, draw_pictures, run};
 use modulo_eval::results::{Cell, Provenance, Results};
-use modulo_eval::{budget as choices, report as page, store};
+use modulo_eval::{report as page, store};
 use modulo_images::ImageError;
 use modulo_runtime::clock::utc;
 use modulo_runtime::sensor::options::CHIP;
@@ -108,7 +107,7 @@ pub fn grid(args: &Grid, source: &[String], out: &Path) -> Result<Ended, Failure
     results.cells.iter().for_each(print_cell);
     tell_unscored(&results);
     let pictures = draw_pictures(&request, &Suite, &timer, &results).map_err(failure)?;
-    page::save_pictures(out, &pictures).map_err(failure)?;
+    pictures.iter().try_for_each(|chart| page::save_pictures(out, chart)).map_err(failure)?;
     say!("{}", page::write(out, &results).map_err(failure)?.display());
     Ok(if results.lost() { Ended::WithLoss } else { Ended::Done })
 }
@@ -209,13 +208,12 @@ fn data(args: &LabelledFrames, source: &[String]) -> Result<Data, Failure> {
         (None, [], None, Some(annotations), _) => {
             Ok(Data::Coco { annotations: annotations.clone(), images: args.coco_images.clone() })
         }
-        (None, [], None, None, [source]) if is_endless(source) => Err(usage(anyhow!(
-            "--source {source} has no end, but a grid needs one; give the number of frames, such as scene://day?frames=20"
-        ))),
-        (None, [], None, None, [source]) => Ok(Data::Any(source.clone())),
-        (None, [], None, None, [_, _, ..]) => {
-            Err(usage(anyhow!("a grid has one --source; give several with a launch file only")))
-        }
+        (None, [], None, None, [_, ..]) => match source.iter().find(|source| is_endless(source)) {
+            Some(source) => Err(usage(anyhow!(
+                "--source {source} has no end, but a grid needs one; give the number of frames, such as scene://day?frames=20"
+            ))),
+            None => Ok(Data::Any(source.to_vec())),
+        },
         _ => Err(usage(anyhow!(
             "nothing to evaluate: give a launch file, or one of --kitti, --sequence, --yolo, --coco, --source"
         ))),
@@ -252,24 +250,5 @@ fn print_cell(cell: &Cell) {
 
 pub fn report(folder: &Path) -> Result<Ended, Failure> {
     say!("{}", page::write(folder, &store::stored(folder)?)?.display());
-    Ok(Ended::Done)
-}
-
-/// Prints the Pareto front at each alpha, lens and noise. `*` marks the best choice within `ms`.
-pub fn budget(folder: &Path, ms: f64) -> Result<Ended, Failure> {
-    if !(ms > 0.0 && ms.is_finite()) {
-        return Err(usage(anyhow!("--ms is {ms}, it must be more than 0")));
-    }
-    let results = store::stored(folder)?;
-    for found in choices::within(&results, ms) {
-        say!("alpha {}, {}, times of {}:", found.alpha, found.conditions, found.pass);
-        for choice in &found.front {
-            let mark = if found.best.as_ref() == Some(choice) { '*' } else { ' ' };
-            say!("{mark} {:8.1} ms  AP50 {:5.1}  {}", choice.ms, 100.0 * choice.ap50, choice.name());
-        }
-        if found.best.is_none() {
-            say!("  no choice is within {ms} ms");
-        }
-    }
     Ok(Ended::Done)
 }

@@ -25,7 +25,7 @@ use modulo_runtime::{Clock, NodeName, NodeReport, Parameters, Stop, SystemClock,
 use super::eval::evaluable;
 use super::progress::{self, ProgressLine};
 use super::run::{NodeKind, kind_of};
-use super::{HASHES_VARIABLE, chosen_hashes, pairs, start_log, usage};
+use super::{pairs, start_log, usage};
 use crate::{Ended, Failure};
 
 /// Time between two looks at the reports of nodes in this process.
@@ -260,14 +260,9 @@ fn ignored(node: &NodePlan, node_name: &NodeName, declared: &Parameters) -> anyh
 }
 
 fn run_processes(mut plan: Plan, args: &Launch) -> Result<LaunchResult, Failure> {
-    let word = chosen_hashes()?.word();
-    for node in &mut plan.nodes {
-        // An `env` of the launch file wins over the option.
-        node.process.env.entry(HASHES_VARIABLE.to_owned()).or_insert_with(|| word.to_owned());
-        if args.verbose && node.package == modulo_launch::SUITE {
-            // In front: a level of the launch file comes later and wins.
-            node.ros_args.splice(0..0, ["--log-level", "debug"].map(str::to_owned));
-        }
+    for node in plan.nodes.iter_mut().filter(|node| args.verbose && node.package == modulo_launch::SUITE) {
+        // In front: a level of the launch file comes later and wins.
+        node.ros_args.splice(0..0, ["--log-level", "debug"].map(str::to_owned));
     }
     let names: Vec<&str> = plan.processes().map(|process| process.label.as_str()).collect();
     eprintln!("[launch] starting {}; Ctrl-C ends the run", names.join(", "));
@@ -361,10 +356,9 @@ fn members(plan: &Plan) -> Result<Vec<Member>, Failure> {
 }
 
 pub fn prepare(node: &ComposedNode) -> anyhow::Result<(&'static NodeKind, NodeName, Parameters)> {
-    let kind = kind_of(&node.kind)?;
-    let node_name = NodeName::new(&node.name, &node.namespace, &node.remaps)?;
-    let declared = kind.parameters_of(&node_name)?;
-    let known = declared.known_of(node.parameters.clone(), &node_name.fully_qualified());
-    let parameters = declared.with_text(&known).with_context(|| node_name.fully_qualified())?;
-    Ok((kind, node_name, parameters))
+    let ComposedNode { kind, node_name, parameters } = node;
+    let (kind, named) = (kind_of(kind)?, node_name.fully_qualified());
+    let declared = kind.parameters_of(node_name)?;
+    let known = declared.known_of(parameters.clone(), &named);
+    Ok((kind, node_name.clone(), declared.with_text(&known).context(named)?))
 }

@@ -25,9 +25,10 @@ mod progress;
 pub mod run;
 pub mod view;
 
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use anyhow::{Context, anyhow};
+use clap::CommandFactory as _;
 use modulo_middleware::graph::logger::ApplyLevel;
 use modulo_middleware::graph::rosout::RosoutLayer;
 use modulo_middleware::process::signals::end_on_signals;
@@ -42,18 +43,14 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::reload;
 use tracing_subscriber::util::SubscriberInitExt;
 
-use crate::cli::{self, Cli, Command};
+use crate::cli::{Cli, Command};
 use crate::{Ended, Failure};
 
-/// The environment variable for processes that take no option, such as the nodes of a launch.
+/// The environment variable of the form of type hashes: `rihs01` as ROS 2 writes them since Iron, or `none` for ROS 2 Humble.
 const HASHES_VARIABLE: &str = "MODULO_TYPE_HASH";
-
-/// The form of type hashes in all keys of this process, once it is chosen.
-static CHOSEN: OnceLock<Hashes> = OnceLock::new();
 
 /// Runs the command of `cli`.
 pub fn dispatch(cli: Cli) -> Result<Ended, Failure> {
-    cli.hash.into_iter().for_each(choose_hashes);
     match cli.command {
         Command::Launch(args) => launch::launch(&args),
         Command::Run(args) => run::run(&args),
@@ -70,13 +67,7 @@ pub fn dispatch(cli: Cli) -> Result<Ended, Failure> {
         Command::Model(args) => model::model(&args),
         Command::Doctor { sensor } => model::doctor(sensor.as_deref()),
         Command::Completions { shell } => {
-            clap_complete::generate(shell, &mut cli::command(), "modulo", &mut std::io::stdout());
-            Ok(Ended::Done)
-        }
-        Command::Man { folder } => {
-            std::fs::create_dir_all(&folder)
-                .and_then(|()| clap_mangen::generate_to(cli::command(), &folder))
-                .with_context(|| folder.display().to_string())?;
+            clap_complete::generate(shell, &mut Cli::command(), "modulo", &mut std::io::stdout());
             Ok(Ended::Done)
         }
     }
@@ -136,7 +127,7 @@ fn open_session() -> Result<(Arc<dyn Clock>, ZenohTransport), Failure> {
         tracing::warn!("{message}");
     }
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
-    let transport = ZenohTransport::open(domain()?, chosen_hashes()?, clock.clone())?;
+    let transport = ZenohTransport::open(domain()?, hashes()?, clock.clone())?;
     Ok((clock, transport))
 }
 
@@ -156,25 +147,14 @@ fn stop_on_signals() -> Result<Stop, Failure> {
     Ok(stop)
 }
 
-/// Chooses the form of type hashes for the whole process, regardless of the environment. The first choice stays.
-fn choose_hashes(hashes: Hashes) {
-    // Fails only when the option was given twice.
-    let _ = CHOSEN.set(hashes);
-}
-
-/// Returns the chosen form of type hashes, or the value of the environment variable.
-fn chosen_hashes() -> Result<Hashes, Failure> {
-    match (CHOSEN.get(), std::env::var(HASHES_VARIABLE)) {
-        (Some(chosen), _) => Ok(*chosen),
-        (None, Ok(text)) if !text.is_empty() => parse_hashes(&text),
-        (None, _) => Ok(Hashes::default()),
-    }
-}
-
-/// Reads the word of the option `--hash`.
-fn parse_hashes(text: &str) -> Result<Hashes, Failure> {
+/// Returns the form of type hashes that the environment asks for.
+fn hashes() -> Result<Hashes, Failure> {
+    let Some(text) = std::env::var(HASHES_VARIABLE).ok().filter(|text| !text.is_empty()) else {
+        return Ok(Hashes::default());
+    };
     let found = Hashes::WORDS.into_iter().find(|(word, _)| *word == text);
-    found
-        .map(|(_, hashes)| hashes)
-        .ok_or_else(|| usage(anyhow!("'{text}' is not a form of type hashes: rihs01 and none are possible")))
+    found.map(|(_, hashes)| hashes).ok_or_else(|| {
+        let why = "is not a form of type hashes: rihs01 and none are possible";
+        usage(anyhow!("{HASHES_VARIABLE}: '{text}' {why}"))
+    })
 }

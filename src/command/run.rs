@@ -27,7 +27,7 @@ use modulo_runtime::{
 use modulo_unwrap::{UnwrapNode, UnwrapParameters};
 use tracing_subscriber::filter::LevelFilter;
 
-use super::{camera_end, choose_hashes, open_session, parse_hashes, start_log_with, stop_on_signals, usage};
+use super::{camera_end, open_session, start_log_with, stop_on_signals, usage};
 use crate::{Ended, Failure, LONG_VERSION, VERSION};
 
 #[derive(Args)]
@@ -54,13 +54,6 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
     if answers(kind, &own) {
         return Ok(Ended::Done);
     }
-    let own = match &own[..] {
-        [option, value, rest @ ..] if option == "--hash" => {
-            choose_hashes(parse_hashes(value)?);
-            rest
-        }
-        own => own,
-    };
     if let Some(argument) = own.first() {
         return Err(usage(anyhow::anyhow!("{}: '{argument}' is unknown; try --help", kind.name)));
     }

@@ -131,7 +131,7 @@ fn a_grid_without_an_end_or_a_model_is_refused() {
     for (line, named) in [
         (&*format!("--source {FRONT} --model /no.onnx"), "/no.onnx"),
         ("--source scene://day?width=96&height=64", "--source"),
-        (&format!("--source {FRONT} --source {REAR}"), "--source"),
+        (&format!("--source {FRONT} --source scene://day"), "--source"),
     ] {
         assert_has(&eval(&bench, 2, line), &[named]);
         assert!(!bench.path("out").exists(), "{line}");

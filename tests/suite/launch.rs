@@ -298,12 +298,9 @@ fn check_tells_parameters_of_other_nodes_from_misspelt_ones() {
 }
 
 #[test]
-fn completions_and_manual_pages_name_the_commands() {
-    let bench = Bench::new();
-    assert_has(&bench.says(0, "completions bash"), &["modulo__subcmd__launch"]);
-    bench.says(0, "man @/man1");
-    let page = std::fs::read_to_string(bench.path("man1/modulo-bag-record.1")).expect("one for each command");
-    assert_has(&page, &["compression"]);
+fn completions_name_the_commands() {
+    let completions = Bench::new().says(0, "completions bash");
+    assert_has(&completions, &["modulo__subcmd__launch", "--compression"]);
 }
 
 #[test]
@@ -351,7 +348,6 @@ fn the_fastest_engine_is_named_among_those_that_are_accurate() {
     assert!(number(wrong, "p50_ms") < number(right, "p50_ms"), "{rows}");
     let missing = row("ort", "cuda", "demo")["missing"].as_str().expect("no GPU where the tests run");
     assert!(missing.contains("engine 'ort'") || missing.contains("cuda:0"), "{missing}");
-    assert!(bench.path("engines.png").exists());
     let is_named = |line: &str| line.contains("engine:=") && line.ends_with("model:=demo");
     assert!(complaint.lines().any(is_named), "{complaint}");
 }

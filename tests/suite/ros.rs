@@ -438,23 +438,25 @@ fn a_peer_that_does_not_fit_is_reported_once() {
     assert_has(&bench.says(0, "topic info /modulo"), &[&other, "nothing arrives"]);
 }
 
-/// `--hash none` speaks as ROS 2 Humble does, and says so to those that do not.
+/// `MODULO_TYPE_HASH=none` speaks as ROS 2 Humble does, and says so to those that do not.
 #[test]
 fn without_hashes_it_speaks_with_humble() {
     let bench = Bench::new();
-    let _unwrap = bench.start(&["--hash", "none", "run", "unwrap"]);
+    let mut unwrap = bench.modulo(&["run", "unwrap"]);
+    let unwrap = unwrap.env("MODULO_TYPE_HASH", "none").stdout(Stdio::null()).stderr(Stdio::null()).spawn();
+    let _unwrap = Background(unwrap.expect("the binary starts"));
     let peer = Peer::with_hashes(&bench, Hashes::None);
     wait_until("the node", || peer.transport.is_ready("/unwrap"));
     let graph = peer.transport.graph();
     let hashes: Vec<_> = graph.tokens().filter_map(|t| t.endpoint.clone()).map(|e| e.type_hash).collect();
     assert!(hashes.len() > 8 && hashes.iter().all(|hash| hash == NO_HASH), "{hashes:?}");
 
-    assert_has(&bench.says(0, "--hash none param get /unwrap method"), &["auto"]);
-    assert_has(&bench.says(1, "param get /unwrap method"), &["--hash none"]);
-    for (hash, code) in [("none", 0), ("md5", 2)] {
+    assert_has(&bench.says(1, "param get /unwrap method"), &["MODULO_TYPE_HASH=none"]);
+    for (hash, code, said) in [("none", 0, "auto"), ("md5", 2, "rihs01 and none are possible")] {
         let mut get = bench.modulo(&["param", "get", "/unwrap", "method"]);
         let output = get.env("MODULO_TYPE_HASH", hash).output().expect("the binary starts");
         assert_eq!(output.status.code(), Some(code), "{hash}: {}", text(&output));
+        assert_has(&text(&output), &[said]);
     }
 }
 

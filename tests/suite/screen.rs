@@ -244,26 +244,6 @@ fn the_version_names_engines_target_and_commit() {
 }
 
 #[test]
-fn only_commands_with_other_nodes_show_the_form_of_hashes() {
-    let bench = Bench::new();
-    for (command, shown) in [
-        ("launch", true),
-        ("bag record", true),
-        ("topic hz", true),
-        ("param", true),
-        ("", false),
-        ("eval", false),
-        ("bag info", false),
-        ("simulate", false),
-    ] {
-        let help = bench.says(0, &format!("{command} --help"));
-        assert_eq!(help.contains("--hash"), shown, "{command}: {help}");
-    }
-    bench.says(0, "--hash none doctor");
-    bench.says(0, "doctor --hash none");
-}
-
-#[test]
 fn doctor_tells_what_to_expect_of_a_sensor() {
     let bench = Bench::new();
     let line = |name: &str| {

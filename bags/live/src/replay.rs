@@ -453,7 +453,7 @@ fn fault(topic: &BagTopic, offered: &Result<Endpoint, String>, hashes: Hashes) -
         Err(why) => Some(format!("topic '{name}' is left out: {why}")),
         Ok(endpoint) if endpoint.type_hash == keys::NO_HASH && hashes == Hashes::Rihs01 => Some(format!(
             "topic '{name}' is found only by readers without type hashes: neither the bag nor the suite defines \
-             {type_name}, and --hash none plays without hashes"
+             {type_name}, and MODULO_TYPE_HASH=none plays without hashes"
         )),
         Ok(_) => None,
     }

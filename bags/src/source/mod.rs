@@ -7,6 +7,7 @@ mod bag;
 mod coco;
 mod folder;
 mod kitti;
+mod light;
 mod scene;
 mod video;
 mod yolo;
@@ -27,6 +28,7 @@ pub use bag::{BagSource, RecordedImage};
 pub use coco::CocoSource;
 pub use folder::FolderSource;
 pub use kitti::{FrameList, KittiFolder, KittiSource};
+pub use light::{Light, LightChange, light_of};
 pub use scene::SceneSource;
 pub use video::VideoSource;
 pub use yolo::YoloSource;
@@ -165,7 +167,7 @@ pub const FRAME_ID: &str = "camera_optical";
 
 /// Opens what `spec` names: a scene (`scene://PRESET?seed=N`), a bag (a `.mcap` or `.db3` file, or a
 /// folder with `metadata.yaml` or such files), a KITTI folder (with `image_2` or `image_02`), a folder of images,
-/// one image, or a video ([`VideoAddress`]).
+/// one image, or a video ([`VideoAddress`]), each under changing [`Light`] with `?light=NAME` behind it.
 ///
 /// # Errors
 /// [`SourceError`] when the path is missing, holds no frame, or cannot be read.
@@ -180,6 +182,15 @@ pub const FRAME_ID: &str = "camera_optical";
 /// # Ok::<(), modulo_bags::source::SourceError>(())
 /// ```
 pub fn open(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, SourceError> {
+    let (spec, light) = light::split(spec)?;
+    let source = open_unlit(&spec, options)?;
+    Ok(match light {
+        Some(light) => Box::new(light::RelitSource::new(source, light)),
+        None => source,
+    })
+}
+
+fn open_unlit(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, SourceError> {
     let is_bag = || !spec.contains("://") && crate::bag::is_bag(Path::new(spec));
     if let Some(topic) = options.topic.clone().filter(|_| !is_bag()) {
         let why = "is no bag and has no topics; leave source_topic empty";
@@ -213,6 +224,7 @@ pub fn open(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, Sour
 
 /// Returns whether `spec` names a scene without a number of frames, which never ends.
 pub fn is_endless(spec: &str) -> bool {
+    let Ok((spec, _)) = light::split(spec) else { return false };
     spec.starts_with("scene://")
         && spec.parse::<modulo_scene::SceneSpec>().is_ok_and(|scene| scene.frames == 0)
 }

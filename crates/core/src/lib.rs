@@ -7,6 +7,7 @@
 //! This crate reads no file, clock or environment, starts threads only when it is asked to, and does not know
 //! messages and topics.
 
+pub mod auto_exposure;
 pub mod boxes;
 pub mod bracket;
 mod dct;
@@ -17,6 +18,7 @@ pub mod gains;
 mod gains_mosaic;
 pub mod gradient;
 pub mod letterbox;
+mod metering;
 pub mod metric;
 pub mod mosaic;
 pub mod optics;
@@ -28,6 +30,7 @@ mod transfer;
 pub mod unwrap;
 mod workers;
 
+pub use auto_exposure::{AutoExposure, ExposureControl};
 pub use boxes::{BBox, Detection};
 pub use bracket::{Bracket, BracketError};
 pub use deblur::Deblur;
@@ -35,6 +38,7 @@ pub use display::DisplayCurve;
 pub use frame::{Frame, FrameError, SamplePosition, Samples};
 pub use gains::{Gains, TwoGains};
 pub use letterbox::Letterbox;
+pub use metering::{Metering, exposed_anew};
 pub use mosaic::Mosaic;
 pub use optics::Psf;
 pub use range::{Range, RangeError};

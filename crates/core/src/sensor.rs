@@ -489,7 +489,7 @@ impl Exposure {
     }
 
     /// Returns the picture of a sensor that saturates.
-    fn clipped(&self, x: &Array3<f32>) -> Frame {
+    pub(crate) fn clipped(&self, x: &Array3<f32>) -> Frame {
         let most = self.most();
         if self.transfer == Transfer::Linear {
             return self.digitise(x, |count| count.min(most));

@@ -12,7 +12,9 @@ pub struct Axis {
 pub enum Scale {
     /// Linear for shares from 0 to 1, whose ticks are in percent.
     Share,
-    /// Logarithmic around the data. Zeros have a position of their own before the smallest value.
+    /// Linear around the data.
+    Linear,
+    /// Logarithmic around the data, of which only positive values have a position of their own.
     Log,
     /// The distinct values of the data at equal distances, each with a tick. Points of several series at one value are drawn
     /// side by side, so that none covers another.
@@ -21,8 +23,6 @@ pub enum Scale {
 
 /// Margin beyond the first and the last tick, as a share of the length.
 const PAD: f64 = 0.05;
-/// Distance of the zeros from the smallest tick, in powers of ten.
-const ZERO: f64 = 0.8;
 
 /// An axis that is fitted to its data.
 pub struct FittedAxis {
@@ -37,8 +37,8 @@ pub struct FittedAxis {
 enum Places {
     /// The values.
     Linear,
-    /// The logarithms. `zero` is the position of zeros.
-    Log { zero: f64 },
+    /// The logarithms.
+    Log,
     /// The numbers of the values in this ascending list.
     Settings(Vec<f64>),
 }
@@ -47,6 +47,11 @@ impl Axis {
     /// A logarithmic axis of plain numbers, such as durations.
     pub fn log(label: impl Into<String>) -> Self {
         Self { label: label.into(), scale: Scale::Log }
+    }
+
+    /// A linear axis of plain numbers, such as frames.
+    pub fn linear(label: impl Into<String>) -> Self {
+        Self { scale: Scale::Linear, ..Self::log(label) }
     }
 
     /// An axis of the settings of the data, see [`Scale::Settings`].
@@ -63,7 +68,11 @@ impl Axis {
     pub fn fit(&self, values: impl Iterator<Item = f64> + Clone) -> FittedAxis {
         let (from, to, places, ticks) = match self.scale {
             Scale::Share => (0.0, 1.0, Places::Linear, vec![0.0, 0.2, 0.4, 0.6, 0.8, 1.0]),
-            Scale::Log => log_range(values),
+            Scale::Linear => linear_range(values),
+            Scale::Log => {
+                let ticks = log_ticks(values);
+                (ticks[0].log10(), ticks[ticks.len() - 1].log10(), Places::Log, ticks)
+            }
             Scale::Settings => {
                 let mut settings = distinct(values);
                 settings.sort_by(f64::total_cmp);
@@ -74,7 +83,7 @@ impl Axis {
         let pad = (to - from).max(1e-9) * PAD;
         let text = |value| match self.scale {
             Scale::Share => format!("{} %", rounded(100.0 * value)),
-            Scale::Log | Scale::Settings => rounded(value).to_string(),
+            Scale::Linear | Scale::Log | Scale::Settings => rounded(value).to_string(),
         };
         let ticks = ticks.into_iter().map(|value| (value, text(value))).collect();
         FittedAxis { from: from - pad, to: to + pad, places, ticks }
@@ -85,8 +94,7 @@ impl FittedAxis {
     /// Position of a value: 0 at the left or bottom, 1 at the other end. Values outside are clamped.
     pub fn place(&self, value: f64) -> f32 {
         let value = match &self.places {
-            Places::Log { zero } if value <= 0.0 => *zero,
-            Places::Log { .. } => value.log10(),
+            Places::Log => value.max(0.0).log10(),
             Places::Linear => value,
             Places::Settings(settings) => settings.partition_point(|setting| *setting < value) as f64,
         };
@@ -97,7 +105,7 @@ impl FittedAxis {
     pub fn step(&self) -> f32 {
         match self.places {
             Places::Settings(_) => (1.0 / (self.to - self.from)) as f32,
-            Places::Linear | Places::Log { .. } => 0.0,
+            Places::Linear | Places::Log => 0.0,
         }
     }
 }
@@ -118,30 +126,40 @@ fn rounded(value: f64) -> f64 {
     format!("{value:.9e}").parse().expect("a number that was just written")
 }
 
-/// Logarithms of both ends, the positions, and the values of the ticks.
-fn log_range(values: impl Iterator<Item = f64> + Clone) -> (f64, f64, Places, Vec<f64>) {
-    let positive = || values.clone().filter(|value| *value > 0.0);
-    let least = positive().fold(f64::INFINITY, f64::min);
-    let most = positive().fold(0.0, f64::max);
+/// Both ends, the positions, and the values of at most eleven ticks, which enclose the data.
+fn linear_range(values: impl Iterator<Item = f64> + Clone) -> (f64, f64, Places, Vec<f64>) {
+    let least = values.clone().fold(f64::INFINITY, f64::min);
+    let most = values.fold(f64::NEG_INFINITY, f64::max);
+    // Without data, and for a single value, the axis still needs a length.
+    let (least, most) = match most - least {
+        length if length > 0.0 => (least, most),
+        0.0 => (least - 0.5, most + 0.5),
+        _ => (0.0, 1.0),
+    };
+    let power = 10f64.powf(((most - least) / 9.0).log10().floor());
+    let step = [1.0, 2.0, 5.0].map(|m| m * power).into_iter().find(|step| (most - least) / step <= 9.0);
+    let step = step.unwrap_or(10.0 * power);
+    let (first, last) = ((least / step).floor() as i64, (most / step).ceil() as i64);
+    let ticks: Vec<f64> = (first..=last).map(|tick| tick as f64 * step).collect();
+    (ticks[0], ticks[ticks.len() - 1], Places::Linear, ticks)
+}
+
+/// The values of the ticks of a logarithmic axis, which enclose the positive values.
+fn log_ticks(values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let positive = values.filter(|value| *value > 0.0);
+    let (least, most) = positive.fold((f64::INFINITY, 0.0), |(a, b): (f64, f64), v| (a.min(v), b.max(v)));
     // Without positive data the axis still needs a range, so that the panel can be drawn.
     let (low, high) = if most > 0.0 { (least.log10(), most.log10()) } else { (-2.0, 0.0) };
     let (first, last) = (low.floor() as i32, (high.ceil() as i32).max(low.floor() as i32 + 1));
     // Over few powers of ten, ticks at the powers alone would leave most of the panel without one. Over many, the steps
     // in between would cover each other.
     let steps: &[f64] = if last - first <= 3 { &[1.0, 2.0, 5.0] } else { &[1.0] };
-    let mut ticks: Vec<f64> =
+    let ticks: Vec<f64> =
         (first..=last).flat_map(|power| steps.iter().map(move |m| m * 10f64.powi(power))).collect();
     // Only the ticks that enclose the data are kept.
     let start = ticks.iter().rposition(|tick| tick.log10() <= low + 1e-9).unwrap_or(0);
     let end = ticks.iter().position(|tick| tick.log10() >= high - 1e-9).unwrap_or(ticks.len() - 1);
-    ticks = ticks[start..=end.max(start)].to_vec();
-    let (from, to) = (ticks[0].log10(), ticks[ticks.len() - 1].log10());
-    // Zero has no logarithm. A method without any error must be visible all the same, at a tick of its own.
-    if values.clone().any(|value| value <= 0.0) {
-        ticks.insert(0, 0.0);
-        return (from - ZERO, to, Places::Log { zero: from - ZERO }, ticks);
-    }
-    (from, to, Places::Log { zero: from }, ticks)
+    ticks[start..=end.max(start)].to_vec()
 }
 
 #[cfg(test)]
@@ -164,9 +182,10 @@ mod tests {
             texts(&log.fit([0.02, 90.0, 1500.0].into_iter())),
             ["0.01", "0.1", "1", "10", "100", "1000", "10000"]
         );
+        let linear = axis(Scale::Linear);
         assert_eq!(
-            texts(&log.fit([0.0, 0.00002, 0.6].into_iter())),
-            ["0", "0.00001", "0.0001", "0.001", "0.01", "0.1", "1"]
+            texts(&linear.fit([-6.0, 22.0].into_iter())),
+            ["-10", "-5", "0", "5", "10", "15", "20", "25"]
         );
         let settings = axis(Scale::Settings);
         assert_eq!(texts(&settings.fit([4.0, 0.0, 1.5, 4.0].into_iter())), ["0", "1.5", "4"]);
@@ -176,8 +195,8 @@ mod tests {
 
     #[test]
     fn places_rise_with_values_and_stay_on_the_axis() {
-        for data in [vec![], vec![0.0], vec![5.0], vec![0.0, 1e-6, 0.3], vec![1e-12, 1e12], vec![7.0, 7.0]] {
-            for scale in [Scale::Log, Scale::Settings] {
+        for data in [vec![], vec![5.0], vec![1e-6, 0.3], vec![1e-12, 1e12], vec![7.0, 7.0]] {
+            for scale in [Scale::Linear, Scale::Log, Scale::Settings] {
                 let fitted = axis(scale).fit(data.iter().copied());
                 let places: Vec<f32> = fitted.ticks.iter().map(|(value, _)| fitted.place(*value)).collect();
                 assert!(places.windows(2).all(|pair| pair[0] < pair[1]), "{data:?}: {places:?}");

@@ -3,13 +3,6 @@ use crate::primitives::{Area, Position, RADIUS};
 /// Margin around a label, px.
 const AIR: f32 = 2.0;
 
-/// A label to be placed.
-pub struct LabelRequest {
-    pub spot: Position,
-    pub width: f32,
-    pub height: f32,
-}
-
 /// The areas that labels must not cover. It places labels near their points, one after the other.
 pub struct LabelLayout {
     /// The panel. Labels stay inside it.
@@ -27,8 +20,8 @@ impl LabelLayout {
         self.occupied.push((x - reach, y - reach, x + reach, y + reach));
     }
 
-    /// Occupies the free area of lowest cost around the position. `None` if the panel is full.
-    pub fn place(&mut self, request: &LabelRequest) -> Option<Area> {
+    /// Occupies the free area of lowest cost around `spot` for a label of this width and height. `None` if the panel is full.
+    pub fn place(&mut self, spot: Position, size: (f32, f32)) -> Option<Area> {
         // Positions on rings around the point, the nearest ring first. The search is greedy: a label that is placed
         // stays. A chart has a few dozen labels, for which this is good enough, fast, and the same on every run.
         let candidates = (0..24).flat_map(|ring| (0..16).map(move |angle| (ring, angle)));
@@ -39,11 +32,11 @@ impl LabelLayout {
             if best.is_some_and(|(cost, _)| cost <= far) {
                 break;
             }
-            let area = around(request, far, std::f32::consts::TAU * angle as f32 / 16.0);
+            let area = around(spot, size, far, std::f32::consts::TAU * angle as f32 / 16.0);
             if !self.is_free(area) {
                 continue;
             }
-            let cost = far + self.disorder(request.spot, area);
+            let cost = far + self.disorder(spot, area);
             if best.is_none_or(|(least, _)| cost < least) {
                 best = Some((cost, area));
             }
@@ -51,7 +44,7 @@ impl LabelLayout {
         let (_, area) = best?;
         self.occupied.push(area);
         // Later labels also avoid the line from this label to its point.
-        self.lines.push((request.spot, nearest(request.spot, area)));
+        self.lines.push((spot, nearest(spot, area)));
         Some(area)
     }
 
@@ -82,12 +75,11 @@ fn overlap(a: Area, b: Area) -> bool {
     a.0 < b.2 + AIR && b.0 < a.2 + AIR && a.1 < b.3 + AIR && b.1 < a.3 + AIR
 }
 
-/// The area that is about `far` px away from the position, in the direction of `angle`.
-fn around(request: &LabelRequest, far: f32, angle: f32) -> Area {
-    let (dx, dy) = (angle.cos(), -angle.sin());
-    let x = request.spot.0 + dx * (far + request.width / 2.0) - request.width / 2.0;
-    let y = request.spot.1 + dy * (far + request.height / 2.0) - request.height / 2.0;
-    (x, y, x + request.width, y + request.height)
+/// The area of this width and height that is about `far` px away from `spot`, in the direction of `angle`.
+fn around(spot: Position, (width, height): (f32, f32), far: f32, angle: f32) -> Area {
+    let x = spot.0 + angle.cos() * (far + width / 2.0) - width / 2.0;
+    let y = spot.1 - angle.sin() * (far + height / 2.0) - height / 2.0;
+    (x, y, x + width, y + height)
 }
 
 /// Whether the line from `a` to `b` crosses the area, checked every 3 px.
@@ -112,8 +104,7 @@ mod tests {
         (0..30).for_each(|i| layout.mark((240.0 + (i % 3) as f32, 20.0)));
         let markers = layout.occupied.len();
         for i in 0..30 {
-            let request = LabelRequest { spot: (240.0 + (i % 3) as f32, 20.0), width: 48.0, height: 12.0 };
-            let placed = layout.place(&request);
+            let placed = layout.place((240.0 + (i % 3) as f32, 20.0), (48.0, 12.0));
             assert!(placed.is_some_and(|area| area.1 >= 0.0 && area.2 <= 500.0), "label {i}: {placed:?}");
         }
         for (i, a) in layout.occupied.iter().enumerate().skip(markers) {
@@ -125,6 +116,6 @@ mod tests {
     fn a_full_panel_has_no_place() {
         let within = (0.0, 0.0, 50.0, 40.0);
         let mut layout = LabelLayout { within, occupied: vec![within], lines: vec![] };
-        assert_eq!(layout.place(&LabelRequest { spot: (20.0, 20.0), width: 10.0, height: 10.0 }), None);
+        assert_eq!(layout.place((20.0, 20.0), (10.0, 10.0)), None);
     }
 }

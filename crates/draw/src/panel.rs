@@ -2,7 +2,7 @@
 
 use crate::axis::{Axis, FittedAxis};
 use crate::canvas::{Anchor, Canvas};
-use crate::label::{LabelLayout, LabelRequest, nearest};
+use crate::label::{LabelLayout, nearest};
 use crate::primitives::{Area, Colour, FAINT, GREY, INK, Position, RADIUS, WHITE};
 use crate::style::Style;
 
@@ -222,8 +222,8 @@ fn near(a: &(Position, &DataPoint), b: &(Position, &DataPoint)) -> bool {
 
 /// Writes a label where there is room, with a thin line to its point if it is not beside it.
 fn note(canvas: &mut Canvas, layout: &mut LabelLayout, colour: Colour, spot: Position, text: &str) {
-    let request = LabelRequest { spot, width: canvas.font.width(text, LABEL_SIZE), height: LABEL_SIZE };
-    let Some(area) = layout.place(&request) else { return };
+    let size = (canvas.font.width(text, LABEL_SIZE), LABEL_SIZE);
+    let Some(area) = layout.place(spot, size) else { return };
     let edge = nearest(spot, area);
     if distance(edge, spot) > RADIUS + 9.0 {
         canvas.line(vec![spot, edge], colour, 0.6);

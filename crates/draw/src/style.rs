@@ -10,12 +10,14 @@ const CAP: f32 = 3.5;
 const FADED: Colour = [0xbd, 0xbd, 0xbd];
 const MARKERS: usize = 8;
 
-/// Colour and marker of each stream, method and stage of the project, by its name: it has this style in every chart. The
+/// Colour and marker of each stream and method of the project, by its name: it has this style in every chart. The
 /// first colours are those of Okabe and Ito, which colour-blind readers can distinguish. Each marker separates
 /// the names whose colours are similar.
-const STYLES: [(&str, Colour, usize); 23] = [
+const STYLES: [(&str, Colour, usize); 17] = [
     ("ideal", [0x00, 0x00, 0x00], 0),
     ("saturated", [0xe6, 0x9f, 0x00], 1),
+    ("metered", [0x56, 0xb4, 0xe9], 3),
+    ("auto_exposed", [0x00, 0x9e, 0x73], 6),
     ("modulo", [0xd5, 0x5e, 0x00], 2),
     ("auto", [0x00, 0x72, 0xb2], 3),
     ("spud", [0x00, 0x9e, 0x73], 4),
@@ -28,16 +30,7 @@ const STYLES: [(&str, Colour, usize); 23] = [
     ("least_squares", [0x8c, 0x56, 0x4b], 4),
     ("itoh", [0x44, 0xaa, 0x99], 7),
     ("checkerboard_gains", [0xbb, 0x33, 0x33], 3),
-    ("paper", [0x77, 0x77, 0x77], 5),
     ("pareto", [0x77, 0x77, 0x77], 0),
-    // The stages are filled bars, which are apart from each other in light colours.
-    ("merge", [0x99, 0xdd, 0xff], 0),
-    ("unwrap", [0x77, 0xaa, 0xdd], 1),
-    ("tone", [0x44, 0xbb, 0x99], 2),
-    ("deblur", [0xaa, 0xaa, 0x00], 3),
-    ("pre", [0xee, 0xdd, 0x88], 4),
-    ("infer", [0xee, 0x88, 0x66], 5),
-    ("post", [0xff, 0xaa, 0xbb], 6),
 ];
 
 /// Colour, marker and dashes of a series.

@@ -35,6 +35,16 @@ pub fn prepare_file(path: &Path) -> Result<(), OutputError> {
     opened.map(drop).map_err(|why| OutputError::new(path, why))
 }
 
+/// Makes the folder `path` with its parents if it is missing, and checks that a file can be written into it.
+///
+/// # Errors
+/// [`OutputError`] when that fails.
+pub fn prepare_folder(path: &Path) -> Result<(), OutputError> {
+    let probe = path.join(format!(".modulo-{}", std::process::id()));
+    let written = fs::create_dir_all(path).and_then(|()| fs::write(&probe, []));
+    written.and_then(|()| fs::remove_file(&probe)).map_err(|why| OutputError::new(path, why))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -59,5 +69,10 @@ mod tests {
             let why = prepare_file(&path).expect_err("not a file that can be written").to_string();
             assert!(why.contains(&path.display().to_string()) && why.contains("cannot be written"), "{why}");
         }
+        let why = prepare_folder(&file.join("out")).expect_err("a file is no folder").to_string();
+        assert!(why.contains("file/out: cannot be written"), "{why}");
+        let out = folder.path().join("new/out");
+        prepare_folder(&out).expect("writable");
+        assert_eq!(fs::read_dir(&out).expect("made").count(), 0, "the probe is gone");
     }
 }

@@ -10,12 +10,11 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use clap::Args;
-use modulo_draw::{Axis, Chart, ChartBody, ChartPanel, DataPoint, PageWidth, Series, SeriesStyle};
 use modulo_runtime::report::Percentiles;
 use serde::{Deserialize, Serialize};
 
 use crate::pipeline::{Mode, RESULTS, temporary_folder, watch};
-use crate::{BenchError, BenchEvent, below_100, make_folder, read_json, write, write_json};
+use crate::{BenchError, BenchEvent, make_folder, read_json, write_json};
 
 /// Engines and devices in the order in which they are measured; the first one that is there is the reference.
 const ENGINES: [(&str, &str); 6] = [
@@ -47,7 +46,7 @@ pub struct EnginesRequest {
     /// Number of inferences of each engine whose times are measured
     #[arg(long, default_value_t = 100)]
     pub count: usize,
-    /// Folder for results.json and the chart
+    /// Folder for results.json
     #[arg(short, long, value_name = "FOLDER")]
     pub out: PathBuf,
     /// Further options of modulo eval, such as -- --groups FILE
@@ -114,36 +113,26 @@ impl EngineRow {
         let Self { engine, device, model, .. } = self;
         format!("engine:={engine} device:={device} model:={model}")
     }
-
-    fn name(&self) -> String {
-        let Self { engine, device, model, .. } = self;
-        let model = Path::new(model).file_stem().map_or(model.into(), |stem| stem.to_string_lossy());
-        format!("{engine} on {device}, {model}")
-    }
 }
 
 /// Measures all engines on the frames that the options `source` of `modulo eval` name, and writes the results. `program` is the
-/// path of this program, `processor` the name of its machine's. Returns the rows and the files of the chart.
+/// path of this program.
 ///
 /// # Errors
 /// [`BenchError`] when no engine runs, there are too few frames, or a file cannot be read or written.
 pub fn engines(
     request: &EnginesRequest,
     source: &[OsString],
-    (program, processor): (&Path, &str),
+    program: &Path,
     tell: &mut dyn FnMut(BenchEvent<'_>),
-) -> Result<(Vec<EngineRow>, [PathBuf; 2]), BenchError> {
+) -> Result<Vec<EngineRow>, BenchError> {
     if request.count == 0 {
         return Err(BenchError::number("count", 0, "at least 1"));
     }
     make_folder(&request.out)?;
     let rows = rows(request, source, program, tell)?;
     write_json(&request.out.join(RESULTS), &rows)?;
-    let chart = chart(&rows, request, processor);
-    let files = ["engines.svg", "engines.png"].map(|name| request.out.join(name));
-    write(&files[0], chart.svg(PageWidth::Wide)?.as_bytes())?;
-    write(&files[1], &chart.png()?)?;
-    Ok((rows, files))
+    Ok(rows)
 }
 
 /// Measures each engine with each model; at least one of them runs.
@@ -279,39 +268,6 @@ fn figures(cell: EvaluatedCell, rss_mb: f64) -> Result<EngineFigures, BenchError
         p99_ms: infer.p99,
         rss_mb,
     })
-}
-
-fn chart(rows: &[EngineRow], request: &EnginesRequest, processor: &str) -> Chart {
-    let reference = rows.iter().find_map(EngineRow::figures).expect("an engine was measured");
-    let chosen = choice(rows);
-    let panel = |group: &String| {
-        let series = rows.iter().filter_map(|row| {
-            let figures = row.figures()?;
-            let (name, ap50) = (row.name(), *figures.ap50.get(group)?);
-            let point = DataPoint {
-                x: figures.p50_ms,
-                y: ap50,
-                interval: figures.interval95.get(group).copied(),
-                label: if chosen == Some(row) { "choice".to_owned() } else { String::new() },
-                hover: format!("{name}: {:.1} ms, AP50 of {group} {} %", figures.p50_ms, below_100(ap50, 1)),
-                is_faded: figures.loss >= MOST_LOSS,
-            };
-            Some(Series { points: vec![point], style: SeriesStyle::Markers, name })
-        });
-        ChartPanel {
-            x: Axis::log(format!("median time of an inference, ms, {} inferences", reference.inferences)),
-            y: Axis::share(format!("AP50 of {group}, %, {} frames", reference.frames)),
-            series: series.collect(),
-        }
-    };
-    Chart {
-        title: "Inference engines: the accuracy and the time of each".to_owned(),
-        subtitle: format!("alpha {}, lens blur of sigma {} px; {processor}", request.alpha, request.psf_sigma),
-        footer: "Bars: 95 % bootstrap intervals of AP50. Grey: loses 0.5 points of AP50 or more in a group against the first engine. \
-                 Choice: the fastest of the others. Towards the upper left is better."
-            .to_owned(),
-        body: ChartBody::Panels(reference.ap50.keys().map(panel).collect()),
-    }
 }
 
 #[cfg(test)]

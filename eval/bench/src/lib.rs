@@ -14,11 +14,10 @@ pub mod stability;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use modulo_core::metric::ShapesDiffer;
 use modulo_core::{SensorError, UnwrapError};
-use modulo_draw::ChartError;
 pub use modulo_draw::below_100;
 use modulo_images::{EXTENSIONS, ImageError, SaveError, is_hidden};
+use modulo_runtime::output::prepare_folder;
 use modulo_runtime::{ParameterError, launcher};
 use modulo_video::VideoError;
 use serde::Serialize;
@@ -36,9 +35,6 @@ pub enum BenchError {
     /// A file or folder cannot be read or written, or is not a list of results.
     #[error("{path}: {1}", path = .0.display())]
     Io(PathBuf, #[source] std::io::Error),
-    /// The chart cannot be drawn.
-    #[error(transparent)]
-    Chart(#[from] ChartError),
     /// An image cannot be read, or the white point is impossible.
     #[error(transparent)]
     Image(#[from] ImageError),
@@ -60,9 +56,6 @@ pub enum BenchError {
     /// A run of the pipeline, or of the network by itself, fails.
     #[error("{0}")]
     Run(String),
-    /// Images have different shapes.
-    #[error(transparent)]
-    Shapes(#[from] ShapesDiffer),
 }
 
 impl BenchError {
@@ -136,16 +129,9 @@ fn images(folder: &Path, tell: &mut dyn FnMut(BenchEvent<'_>)) -> Result<Vec<Pat
     Ok(images)
 }
 
-/// Creates `folder` and its parents, and checks that a file can be written into it: a run of hours must not end without results.
+/// Makes the folder of the results: a run of hours must not end without them.
 fn make_folder(folder: &Path) -> Result<(), BenchError> {
-    let made = fs::create_dir_all(folder).and_then(|()| tempfile::tempfile_in(folder));
-    let refused = |why| {
-        let folder = folder.display();
-        BenchError::Request(format!(
-            "no result can be written into {folder}, so that another folder is needed: {why}"
-        ))
-    };
-    made.map(drop).map_err(refused)
+    prepare_folder(folder).map_err(|why| BenchError::Request(why.to_string()))
 }
 
 /// Writes `value` as JSON, as [`write`] does.

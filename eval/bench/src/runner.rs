@@ -10,7 +10,7 @@ use clap::{Args, value_parser};
 use modulo_core::metric::{mse, psnr_db, quantile, ssim};
 use modulo_core::unwrap::{METHODS, Options, Sharpness, by_name, of_gains};
 use modulo_core::{
-    Exposure, Frame, Gains, MAX_THREADS, Range, Recovered, Samples, TwoGains, Unwrap, UnwrapError, tone,
+    Exposure, Frame, Gains, MAX_THREADS, Range, Recovered, TwoGains, Unwrap, UnwrapError, tone,
 };
 use modulo_images::save_png;
 use modulo_runtime::SensorModel;
@@ -233,7 +233,6 @@ fn recover(
     if capture.counts {
         save_counts(|what| path(&format!("_{what}")), &recovered.k, &recovered.x, *range)?;
     }
-    let truth = truth.as_ref();
     Ok(Row {
         file: file.to_owned(),
         sensor: (*sensor).clone(),
@@ -242,7 +241,7 @@ fn recover(
         trusted: recovered.report.trust.claim(),
         most_k: recovered.k.iter().copied().max().unwrap_or_default(),
         ms,
-        simulated: truth.map(|truth| compare(truth, &recovered.k, picture)).transpose()?,
+        simulated: truth.as_ref().map(|truth| compare(truth, &recovered.k, &picture)),
     })
 }
 
@@ -268,23 +267,17 @@ fn median_time(
 fn compare(
     (exposure, white, seed): &(Exposure, Option<f32>, u64),
     k: &Array3<u8>,
-    picture: Frame,
-) -> Result<Simulated, BenchError> {
-    let (ideal, picture) = (samples8(exposure.ideal().demosaiced().into_owned()), samples8(picture));
-    Ok(Simulated {
+    picture: &Frame,
+) -> Simulated {
+    const SHAPE: &str = "a method keeps the shape of its image";
+    let ideal = exposure.ideal().demosaiced().into_owned();
+    let [ideal, picture] = [&ideal, picture].map(|frame| frame.as_u8().expect("these pictures have 8 bits"));
+    Simulated {
         white: *white,
         seed: *seed,
-        psnr_db: psnr_db(mse(&picture, &ideal)?),
-        ssim: ssim(&picture, &ideal)?,
-        exact_k: exposure.exact_share(k).expect("a method keeps the shape of its image"),
-    })
-}
-
-/// The samples of an 8-bit image, which the metrics compare.
-fn samples8(frame: Frame) -> Array3<u8> {
-    match frame.into_samples() {
-        Samples::U8(samples) => samples,
-        Samples::U16(_) | Samples::F32(_) => unreachable!("ideal and toned pictures have 8 bits"),
+        psnr_db: psnr_db(mse(picture, ideal).expect(SHAPE)),
+        ssim: ssim(picture, ideal).expect(SHAPE),
+        exact_k: exposure.exact_share(k).expect(SHAPE),
     }
 }
 

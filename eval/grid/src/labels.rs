@@ -10,7 +10,8 @@ use crate::results::{Cell, Point, Stream};
 /// The parameters of the sensor that are named even where they have their default.
 const ALWAYS: [&str; 3] = ["alpha", "psf_sigma", "read_noise"];
 /// The parameters that the label of a stream names.
-const OF_STREAM: [&str; 3] = ["gains", "gain_ratio", "mosaic"];
+const OF_STREAM: [&str; 7] =
+    ["gains", "gain_ratio", "mosaic", "metering", "metering_target", "exposure_delay", "exposure_step"];
 
 /// A number among the parameters of the sensor, which charts vary or name.
 #[derive(Clone, Copy, PartialEq)]
@@ -122,6 +123,13 @@ pub fn stream(point: &Point) -> String {
         Some(method) if point.deblur => format!("{name} ({method}, deblurred)"),
         Some(method) => format!("{name} ({method})"),
         None if is_sharp_ideal(point) => format!("{name}, sharp"),
+        None if point.stream.is_metered() => {
+            let SensorModel { metering, metering_target, exposure_delay, exposure_step, .. } = point.sensor;
+            let plain = SensorModel::default();
+            let control = SensorModel { metering, metering_target, exposure_delay, exposure_step, ..plain };
+            let control = named(&control, &ALWAYS, text).join(", ");
+            if control.is_empty() { name } else { format!("{name} ({control})") }
+        }
         None => name,
     }
 }
@@ -173,8 +181,7 @@ pub fn grid(points: &[Point]) -> String {
 
 /// The conditions of a cell.
 pub fn conditions_of(point: &Point) -> Conditions {
-    let SensorModel { alpha, gains, gain_ratio, mosaic, .. } = SensorModel::default();
-    SensorModel { alpha, gains, gain_ratio, mosaic, ..point.sensor.clone() }
+    GridSetting("alpha").others(point)
 }
 
 /// Whether a cell belongs to these conditions.

@@ -5,7 +5,6 @@
 //! whose results are stored ([`store`]), drawn ([`chart`]) and reported ([`report`]). Nothing here uses a transport. The
 //! same frames and parameters give the same files, except for durations.
 
-pub mod budget;
 pub mod chart;
 pub mod classes;
 pub mod grid;

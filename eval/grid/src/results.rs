@@ -190,10 +190,14 @@ pub enum Stream {
     Ideal,
     /// Clipped at the peak
     Saturated,
+    /// Of a normal camera whose exposure follows the frames before
+    AutoExposed,
     /// Wrapped at the peak
     Modulo,
     /// Unwrapped
     Recovered,
+    /// Unwrapped, and shown with the exposure that the frame itself asks for
+    Metered,
     /// Three consecutive captures of a moving scene, merged as a normal camera does
     MultiExposure,
     /// The same three captures of a scene in which nothing moves; the difference is the effect of motion
@@ -205,7 +209,7 @@ pub enum Stream {
 pub struct Point {
     /// The image that the detector gets.
     pub stream: Stream,
-    /// Unwrapping method, or the one that the gains have. `None` for streams other than [`Stream::Recovered`], but for the
+    /// Unwrapping method, or the one that the gains have. `None` for streams that are not unwrapped, but for the
     /// saturated stream of a sensor with two gains, whose pixels are merged.
     pub method: Option<String>,
     /// Whether the lens blur was removed. Only for [`Stream::Recovered`].
@@ -220,6 +224,21 @@ pub struct Point {
 }
 
 impl Stream {
+    /// Whether its images are unwrapped.
+    pub fn is_unwrapped(self) -> bool {
+        matches!(self, Self::Recovered | Self::Metered)
+    }
+
+    /// Whether its exposure is metered.
+    pub fn is_metered(self) -> bool {
+        matches!(self, Self::Metered | Self::AutoExposed)
+    }
+
+    /// Whether an image depends on the frames before it.
+    pub fn follows_frames(self) -> bool {
+        self == Self::AutoExposed
+    }
+
     /// The name in results and options.
     pub fn name(self) -> String {
         self.to_possible_value().expect("no stream is hidden").get_name().to_owned()
@@ -282,10 +301,14 @@ pub struct Cell {
     pub difficulty: BTreeMap<Difficulty, BTreeMap<String, Option<f64>>>,
     /// Bounds of the 95 % bootstrap interval by figure: `ap50.vehicle`, `paper.f1`, ...
     pub interval95: BTreeMap<String, [f64; 2]>,
+    /// Share of the frames whose nearest object is found, of those with an object that counts. `None` without one.
+    #[serde(default)]
+    pub nearest: Option<f64>,
+    /// The accuracy around the changes of the light, if it changes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub moments: Vec<Moment>,
     /// The three figures of the paper.
     pub paper: Paper,
-    /// The [`WORST`] labelled frames with the lowest F1, the worst first.
-    pub worst: Vec<Worst>,
     /// Share of the samples with the true wrap count. This and the next three figures exist only for recovered streams.
     pub exact_k: Option<f64>,
     /// Share of the frames in which all samples have the true wrap count.
@@ -358,16 +381,19 @@ impl Cell {
     }
 }
 
-/// Number of frames in [`Cell::worst`].
-pub const WORST: usize = 3;
-
-/// A frame with a low F1.
+/// The accuracy at some time before or after the changes of the light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Worst {
-    /// Number among the scored frames, from 0.
-    pub number: usize,
-    /// F1 as in [`Paper::f1`].
-    pub f1: f64,
+pub struct Moment {
+    /// Whether the light gets darker, or else brighter.
+    pub is_darker: bool,
+    /// The first frame of the moment, counted from the first frame of the change.
+    pub frame: i64,
+    /// Number of frames, over all changes of all drives.
+    pub frames: usize,
+    /// Mean over the groups of AP at IoU 0.5.
+    pub ap50: Option<f64>,
+    /// Share of the frames whose nearest object is found.
+    pub nearest: Option<f64>,
 }
 
 /// AP of one class.

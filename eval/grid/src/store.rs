@@ -42,23 +42,6 @@ pub fn stored(folder: &Path) -> Result<Results, GridError> {
     load(folder)?.ok_or_else(missing)
 }
 
-/// Creates `folder` and checks that a file can be written into it.
-///
-/// # Errors
-/// [`GridError::Request`] if that fails.
-pub fn prepare(folder: &Path) -> Result<(), GridError> {
-    let probe = folder.join(format!(".modulo-{}", std::process::id()));
-    let written = std::fs::create_dir_all(folder).and_then(|()| std::fs::write(&probe, []));
-    let done = written.and_then(|()| std::fs::remove_file(&probe));
-    let refused = |why| {
-        let folder = folder.display();
-        GridError::Request(format!(
-            "no result can be written into {folder}, so that another folder is needed: {why}"
-        ))
-    };
-    done.map_err(refused)
-}
-
 /// Writes [`RESULTS`]. Creates `folder` if it is missing.
 ///
 /// # Errors

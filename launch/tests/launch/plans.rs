@@ -187,7 +187,7 @@ fn only_nodes_of_the_suite_can_share_a_process() {
     let suite =
         "launch:\n  - node: { pkg: modulo, exec: unwrap, param: [{ name: m, value: '1', type: str }] }\n";
     let nodes = compose(&plan(suite, &[])).expect("composable");
-    assert_eq!((nodes[0].kind.as_str(), nodes[0].name.as_str()), ("unwrap", "unwrap"));
+    assert_eq!((nodes[0].kind.as_str(), nodes[0].node_name.name.as_str()), ("unwrap", "unwrap"));
     assert_eq!(nodes[0].parameters, [("m".to_owned(), "1".to_owned())]);
     for (more, why) in [
         ("  - executable: { cmd: a }\n", "a cannot run in one process: it is an executable"),
@@ -262,13 +262,13 @@ fn raw_and_recovered_differ_in_the_input_alone() {
 #[test]
 fn compare_has_a_detector_for_each_stream() {
     let plan = shipped_plan("compare", &[]);
-    let expected = ["modulo", "recovered", "saturated", "ideal"];
-    let inputs: Vec<&str> = plan.nodes[..4].iter().map(|node| parameter(node, "input")).collect();
+    let expected = ["modulo", "recovered", "saturated", "auto_exposed", "ideal"];
+    let inputs: Vec<&str> = plan.nodes[..5].iter().map(|node| parameter(node, "input")).collect();
     assert_eq!(inputs, expected);
-    assert_eq!(names(&plan)[..4], expected.map(|stream| format!("detector_{stream}")));
+    assert_eq!(names(&plan)[..5], expected.map(|stream| format!("detector_{stream}")));
     assert_eq!(
-        parameter(&plan.nodes[4], "wait_for"),
-        "[detector_modulo, detector_recovered, detector_saturated, detector_ideal]"
+        parameter(&plan.nodes[5], "wait_for"),
+        "[detector_modulo, detector_recovered, detector_saturated, detector_auto_exposed, detector_ideal]"
     );
 }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use modulo_runtime::{NodeName, ParameterError, ParameterSet as _};
+use modulo_runtime::{NodeName, ParameterError, ParameterSet as _, StreamScale};
 
 use crate::classes::{ClassMap, Classes};
 use crate::engine::{EngineChoice, EngineOptions};
@@ -12,9 +12,6 @@ use crate::model::{DEMO, ModelLayout};
 
 /// The word for an input that follows the trust of the unwrapper.
 const AUTO: &str = "auto";
-
-/// The streams that have a short name.
-const STREAMS: [&str; 4] = ["modulo", "recovered", "saturated", "ideal"];
 
 modulo_runtime::parameters! {
     /// The parameters of the `detector` node.
@@ -27,11 +24,11 @@ modulo_runtime::parameters! {
         /// Device that runs the model: cpu, cuda or tensorrt, the last two with ort only and with the number of a GPU where it is
         /// not the first, such as cuda:1. A device that is not there is an error.
         device: String = "cpu".to_owned(),
-        /// Stream that the detector reads (the paper's p): modulo, recovered, saturated, ideal, an absolute topic such as
-        /// /camera/image_raw, or auto: recovered while unwrap trusts it, else that of fallback.
+        /// Stream that the detector reads (the paper's p): modulo, recovered, metered, saturated, auto_exposed, ideal, an absolute
+        /// topic such as /camera/image_raw, or auto: recovered while unwrap trusts it, else that of fallback.
         input: String = "recovered".to_owned(),
-        /// Stream that input: auto reads while unwrap does not trust the recovered image: modulo, recovered, saturated, ideal,
-        /// an absolute topic, or auto: what was measured to be best, saturated where the lens has no blur, else recovered.
+        /// Stream that input: auto reads while unwrap does not trust the recovered image: modulo, recovered, metered, saturated,
+        /// auto_exposed, ideal, an absolute topic, or auto: what was measured to be best, saturated where the lens has no blur, else recovered.
         fallback: String = AUTO.to_owned(),
         /// Namespaces of the cameras whose streams are read by turns, such as [/front, /rear]. The results of /front are on
         /// ~/front/detections and ~/front/annotated. Empty: one camera, in the namespace of the detector.
@@ -158,10 +155,12 @@ fn stream(parameter: &str, name: &str) -> Result<Option<String>, ParameterError>
     if name == AUTO {
         return Ok(None);
     }
-    if STREAMS.contains(&name) || (name.starts_with('/') && NodeName::default().resolve(name).is_ok()) {
+    if StreamScale::STREAMS.contains(&name)
+        || (name.starts_with('/') && NodeName::default().resolve(name).is_ok())
+    {
         return Ok(Some(name.to_owned()));
     }
-    let streams = STREAMS.join(", ");
+    let streams = StreamScale::STREAMS.join(", ");
     let why = format!("must be one of {streams}, auto, or an absolute topic such as /camera/image_raw");
     Err(ParameterError::new(parameter, name, why))
 }
@@ -172,13 +171,18 @@ mod tests {
 
     #[test]
     fn an_input_is_a_stream_or_a_topic() {
-        for possible in ["modulo", "recovered", "saturated", "ideal", "/image", "/camera/image_raw", "/_a/b2"]
+        for possible in
+            ["modulo", "recovered", "metered", "saturated", "auto_exposed", "ideal", "/image", "/_a/b2"]
         {
             assert_eq!(stream("input", possible), Ok(Some(possible.to_owned())));
         }
         for bad in ["", "p", "Recovered", "image", "/", "//a", "/a/", "/a b", "/2a", "~/a"] {
             let why = stream("input", bad).expect_err(bad).to_string();
-            assert!(why.contains("modulo, recovered, saturated, ideal") && why.contains("absolute"), "{why}");
+            assert!(
+                why.contains("modulo, recovered, metered, saturated, auto_exposed, ideal")
+                    && why.contains("absolute"),
+                "{why}"
+            );
         }
     }
 }

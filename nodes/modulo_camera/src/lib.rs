@@ -1,10 +1,12 @@
 //! The `modulo_camera` node: a simulated modulo sensor over any source of frames (images, a video, KITTI, a bag, a scene, a live
 //! camera, or an image topic of a running stack).
 //!
-//! One exposure gives the modulo, the saturated and the ideal stream; each is made only while it has a reader. The node
+//! One exposure gives the modulo, the saturated and the ideal stream, and a second one that of a normal camera with automatic exposure; each
+//! is made only while it has a reader. The node
 //! never unwraps and never paces itself: its period is a request to the driver.
 
 mod calibration;
+mod exposure;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -12,15 +14,16 @@ use std::time::Duration;
 
 use modulo_bags::source;
 use modulo_bags::source::{FRAME_ID, Source, SourceFrame, SourceOptions, to_detections};
-use modulo_core::Frame;
-use modulo_core::sensor::{Exposure, Sensor};
+use modulo_core::sensor::Sensor;
+use modulo_core::{AutoExposure, Frame};
 use modulo_images::{Coding, White};
+use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::name::NameError;
 use modulo_runtime::parameter::file as parameter_file;
 use modulo_runtime::ros_args::ArgsError;
 use modulo_runtime::secret::without_secrets;
-use modulo_runtime::topic::ImageCompression;
+use modulo_runtime::topic::{ImageCompression, RECOVERY_TOPIC};
 use modulo_runtime::{
     Context, Flow, Job, Message, MessageKind, Node, NodeName, ParameterError, ParameterSet as _, Parameters,
     Part, PlannedInputs, SensorModel, StampedFrame, StepError, SystemClock, Topic, Trigger, sensor_info,
@@ -29,6 +32,7 @@ use modulo_video::{LiveCounts, LiveVideo, VideoAddress};
 use ndarray::{Array3, Axis};
 
 use calibration::Calibration;
+use exposure::TrustedExposure;
 
 /// Output indices, in the order of [`Node::outputs`].
 const MODULO: usize = 0;
@@ -37,6 +41,7 @@ const IDEAL: usize = 2;
 const GROUND_TRUTH: usize = 3;
 const SENSOR_INFO: usize = 4;
 const CAMERA_INFO: usize = 5;
+const AUTO_EXPOSED: usize = 6;
 
 /// A step waits this long for a frame of a live camera. Between two steps the node answers requests.
 const LIVE_PATIENCE: Duration = Duration::from_millis(100);
@@ -49,7 +54,12 @@ pub struct ModuloCamera {
     /// That of the source.
     calibration: Calibration,
     sensor: Sensor,
-    /// Describes the sensor to the nodes that read its frames.
+    /// The normal camera beside it.
+    auto_exposure: AutoExposure,
+    /// The sensor of the next frame, which is described to the nodes that read it: that of the parameters, but for its exposure.
+    model: SensorModel,
+    /// The exposure control of the sensor, if it has one.
+    control: Option<TrustedExposure>,
     parameters: CameraParameters,
     /// Frames taken from this source since the launch, those that could not be read included.
     frames_read: u64,
@@ -76,10 +86,15 @@ impl ModuloCamera {
 
     fn with(input: CameraInput, parameters: &CameraParameters) -> Result<Self, ParameterError> {
         parameters.check()?;
+        let control = parameters.control();
+        let model = parameters.model(control.as_ref());
         Ok(Self {
             calibration: input.calibration(),
             input,
-            sensor: parameters.sensor.simulated()?,
+            sensor: model.simulated()?,
+            model,
+            control,
+            auto_exposure: parameters.sensor.auto_exposure()?,
             parameters: parameters.clone(),
             frames_read: 0,
             sensed: 0,
@@ -92,12 +107,21 @@ impl ModuloCamera {
         parameters: CameraParameters,
         input: Option<CameraInput>,
     ) -> Result<(), ParameterError> {
-        // The only step that can fail comes first, so that a set that is refused changes nothing.
-        self.sensor = parameters.sensor.simulated()?;
-        if let Some(input) = input {
-            self.calibration = input.calibration();
-            (self.input, self.frames_read) = (input, 0);
+        // The only steps that can fail come first, so that a set that is refused changes nothing.
+        // The control goes on, unless alpha was set.
+        let goes_on = parameters.sensor.alpha == self.parameters.sensor.alpha;
+        let control = if goes_on { self.control.clone() } else { parameters.control() };
+        let model = parameters.model(control.as_ref());
+        let (sensor, mut auto_exposure) = (model.simulated()?, parameters.sensor.auto_exposure()?);
+        match input {
+            Some(input) => {
+                self.calibration = input.calibration();
+                (self.input, self.frames_read) = (input, 0);
+            }
+            None => auto_exposure.go_on_from(&self.auto_exposure),
         }
+        (self.sensor, self.auto_exposure) = (sensor, auto_exposure);
+        (self.model, self.control) = (model, control);
         self.parameters = parameters;
         Ok(())
     }
@@ -135,7 +159,10 @@ impl ModuloCamera {
         let seed = self.parameters.seed.unsigned_abs().wrapping_add(number);
         self.sensed += 1;
         // Before the frame that it describes, and for late readers also when there is no reader now.
-        let sensor = self.parameters.sensor.of_channels(radiance.len_of(Axis(2)));
+        if let Some(control) = &mut self.control {
+            control.exposed(header.stamp);
+        }
+        let sensor = self.model.of_channels(radiance.len_of(Axis(2)));
         let info = sensor_info::message(header, &sensor, cx.node());
         cx.emit(SENSOR_INFO, info);
         if !self.calibration.is_on_topic_of(cx.node()) && cx.wanted(CAMERA_INFO) {
@@ -143,21 +170,32 @@ impl ModuloCamera {
             let info = self.calibration.of((side(0), side(1)), header);
             cx.emit(CAMERA_INFO, Message::CameraInfo(Arc::new(info)));
         }
-        if ![MODULO, SATURATED, IDEAL].iter().any(|&output| cx.wanted(output)) {
-            return Ok(());
+        let (sensor, normal, view) = (&self.sensor, &mut self.auto_exposure, radiance.view());
+        if [MODULO, SATURATED, IDEAL].iter().any(|&output| cx.wanted(output)) {
+            let exposure = cx.stage("sense", || sensor.expose(view, seed)).map_err(|why| why.to_string())?;
+            send(cx, header, MODULO, || exposure.modulo());
+            send(cx, header, SATURATED, || exposure.saturated());
+            send(cx, header, IDEAL, || exposure.ideal());
         }
-        let exposure =
-            cx.stage("sense", || self.sensor.expose(radiance.view(), seed)).map_err(|why| why.to_string())?;
-        // A stream without a reader is not even computed.
-        let mut send = |output, frame: fn(&Exposure) -> Frame| {
-            if cx.wanted(output) {
-                let image = StampedFrame { header: header.clone(), frame: frame(&exposure) };
-                cx.emit(output, Message::Image(Arc::new(image)));
-            }
-        };
-        send(MODULO, Exposure::modulo);
-        send(SATURATED, Exposure::saturated);
-        send(IDEAL, Exposure::ideal);
+        if cx.wanted(AUTO_EXPOSED) {
+            let image =
+                cx.stage("auto_expose", || normal.expose(view, seed)).map_err(|why| why.to_string())?;
+            send(cx, header, AUTO_EXPOSED, || image);
+        }
+        Ok(())
+    }
+
+    /// Follows the trust of the unwrapper in a frame.
+    fn follow(&mut self, recovery: &DiagnosticArray) -> Result<(), StepError> {
+        let Some(control) = &mut self.control else { return Ok(()) };
+        let values = recovery.status.iter().flat_map(|status| &status.values);
+        // A method that makes no claim trusts nothing.
+        let is_trusted = values.into_iter().any(|value| value.key == "trusted" && value.value == "true");
+        if control.note(recovery.header.stamp, is_trusted) {
+            let model = self.parameters.model(Some(control));
+            self.sensor = model.simulated().map_err(|why| StepError::Fatal(why.to_string()))?;
+            self.model = model;
+        }
         Ok(())
     }
 
@@ -195,6 +233,14 @@ impl ModuloCamera {
     }
 }
 
+/// Sends an image, which is not even computed for an output without a reader.
+fn send(cx: &mut Context<'_>, header: &Header, output: usize, frame: impl FnOnce() -> Frame) {
+    if cx.wanted(output) {
+        let image = StampedFrame { header: header.clone(), frame: frame() };
+        cx.emit(output, Message::Image(Arc::new(image)));
+    }
+}
+
 /// Returns the topics that a camera publishes.
 pub fn outputs() -> Vec<Topic> {
     vec![
@@ -205,15 +251,18 @@ pub fn outputs() -> Vec<Topic> {
         Topic::new("ground_truth", MessageKind::Detections),
         sensor_info::topic(),
         Topic::new("camera_info", MessageKind::CameraInfo),
+        Topic::new("auto_exposed", MessageKind::Image),
     ]
 }
 
 impl Node for ModuloCamera {
     fn inputs(&self) -> Vec<Topic> {
-        match &self.input {
+        let mut topics = match &self.input {
             CameraInput::Topic { name, .. } => calibration::topics(name),
             CameraInput::Frames(_) | CameraInput::Live(..) => Vec::new(),
-        }
+        };
+        topics.extend(self.parameters.feedback());
+        topics
     }
 
     fn inputs_with(&self, next: &Parameters) -> Result<PlannedInputs, ParameterError> {
@@ -222,7 +271,8 @@ impl Node for ModuloCamera {
             return Ok(PlannedInputs { first: self.inputs(), later: Vec::new() });
         }
         let topics = topic_of(&next.source)?.map(calibration::topics);
-        Ok(PlannedInputs { first: topics.unwrap_or_default(), later: Vec::new() })
+        let first = [topics.unwrap_or_default(), next.feedback().into_iter().collect()].concat();
+        Ok(PlannedInputs { first, later: Vec::new() })
     }
 
     fn outputs(&self) -> Vec<Topic> {
@@ -291,19 +341,22 @@ impl Node for ModuloCamera {
                 self.sense(self.frames_read - 1, &radiance, &header, cx).map_err(StepError::Skip)?;
             }
             Trigger::Message { message: Message::CameraInfo(info), .. } => self.calibration.take(info),
+            Trigger::Message { message: Message::Diagnostics(recovery), .. } => self.follow(&recovery)?,
             Trigger::Message { .. } => {}
         }
         Ok(if self.is_over() { Flow::Done } else { Flow::Continue })
     }
 
     fn state(&self) -> Vec<(&'static str, String)> {
-        let CameraParameters { source, sensor, .. } = &self.parameters;
-        [vec![("source", without_secrets(source).into_owned())], sensor.to_text()].concat()
+        let source = without_secrets(&self.parameters.source).into_owned();
+        [vec![("source", source)], self.model.to_text()].concat()
     }
 
     fn status(&self) -> Vec<(&'static str, String)> {
         let mut status = vec![("role", "source".into()), ("frames", self.sensed.to_string())];
-        status.extend(self.parameters.sensor.fit_up_to().map(|fit| ("fit_up_to_alpha", fit.to_string())));
+        status.extend(self.auto_exposure.exposure().map(|exposure| ("auto_exposure", exposure.to_string())));
+        status.extend(self.control.as_ref().map(|control| ("alpha", control.alpha().to_string())));
+        status.extend(self.model.fit_up_to().map(|fit| ("fit_up_to_alpha", fit.to_string())));
         if let CameraInput::Live(video, _) = &self.input {
             let LiveCounts { arrived, replaced, connections } = video.counts();
             let counts = format!("{arrived} frames arrived, {replaced} replaced, {connections} connections");
@@ -466,8 +519,27 @@ modulo_runtime::parameters! {
         /// Coordinate frame of the images, with the axes of an optical frame of REP 103 (z forward, x right, y down).
         /// Empty: that of the source, and camera_optical for a source without one.
         frame_id: String = String::new(),
+        /// Exposure of the modulo sensor. fixed: the saturation factor is alpha. trusted: it starts at alpha and becomes as large, up to
+        /// alpha_most, as unwrap trusts the frames (on the topic recovery), so that the sensor collects as much light as can be unwrapped.
+        exposure: ExposureChoice = ExposureChoice::Fixed => ExposureChoice::WORDS; fixed,
+        /// Largest saturation factor of exposure: trusted.
+        alpha_most: f64 = 8.0 => 1.0..=256.0; fixed,
         ..sensor: SensorModel,
     }
+}
+
+/// Who chooses the exposure of the modulo sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ExposureChoice {
+    /// The parameter alpha.
+    Fixed,
+    /// The trust of the unwrapper.
+    Trusted,
+}
+
+impl ExposureChoice {
+    /// Every choice with its word.
+    pub const WORDS: [(&'static str, Self); 2] = [("fixed", Self::Fixed), ("trusted", Self::Trusted)];
 }
 
 impl CameraParameters {
@@ -504,6 +576,25 @@ impl CameraParameters {
             .map(|text| text.parse().map_err(|why: String| ParameterError::new("knees", text, why)));
         let (knees, white, black) = (knees.transpose()?, *white as f32, *black as f32);
         Ok(Coding { white, black, knees, transfer: *transfer, mosaic: *mosaic })
+    }
+
+    /// Returns the exposure control, if there is one. Pixels of a given lower gain must not wrap.
+    fn control(&self) -> Option<TrustedExposure> {
+        let Self { sensor: SensorModel { alpha, gains, gain_ratio, .. }, alpha_most, .. } = *self;
+        let most = if gains && gain_ratio > 0.0 { alpha_most.min(gain_ratio.recip()) } else { alpha_most };
+        (self.exposure == ExposureChoice::Trusted).then(|| TrustedExposure::new(alpha, most))
+    }
+
+    /// Returns the sensor with the exposure of `control`.
+    fn model(&self, control: Option<&TrustedExposure>) -> SensorModel {
+        let alpha = control.map_or(self.sensor.alpha, TrustedExposure::alpha);
+        SensorModel { alpha, ..self.sensor.clone() }
+    }
+
+    /// Returns the topic that an exposure control follows.
+    fn feedback(&self) -> Option<Topic> {
+        let follows = self.exposure == ExposureChoice::Trusted;
+        follows.then(|| Topic::new(RECOVERY_TOPIC, MessageKind::Diagnostics))
     }
 
     /// Returns the time between two frames. Zero: as fast as its readers take them.

@@ -11,6 +11,7 @@ use std::time::Duration;
 use modulo_bags::bag::{BagTopic, BagWriter, Compression};
 use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_core::{Frame, Mosaic};
+use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::image::encode_frame;
 use modulo_msgs::sensor_msgs::{CameraInfo, RegionOfInterest};
 use modulo_msgs::std_msgs::{Header, Time};
@@ -21,7 +22,12 @@ use modulo_runtime::{
 use modulo_video::Encoder;
 use ndarray::Array3;
 
+/// The streams and the ground truth are wanted.
 const ALL: [bool; 4] = [true; 4];
+
+/// The output of the camera with automatic exposure, which alone is wanted.
+const AUTO_EXPOSED: usize = 6;
+const ONLY_AUTO_EXPOSED: [bool; 7] = [false, false, false, false, false, false, true];
 
 fn parameters(changes: &[(&str, &str)]) -> CameraParameters {
     CameraParameters::from_text(changes).expect("possible")
@@ -540,4 +546,50 @@ fn the_sensor_files_are_possible() {
     std::fs::write(&file, "/**:\n  ros__parameters: { bits: 8, alpha: 2.0 }\n").expect("writable");
     let why = CameraParameters::read_sensor(&file).expect_err("alpha is no value of a chip").to_string();
     assert!(why.contains("alpha.yaml") && why.contains("'alpha'"), "{why}");
+}
+
+#[test]
+fn a_camera_with_automatic_exposure_follows_the_light_with_its_delay() {
+    let source = "scene://glare?seed=3&frames=60&width=96&height=48&light=tunnels";
+    let means = |delay: &str, wanted: &[bool], output| {
+        let mut node = camera(&[("source", source), ("alpha", "4"), ("exposure_delay", delay)]);
+        let mean = |_| {
+            let (_, sent) = step(&mut node, Trigger::Tick, wanted).expect("a frame");
+            frame(&sent, output).frame.to_f32().mean().expect("samples")
+        };
+        (0..60).map(mean).collect::<Vec<f32>>()
+    };
+    let [quick, slow] = ["1", "3"].map(|delay| means(delay, &ONLY_AUTO_EXPOSED, AUTO_EXPOSED));
+    // The goal is 0.3 of the largest code.
+    assert!(quick[..50].iter().all(|mean| (mean / 255.0 - 0.3).abs() < 0.03), "{quick:?}");
+    // The light falls to a 16th within 6 frames; the gain brings it back.
+    let during = |means: &[f32]| means[50..58].iter().sum::<f32>();
+    assert!(during(&slow) < 0.9 * during(&quick), "{slow:?} {quick:?}");
+    assert!(during(&quick) < 0.9 * quick[..8].iter().sum::<f32>(), "{quick:?}");
+}
+
+#[test]
+fn the_exposure_follows_the_trust_of_the_unwrapper_and_is_described() {
+    let source = "scene://day?seed=3&frames=60&width=96&height=48";
+    let mut node =
+        camera(&[("source", source), ("alpha", "2"), ("exposure", "trusted"), ("alpha_most", "6")]);
+    assert_eq!(node.inputs().iter().map(|topic| topic.name.as_str()).collect::<Vec<_>>(), ["recovery"]);
+    let alpha = |node: &ModuloCamera| {
+        let state = node.state().into_iter().find(|(name, _)| *name == "alpha").expect("described").1;
+        state.parse::<f64>().expect("a number")
+    };
+    let mut alphas = Vec::new();
+    for number in 0..60 {
+        let (_, sent) = step(&mut node, Trigger::Tick, &ALL).expect("a frame");
+        alphas.push(alpha(&node));
+        let header = frame(&sent, 0).header.clone();
+        let values = vec![KeyValue { key: "trusted".into(), value: (alphas[number] < 3.0).to_string() }];
+        let status = vec![DiagnosticStatus { values, ..DiagnosticStatus::default() }];
+        let message = Message::Diagnostics(Arc::new(DiagnosticArray { header, status }));
+        step(&mut node, Trigger::Message { input: 0, message }, &ALL).expect("a status");
+    }
+    assert_eq!(alphas[0], 2.0);
+    assert!(alphas.iter().any(|alpha| *alpha >= 3.0), "it looks for the limit: {alphas:?}");
+    assert!(alphas.iter().filter(|alpha| **alpha >= 3.0).count() <= 2, "{alphas:?}");
+    assert!(alphas[40..].iter().all(|alpha| (2.3..3.0).contains(alpha)), "{alphas:?}");
 }

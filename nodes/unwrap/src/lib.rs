@@ -1,4 +1,5 @@
-//! The `unwrap` node: a modulo image in, the recovered image out, with 8 bits for a detector, sharpened on request, and
+//! The `unwrap` node: a modulo image in, the recovered image out, with 8 bits for a detector, sharpened on request, metered (with the exposure
+//! that the frame itself asks for), and
 //! as HDR: the counts that the sensor saw, exact, as integers of 16 bits where `alpha * 2^bits <= 65536`, else as
 //! floats. On request, both are without the noise of the sensor.
 //!
@@ -17,7 +18,7 @@ use modulo_core::unwrap::{
     Method, Options, QualityMetrics, Recovered, Report, Sharpness, ThresholdOn, Trust, TrustLimits, Unwrap,
     UnwrapError, of_gains,
 };
-use modulo_core::{Frame, FrameError, MAX_THREADS, Psf, Range, tone};
+use modulo_core::{Frame, FrameError, MAX_THREADS, Psf, Range, exposed_anew, tone};
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::sensor::parameters::SensorOverride;
@@ -34,6 +35,7 @@ const HDR: usize = 1;
 const DIAGNOSTICS: usize = 2;
 const RECOVERY: usize = 3;
 const CONFIDENCE: usize = 4;
+const METERED: usize = 5;
 
 /// Why a frame without a sensor description is skipped.
 const UNDESCRIBED: &str = "no sensor description has come on the topic sensor_info; start a camera or replay a bag that has this \
@@ -244,23 +246,40 @@ impl UnwrapNode {
         Ok(())
     }
 
+    /// Sends the pictures for a detector that have a reader.
+    fn emit_pictures(&self, modulo: &StampedFrame, cx: &mut Context<'_>) -> Result<(), FrameError> {
+        if !cx.wanted(RECOVERED) && !cx.wanted(METERED) {
+            return Ok(());
+        }
+        let Prepared { model, range, deblur, .. } = self.sensor.as_ref().expect("`prepare` comes before");
+        let radiance = &self.recovered.x;
+        let x = match modulo.frame.mosaic() {
+            None => Cow::Borrowed(radiance),
+            Some(mosaic) => Cow::Owned(cx.stage("demosaic", || mosaic.demosaic(radiance.view()))),
+        };
+        // A sharpened image is for the detector only: `hdr` keeps what the sensor saw.
+        let shown = |cx: &mut Context<'_>, range| match deblur {
+            None => cx.stage("tone", || tone::picture(&x, range, model.transfer)),
+            Some(deblur) => cx.stage("deblur", || deblur.picture(&x, range, model.transfer)),
+        };
+        if cx.wanted(RECOVERED) {
+            let frame = shown(cx, *range)?;
+            cx.emit(RECOVERED, stamped(&modulo.header, frame));
+        }
+        if cx.wanted(METERED) {
+            let SensorModel { transfer, metering, metering_target, .. } = *model;
+            let range = cx.stage("meter", || exposed_anew(&x, *range, transfer, metering, metering_target));
+            let frame = shown(cx, range)?;
+            cx.emit(METERED, stamped(&modulo.header, frame));
+        }
+        Ok(())
+    }
+
     /// Sends the images of the result that have a reader.
     fn emit_images(&self, modulo: &StampedFrame, cx: &mut Context<'_>) -> Result<(), FrameError> {
-        let Prepared { model, range, deblur, .. } = self.sensor.as_ref().expect("`prepare` comes before");
-        let mosaic = modulo.frame.mosaic();
-        let radiance = &self.recovered.x;
-        if cx.wanted(RECOVERED) {
-            let x = match mosaic {
-                None => Cow::Borrowed(radiance),
-                Some(mosaic) => Cow::Owned(cx.stage("demosaic", || mosaic.demosaic(radiance.view()))),
-            };
-            // A sharpened image is for the detector only: `hdr` keeps what the sensor saw.
-            let frame = match deblur {
-                None => cx.stage("tone", || tone::picture(&x, *range, model.transfer)),
-                Some(deblur) => cx.stage("deblur", || deblur.picture(&x, *range, model.transfer)),
-            };
-            cx.emit(RECOVERED, stamped(&modulo.header, frame?));
-        }
+        let Prepared { range, .. } = self.sensor.as_ref().expect("`prepare` comes before");
+        let (mosaic, radiance) = (modulo.frame.mosaic(), &self.recovered.x);
+        self.emit_pictures(modulo, cx)?;
         if cx.wanted(HDR) {
             let frame = tone::hdr(radiance, *range)?;
             // There is no encoding for a mosaic of floats.
@@ -292,6 +311,7 @@ pub fn outputs() -> Vec<Topic> {
         topic::diagnostics(),
         Topic::new(RECOVERY_TOPIC, MessageKind::Diagnostics),
         Topic::new("confidence", MessageKind::Image),
+        Topic::new("metered", MessageKind::Image),
     ]
 }
 
@@ -326,7 +346,7 @@ impl Node for UnwrapNode {
         match trigger {
             Trigger::Message { message: Message::Image(modulo), .. }
                 // Without any reader the whole work is saved.
-                if (RECOVERED..=CONFIDENCE).any(|output| cx.wanted(output)) =>
+                if (RECOVERED..=METERED).any(|output| cx.wanted(output)) =>
             {
                 self.take(modulo, cx)
             }

@@ -3,7 +3,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::feed::STREAMS;
+use modulo_runtime::StreamScale;
+
 use crate::protocol::{DetectorView, GraphView};
 
 /// The most streams that are remembered; a publisher may invent more.
@@ -58,12 +59,14 @@ fn camera_by_name(topic: &str, detectors: &[DetectorView]) -> String {
 /// Returns the rank of an image topic among those of its camera: the streams of the suite come first.
 fn rank(topic: &str) -> usize {
     let name = topic.rsplit('/').next();
-    STREAMS.iter().position(|stream| Some(*stream) == name).unwrap_or(STREAMS.len())
+    StreamScale::STREAMS.iter().position(|stream| Some(*stream) == name).unwrap_or(StreamScale::STREAMS.len())
 }
 
 /// Brings image topics into the order in which they are listed: the streams of the suite by camera, then the others.
 pub(crate) fn sort(images: &mut [String], cameras: &BTreeMap<String, String>) {
-    let key = |topic: &String| (rank(topic) == STREAMS.len(), cameras.get(topic), rank(topic), topic.clone());
+    let key = |topic: &String| {
+        (rank(topic) == StreamScale::STREAMS.len(), cameras.get(topic), rank(topic), topic.clone())
+    };
     images.sort_by(|a, b| key(a).cmp(&key(b)));
 }
 
@@ -77,7 +80,7 @@ pub(crate) struct FirstStreams {
 impl FirstStreams {
     /// Returns the streams of the only camera, one of each of several cameras, or any image where there are no streams.
     pub fn of(&mut self, graph: &GraphView) -> Vec<String> {
-        let streams = graph.images.iter().filter(|topic| rank(topic) < STREAMS.len());
+        let streams = graph.images.iter().filter(|topic| rank(topic) < StreamScale::STREAMS.len());
         for topic in streams {
             if self.seen.len() < MOST_SEEN {
                 self.seen.insert(topic.clone());

@@ -11,17 +11,15 @@ use modulo_msgs::ros_name;
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::topic::{Durability, Profile, Reliability};
 use modulo_runtime::wire::keys::{Endpoint, EntityKind, Token};
-use modulo_runtime::{Clock, Message, MessageKind, NodeName};
+use modulo_runtime::{Clock, Message, MessageKind, NodeName, StreamScale};
 
 use crate::cameras;
-use crate::protocol::{DetectorView, GraphView, LinkView, StatusView};
+use crate::protocol::{DetectorView, GraphView, LinkView};
 
 /// Name of the player of ROS 2, and of the suite.
 pub(crate) const PLAYER: &str = "/rosbag2_player";
 /// The input that follows the trust of the unwrapper.
 const AUTO: &str = "auto";
-/// The streams that a detector reads by a short name.
-pub(crate) const STREAMS: [&str; 4] = ["modulo", "recovered", "saturated", "ideal"];
 /// Names of statuses that are kept; a publisher may invent more.
 const STATUSES: usize = 256;
 
@@ -109,7 +107,7 @@ impl Heard {
 
 #[derive(Default)]
 pub(crate) struct Statuses {
-    by_name: BTreeMap<String, StatusView>,
+    by_name: BTreeMap<String, DiagnosticStatus>,
     /// The names of those that have come since they were taken last.
     fresh: BTreeSet<String>,
 }
@@ -119,13 +117,14 @@ impl Statuses {
     /// out.
     pub fn note(&mut self, name: &str, status: &DiagnosticStatus) {
         if self.by_name.len() < STATUSES || self.by_name.contains_key(name) {
-            self.by_name.insert(name.to_owned(), StatusView { name: name.to_owned(), ..status.into() });
+            self.by_name
+                .insert(name.to_owned(), DiagnosticStatus { name: name.to_owned(), ..status.clone() });
             self.fresh.insert(name.to_owned());
         }
     }
 
     /// Returns those that have come since the last call.
-    pub fn take_fresh(&mut self) -> Vec<StatusView> {
+    pub fn take_fresh(&mut self) -> Vec<DiagnosticStatus> {
         let fresh = std::mem::take(&mut self.fresh);
         fresh.iter().filter_map(|name| self.by_name.get(name).cloned()).collect()
     }
@@ -216,8 +215,9 @@ pub(crate) fn input_topic(node: &str, stream: &str) -> String {
 /// its short name, any other image by its topic, and `auto`. Annotated images and `/hdr` are left out: no detector was made for
 /// them.
 fn offers(node: &str, images: &[String]) -> Vec<String> {
-    let short = STREAMS.into_iter().filter(|stream| images.contains(&input_topic(node, stream)));
-    let is_short = |topic: &&String| STREAMS.iter().any(|stream| input_topic(node, stream) == **topic);
+    let short = StreamScale::STREAMS.into_iter().filter(|stream| images.contains(&input_topic(node, stream)));
+    let is_short =
+        |topic: &&String| StreamScale::STREAMS.iter().any(|stream| input_topic(node, stream) == **topic);
     let made = |topic: &&String| topic.ends_with("/annotated") || topic.ends_with("/hdr");
     let others = images.iter().filter(|topic| !is_short(topic) && !made(topic));
     short.map(str::to_owned).chain(others.cloned()).chain([AUTO.to_owned()]).collect()

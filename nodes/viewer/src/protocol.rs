@@ -53,7 +53,7 @@ pub enum Event {
     /// The graph, at the start and when it has changed.
     Graph(GraphView),
     /// The newest status of each name on which one has come since the last message.
-    Status(Vec<StatusView>),
+    Status(Vec<DiagnosticStatus>),
     /// The news that nodes have told of frames since the last message.
     Notices(Vec<Notice>),
     /// The parameters of a node in the order of their names.
@@ -137,30 +137,6 @@ pub enum Step {
     Unwrapped { trusted: Option<bool> },
     /// Objects were looked for. `classes` has the number of boxes of each class.
     Detected { classes: BTreeMap<String, usize> },
-}
-
-/// One status of `diagnostic_msgs/DiagnosticArray`.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct StatusView {
-    /// Name of the status, such as `unwrap: recovery`.
-    pub name: String,
-    /// 0 for fine, 1 for a warning, 2 for an error, 3 for no news.
-    pub level: u8,
-    pub message: String,
-    /// Measurements with their names.
-    pub values: Vec<(String, String)>,
-}
-
-impl From<&DiagnosticStatus> for StatusView {
-    fn from(status: &DiagnosticStatus) -> Self {
-        let values = status.values.iter().map(|value| (value.key.clone(), value.value.clone()));
-        Self {
-            name: status.name.clone(),
-            level: status.level,
-            message: status.message.clone(),
-            values: values.collect(),
-        }
-    }
 }
 
 /// A parameter with what a control for it needs.

@@ -107,7 +107,12 @@ async fn parameters(session: Arc<Session>, nodes: Vec<String>) -> Vec<Event> {
         Some(Event::Parameters { node, parameters })
     };
     let all = spawn_blocking(move || nodes.into_iter().filter_map(read).collect());
-    all.await.expect("reading parameters does not panic")
+    match all.await {
+        Ok(events) => events,
+        // The runtime has ended with the viewer.
+        Err(why) if why.is_cancelled() => Vec::new(),
+        Err(why) => std::panic::resume_unwind(why.into_panic()),
+    }
 }
 
 #[cfg(test)]

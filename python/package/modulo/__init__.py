@@ -243,6 +243,15 @@ class Sensor:
     black_level : float, a finite number in -1 to 65536
         Radiance in code units that you promise the darkest pixels of each frame to have, as the pedestal of a data sheet, to
         1/32 of 2^bits. It shows unwrap the absolute level of a frame in which some pixels have it. -1: no promise.
+    metering : str, one of mean, centre, highlights
+        What the exposure of the images auto_exposed and metered follows: the mean of all pixels, that of the centre, whose
+        pixels count three times, or the highlights, of which 99.9 % shall not clip.
+    metering_target : float, a finite number in 0.01 to 1
+        Goal of the mean and of the centre, divided by the largest code of these images.
+    exposure_delay : int, in 1 to 10
+        Frames of the image auto_exposed after which a measured frame takes effect.
+    exposure_step : float, a finite number in 1 to 64
+        Largest factor between the exposures of two frames of the image auto_exposed.
     white : float, a finite number in 0 to 1000000000000
         The value that becomes full scale, for radiance of the types float32 and uint16. 0: 1 for float32, and 65536 for uint16.
     black : float, a finite number in 0 to 1000000000000
@@ -289,6 +298,10 @@ class Sensor:
         transfer: str = "linear",
         optical_black: int = 0,
         black_level: float = -1.0,
+        metering: str = "mean",
+        metering_target: float = 0.3,
+        exposure_delay: int = 2,
+        exposure_step: float = 2.0,
         white: float = 0.0,
         black: float = 0.0,
         knees: str = "",
@@ -311,6 +324,10 @@ class Sensor:
             "transfer": transfer,
             "optical_black": optical_black,
             "black_level": black_level,
+            "metering": metering,
+            "metering_target": metering_target,
+            "exposure_delay": exposure_delay,
+            "exposure_step": exposure_step,
             "white": white,
             "black": black,
             "knees": knees,
@@ -348,6 +365,37 @@ class Sensor:
         ((4, 6), dtype('uint8'))
         """
         return Exposure(*self._sensor.expose(radiance))
+
+    def auto_expose(self, radiance: Image) -> tuple[Codes, float]:
+        """Exposes the next frame of a normal camera of the same chip, whose exposure follows the frames before it.
+
+        The sensor remembers its exposure from call to call. At the first frame, it has looked at the scene until its exposure settled.
+
+        Parameters
+        ----------
+        radiance : array of float32, uint8 or uint16, H x W or H x W x C
+            As in `expose`.
+
+        Returns
+        -------
+        (Codes, float)
+            The image auto_exposed, and its exposure: up to 1 its time as a fraction of that of the modulo sensor, above 1 its gain, at most 64.
+
+        Raises
+        ------
+        ValueError
+            As in `expose`.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import modulo
+        >>> camera = modulo.Sensor(alpha=4, metering_target=0.5)
+        >>> image, exposure = camera.auto_expose(np.full((8, 8), 0.9, dtype=np.float32))
+        >>> int(image[0, 0]), round(exposure, 2)  # 0.14 * 0.97 * 0.9 * 4 * 256 = 127
+        (127, 0.14)
+        """
+        return self._sensor.auto_expose(radiance)
 
 
 def unwrap(

@@ -482,7 +482,6 @@ def _cell(method: str, sensor: Sensor, rows: list[Row], pictures: list[Frame], d
         "difficulty": {},
         "interval95": {},
         "paper": {"iou": 0.0, "f1": 0.0, "accuracy": 0.0},
-        "worst": [],
         "latency_ms": {},
     }
 

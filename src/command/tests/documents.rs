@@ -2,14 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::ArgMatches;
 use clap::error::ErrorKind;
+use clap::{ArgMatches, CommandFactory as _};
 use modulo_runtime::ros_args::RosArgs;
 
 use super::launch::refuse;
 use super::pairs;
 use super::run::kind_of;
-use crate::cli;
+use crate::cli::{Cli, with_negative_numbers};
 
 /// The words of each command in a line of a shell, without its comment.
 fn commands(line: &str) -> Vec<Vec<String>> {
@@ -53,7 +53,7 @@ fn arguments(words: &[String]) -> Option<Vec<String>> {
 /// Why the command with these arguments is wrong. A command that is `named` in a sentence may leave arguments out.
 fn fault(arguments: &[String], named: bool) -> Option<String> {
     let words = std::iter::once("modulo").chain(arguments.iter().map(String::as_str));
-    match cli::with_negative_numbers(cli::command()).try_get_matches_from(words) {
+    match with_negative_numbers(Cli::command()).try_get_matches_from(words) {
         Ok(matches) => match matches.subcommand()? {
             ("launch" | "eval", of) => launch_fault(of),
             ("run", of) => run_fault(of),

@@ -210,8 +210,8 @@ fn mismatch(gives: &Endpoint, takes: &Endpoint, giver: &str, taker: &str) -> Opt
 
 fn remedy(gives: &Endpoint, takes: &Endpoint) -> &'static str {
     if gives.type_hash == NO_HASH || takes.type_hash == NO_HASH {
-        "one of them is of ROS 2 Humble, which has no hashes: start all of modulo with --hash none beside \
-         Humble, and without it beside later releases"
+        "one of them is of ROS 2 Humble, which has no hashes: start all of modulo with MODULO_TYPE_HASH=none \
+         beside Humble, and without it beside later releases"
     } else {
         "their message definitions are of different releases"
     }
@@ -267,7 +267,7 @@ mod tests {
         for (given, asked, named) in [
             (giver("std_msgs::msg::dds_::String_", "RIHS01_bb", Qos::Images), Qos::Images, "String"),
             (giver(IMAGE, "RIHS01_bb", Qos::Images), Qos::Images, "RIHS01_bb"),
-            (giver(IMAGE, NO_HASH, Qos::Images), Qos::Images, "--hash none"),
+            (giver(IMAGE, NO_HASH, Qos::Images), Qos::Images, "MODULO_TYPE_HASH=none"),
             (giver(IMAGE, "RIHS01_aa", Qos::Images), Qos::Results, "RELIABILITY"),
             (giver(IMAGE, "RIHS01_aa", Qos::Results), Qos::Latched, "DURABILITY"),
         ] {

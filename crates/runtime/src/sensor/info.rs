@@ -30,7 +30,7 @@ pub fn topic() -> Topic {
 /// name is that of a stream of the suite, such as `/front/modulo`.
 pub fn topic_beside(stream: &str) -> Topic {
     match stream.rsplit_once('/') {
-        Some((namespace, name)) if StreamScale::STREAMS.contains(&name) => {
+        Some((namespace, name)) if StreamScale::covers(name) => {
             Topic { name: format!("{namespace}/{TOPIC}"), ..topic() }
         }
         _ => topic(),

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 
 use modulo_core::optics::{MAX_SIGMA, Psf};
 use modulo_core::sensor::{MAX_NOISE, MAX_OPTICAL_BLACK, Sensor, SensorConfig};
-use modulo_core::{Gains, Mosaic, Range, Transfer};
+use modulo_core::{AutoExposure, ExposureControl, Gains, Metering, Mosaic, Range, Transfer};
 
 use crate::parameter::{ParameterError, ParameterSet as _};
 
@@ -83,6 +83,15 @@ crate::parameters! {
         /// the source. The images of a mosaic have the encoding bayer_*8 or bayer_*16. Images of one channel are raw mosaics of
         /// these filters, which are sensed as they are, without a lens.
         mosaic: Option<Mosaic> = None => Mosaic::WORDS; fixed,
+        /// What the exposure of the images auto_exposed and metered follows: the mean of all pixels, that of the centre, whose pixels count three
+        /// times, or the highlights, of which 99.9 % shall not clip.
+        metering: Metering = Metering::Mean => Metering::WORDS,
+        /// Goal of the mean and of the centre, divided by the largest code of these images.
+        metering_target: f64 = 0.3 => 0.01..=1.0,
+        /// Frames of the image auto_exposed after which a measured frame takes effect.
+        exposure_delay: usize = 2 => 1..=10,
+        /// Largest factor between the exposures of two frames of the image auto_exposed.
+        exposure_step: f64 = 2.0 => 1.0..=64.0,
     }
 }
 
@@ -90,6 +99,13 @@ crate::parameters! {
 const OF_EXPOSURE: [&str; 4] = ["alpha", "headroom", "transfer", "gain_ratio"];
 
 impl SensorModel {
+    /// The parameters of the exposure control, which only the images auto_exposed and metered depend on.
+    pub const EXPOSURE_CONTROL: [&str; 4] =
+        ["metering", "metering_target", "exposure_delay", "exposure_step"];
+
+    /// Those of an exposure that follows the frames before.
+    pub const FOLLOWING: [&str; 2] = ["exposure_delay", "exposure_step"];
+
     /// Returns the names of the parameters that describe the chip or the lens.
     pub fn of_chip() -> Vec<&'static str> {
         let names = Self::descriptors().into_iter().map(|descriptor| descriptor.name);
@@ -132,6 +148,18 @@ impl SensorModel {
             gains: self.gains()?,
             mosaic: self.mosaic,
         })
+    }
+
+    /// Returns a normal camera of this chip, whose exposure follows the frames.
+    ///
+    /// # Errors
+    /// [`ParameterError`] of the first value that is out of its range.
+    pub fn auto_exposure(&self) -> Result<AutoExposure, ParameterError> {
+        let Self { metering, metering_target: target, exposure_delay: delay, exposure_step: step, .. } =
+            *self;
+        let control = ExposureControl { metering, target, delay, step };
+        let camera = AutoExposure::new(self.config()?, control);
+        Ok(camera.expect("the declared ranges lie within those of `Sensor`"))
     }
 
     /// Returns the variance of the shot noise divided by the signal in code units, that of the electrons included.

@@ -24,14 +24,20 @@ pub struct LightScale {
 }
 
 impl StreamScale {
-    /// The last parts of the names of the topics whose samples a sensor description covers.
-    pub const STREAMS: [&str; 5] = ["modulo", "saturated", "recovered", "ideal", "hdr"];
+    /// The last parts of the names of the topics of images for a detector, which a sensor description covers.
+    pub const STREAMS: [&str; 6] = ["modulo", "recovered", "metered", "saturated", "auto_exposed", "ideal"];
+
+    /// Returns whether a sensor description covers the samples of the topics whose names end so.
+    pub fn covers(name: &str) -> bool {
+        name == "hdr" || Self::STREAMS.contains(&name)
+    }
 
     /// Returns the scale of an image of `depth` bits (8, 16, or 32 for floats) on `topic`, the last part of whose name tells the stream:
     ///
-    /// - `recovered` and `ideal` of 8 bits are pictures: their largest sample is 255.
-    /// - `modulo` and `saturated` have the codes of the converter, up to `2^bits - 1`, and `hdr` counts up to `alpha * 2^bits` times the
-    ///   headroom. `bits` are those of `sensor`, the description of its camera, unless they are given here (0: not given).
+    /// - `recovered`, `metered` and `ideal` of 8 bits are pictures: their largest sample is 255. The exposure of `metered` is that of its frame, so
+    ///   that nobody says which radiance its samples stand for.
+    /// - `modulo`, `saturated` and `auto_exposed` have the codes of the converter, up to `2^bits - 1`, and `hdr` counts up to
+    ///   `alpha * 2^bits` times the headroom. Nobody says which radiance the codes of a changing exposure stand for. `bits` are those of `sensor`, the description of its camera, unless they are given here (0: not given).
     /// - An image of another name, or without a description, has the `bits` that are given, else the whole range of its encoding.
     ///
     /// The samples stand for radiance where a sensor describes one of these streams. `None` for floats of unknown range.
@@ -45,7 +51,9 @@ impl StreamScale {
             (Some("recovered" | "ideal"), _) if depth == PICTURE => {
                 (encoding, light(LightScale::of_pictures))
             }
+            (Some("metered"), _) if depth == PICTURE => (encoding, None),
             (Some("modulo"), _) => (codes, light(|_| LightScale { transfer: Transfer::Linear, white: 1.0 })),
+            (Some("auto_exposed"), _) => (codes, None),
             (Some("saturated"), _) => (codes, light(LightScale::of_saturated)),
             (Some("hdr"), Some(sensor)) => {
                 let light = LightScale { transfer: Transfer::Linear, ..LightScale::of_pictures(sensor) };

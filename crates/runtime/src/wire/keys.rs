@@ -147,13 +147,8 @@ pub enum Hashes {
 }
 
 impl Hashes {
-    /// Each form with its word on the command line.
+    /// Each form with its word in `MODULO_TYPE_HASH`.
     pub const WORDS: [(&'static str, Self); 2] = [("rihs01", Self::Rihs01), ("none", Self::None)];
-
-    /// Returns the word on the command line.
-    pub fn word(self) -> &'static str {
-        Self::WORDS.iter().find(|(_, form)| *form == self).expect("every form has a word").0
-    }
 }
 
 /// The text that rmw_zenoh writes for a ROS release without type hashes.

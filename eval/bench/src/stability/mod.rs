@@ -1,7 +1,7 @@
 //! The stability suite: every method on the scenes on which methods fail, compared with the expected results.
 //!
-//! `case` has the scenes with their expectations, `radiance` draws them, `expect` judges, `rejections` tries what must be refused,
-//! `page` and `report` write the results. A run reads no file.
+//! `case` has the scenes with their expectations, `radiance` draws them, `expect` judges, `page` and `report` write the results. A run
+//! reads no file.
 //!
 //! All pictures of a run have the same gamma, which makes dark scenes visible: radiance is `255 sqrt(x / (alpha 2^b))`, codes
 //! are `255 y / 2^b`. No figure is computed from pictures.
@@ -10,7 +10,6 @@ mod case;
 mod expect;
 mod page;
 mod radiance;
-mod rejections;
 mod report;
 
 use std::collections::BTreeMap;
@@ -42,7 +41,7 @@ pub fn run(out: &Path, mut progress: impl FnMut(BenchEvent<'_>)) -> Result<Stabi
         progress(BenchEvent::Step { done, total: cases.len(), next: &case.name });
         scenes.push(examine(case, out)?);
     }
-    let report = StabilityReport::new(scenes, rejections::rejections());
+    let report = StabilityReport::new(scenes);
     write_json(&out.join("results.json"), &report)?;
     write(&out.join("index.html"), page::html(&report).as_bytes())?;
     Ok(report.outcome)

@@ -27,20 +27,6 @@ pub fn html(report: &StabilityReport) -> String {
                 @for row in report.scenes.iter().filter(|row| row.scene.is_of(family)) { (article(row)) }
             }
         }
-        section {
-            h2 { "Refused" }
-            p { "Images and settings that no sensor has are refused by an error that names the place and the value." }
-            div.wide {
-                table.refusals {
-                    @for row in &report.refusals {
-                        tr {
-                            td { (row.what) }
-                            td { @if row.held { "refused: " } @else { "\u{2717} not refused: " } (row.message) }
-                        }
-                    }
-                }
-            }
-        }
     };
     html_page(TITLE, include_str!("page.css"), body)
 }

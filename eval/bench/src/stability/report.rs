@@ -12,7 +12,6 @@ use super::expect::{Judgement, RECOVERED};
 pub struct StabilityReport {
     pub outcome: StabilityOutcome,
     pub scenes: Vec<SceneRow>,
-    pub refusals: Vec<RejectionRow>,
 }
 
 /// Numbers of expectations that held and broke.
@@ -65,20 +64,9 @@ pub struct Trial {
     pub picture: String,
 }
 
-/// An input that must be refused.
-#[derive(Serialize)]
-pub struct RejectionRow {
-    /// The input and its receiver.
-    pub what: String,
-    /// The error message, or a note that the input was accepted.
-    pub message: String,
-    /// Whether the message names the place and the value.
-    pub held: bool,
-}
-
 impl StabilityReport {
-    /// Counts the verdicts of `scenes` and `refusals`.
-    pub fn new(scenes: Vec<SceneRow>, refusals: Vec<RejectionRow>) -> Self {
+    /// Counts the verdicts of `scenes`.
+    pub fn new(scenes: Vec<SceneRow>) -> Self {
         let mut outcome = StabilityOutcome::default();
         for (scene, trial) in
             scenes.iter().flat_map(|scene| scene.trials.iter().map(move |trial| (scene, trial)))
@@ -96,12 +84,6 @@ impl StabilityReport {
             outcome.judged += usize::from(recovered && trial.trusted.is_some());
             outcome.trusted += usize::from(recovered && trial.trusted == Some(true));
         }
-        for rejection in &refusals {
-            match rejection.held {
-                true => outcome.held += 1,
-                false => outcome.broken.push(format!("{}: {}", rejection.what, rejection.message)),
-            }
-        }
-        Self { outcome, scenes, refusals }
+        Self { outcome, scenes }
     }
 }

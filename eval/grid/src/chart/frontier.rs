@@ -2,8 +2,8 @@
 
 use modulo_draw::{Axis, ChartBody, ChartPanel, DataPoint, Series, SeriesStyle};
 
+use super::pareto::{Candidate, pareto_front};
 use super::{NamedChart, models};
-use crate::budget::{Candidate, pareto_front};
 use crate::labels::{self, Conditions, distinct, number};
 use crate::results::{Cell, Results, Stream};
 

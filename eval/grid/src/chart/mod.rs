@@ -1,6 +1,8 @@
 //! The charts of a grid: from results to a [`Chart`]. This file has the charts over a setting of the sensor.
 
+mod around;
 mod frontier;
+mod pareto;
 pub(crate) mod pictures;
 mod sensors;
 
@@ -62,7 +64,7 @@ pub fn all(results: &Results) -> Vec<NamedChart> {
     let conditions = labels::all_conditions(&results.cells);
     let frontiers = conditions.iter().flat_map(|conditions| frontier::charts(results, conditions));
     let over = GridSetting::all().flat_map(|setting| over(results, setting));
-    frontiers.chain(over).chain(sensors::charts(results)).collect()
+    frontiers.chain(over).chain(around::charts(results)).chain(sensors::charts(results)).collect()
 }
 
 pub(crate) fn models(cells: &[&Cell]) -> Vec<String> {

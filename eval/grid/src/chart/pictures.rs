@@ -1,19 +1,17 @@
-//! Images with boxes: figure 2 of the paper, and the worst frame of each stream.
+//! Images with boxes: figure 2 of the paper.
 
 use modulo_draw::{ChartBody, Picture, Pictures, class_colour};
 
 use super::NamedChart;
-use crate::labels::{self, distinct, number};
+use crate::labels::{self, distinct};
+use crate::report::PICTURES;
 use crate::results::{Cell, Point, Results, Stream};
 
-/// A cell, and the number of a frame among those that are scored.
-pub type CellFrame = (Point, usize);
-
-/// The image of a frame in a cell, with its boxes.
+/// The image of the frame in a cell, with its boxes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DetectionPicture {
-    /// The cell and the frame.
-    pub of: CellFrame,
+    /// The cell.
+    pub of: Point,
     /// The classes of the objects that were found.
     pub classes: Vec<String>,
     /// The image with the boxes.
@@ -22,65 +20,48 @@ pub struct DetectionPicture {
 
 /// A chart whose images are not made yet.
 pub struct PictureChart {
-    name: &'static str,
     title: String,
     columns: Vec<Point>,
-    /// The heading and the images of each row.
-    rows: Vec<(String, Vec<CellFrame>)>,
+    /// The heading and the cells of each row.
+    rows: Vec<(String, Vec<Point>)>,
 }
 
 const FOOTER: &str = "White boxes are labelled objects. Coloured boxes are objects that were found with a score of at least 0.25, in the colour of \
      their class.";
 
-/// The charts of the first model, lens and method: frame `busiest` at all alphas, and the worst frame of each stream at the
-/// alpha nearest to 4. `names` has the names of the frames.
-pub fn planned(results: &Results, busiest: usize, names: &[String]) -> Vec<PictureChart> {
+/// The chart of the first model, lens and method: the frame called `frame` at all alphas. `None` without cells.
+pub fn planned(results: &Results, frame: &str) -> Option<PictureChart> {
     let cells = selected(results);
-    let four = labels::nearest_to_four(&cells);
-    let Some(alpha) = four.first().map(|cell| cell.point.sensor.alpha) else { return Vec::new() };
-    let columns = || four.iter().map(|cell| cell.point.clone()).collect();
-    let row =
-        |cells: &[&Cell], number: usize| cells.iter().map(|cell| (cell.point.clone(), number)).collect();
-    let frame = |number: usize| names.get(number).map_or("", String::as_str);
+    let points = |cells: &[&Cell]| -> Vec<Point> { cells.iter().map(|cell| cell.point.clone()).collect() };
     let at_alpha = |alpha: f64| {
         let cells: Vec<&Cell> =
             cells.iter().filter(|cell| cell.point.sensor.alpha == alpha).copied().collect();
-        (format!("alpha {alpha}"), row(&cells, busiest))
+        (format!("alpha {alpha}"), points(&cells))
     };
-    let worst = |cell: &&Cell| {
-        let worst = cell.worst.first()?;
-        let (what, f1) = (labels::stream(&cell.point), number(100.0 * worst.f1, 1));
-        Some((format!("worst of {what}: F1 {f1} %, frame {}", frame(worst.number)), row(&four, worst.number)))
-    };
-    let streams = PictureChart {
-        name: "pictures_streams",
-        title: format!("What the detector sees: frame {}", frame(busiest)),
-        columns: columns(),
+    (!cells.is_empty()).then(|| PictureChart {
+        title: format!("What the detector sees: frame {frame}"),
+        columns: points(&labels::nearest_to_four(&cells)),
         rows: labels::alphas(&cells).into_iter().map(at_alpha).collect(),
-    };
-    let title = format!("The worst frame of each stream, alpha {alpha}");
-    let rows = four.iter().filter_map(worst).collect();
-    vec![streams, PictureChart { name: "pictures_worst", title, columns: columns(), rows }]
+    })
 }
 
 impl PictureChart {
-    /// The cells and frames that the chart shows.
-    pub fn wanted(&self) -> impl Iterator<Item = &CellFrame> {
+    /// The cells that the chart shows.
+    pub fn wanted(&self) -> impl Iterator<Item = &Point> {
         self.rows.iter().flat_map(|(_, row)| row)
     }
 
     /// The chart with its images among `pictures`.
     pub fn with(self, results: &Results, pictures: &[DetectionPicture]) -> NamedChart {
-        let find =
-            |of: CellFrame| pictures.iter().find(|picture| picture.of == of).map(|one| one.picture.clone());
-        let row = |(heading, row): (String, Vec<CellFrame>)| (heading, row.into_iter().map(find).collect());
+        let find = |of| pictures.iter().find(|picture| picture.of == of).map(|one| one.picture.clone());
+        let row = |(heading, row): (String, Vec<Point>)| (heading, row.into_iter().map(find).collect());
         let classes = distinct(pictures.iter().flat_map(|picture| picture.classes.iter().cloned()));
         let body = ChartBody::Pictures(Pictures {
             columns: self.columns.iter().map(labels::stream).collect(),
             rows: self.rows.into_iter().map(row).collect(),
             legend: classes.into_iter().map(|class| (class.clone(), class_colour(&class))).collect(),
         });
-        let mut named = NamedChart::new(self.name.to_owned(), self.title, results, FOOTER.to_owned(), body);
+        let mut named = NamedChart::new(PICTURES.to_owned(), self.title, results, FOOTER.to_owned(), body);
         if let Some(point) = self.columns.first() {
             let conditions = labels::conditions(&labels::conditions_of(point));
             let subtitle = &mut named.chart.subtitle;

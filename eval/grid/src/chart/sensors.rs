@@ -163,6 +163,6 @@ fn rank(cell: &Cell) -> Option<(Pixels, u8)> {
         Stream::MultiExposure => (Pixels::Normal, 2),
         Stream::Modulo => (Pixels::Modulo, 0),
         Stream::Recovered => (Pixels::Modulo, 1 + 2 * two_gains + u8::from(point.deblur)),
-        Stream::Ideal | Stream::MultiExposureStill => return None,
+        Stream::Ideal | Stream::AutoExposed | Stream::Metered | Stream::MultiExposureStill => return None,
     })
 }

@@ -109,7 +109,12 @@ impl Axes {
             for input in &inputs {
                 for sensor in &sensors {
                     for (stream, method, deblur, psf_sigma) in of_sensor(sensor, &images) {
-                        let sensor = SensorModel { psf_sigma, ..sensor.clone() };
+                        let mut sensor = SensorModel { psf_sigma, ..sensor.clone() };
+                        if !stream.is_metered() {
+                            sensor = sensor.reset(&SensorModel::EXPOSURE_CONTROL);
+                        } else if !stream.follows_frames() {
+                            sensor = sensor.reset(&SensorModel::FOLLOWING);
+                        }
                         let (model, input) = (model.clone(), input.clone());
                         let point = Point { stream, method, deblur, sensor, model, input };
                         // Values may be listed twice, and a lens blur of 0 gives the sharp ideal image a second time.
@@ -157,9 +162,10 @@ impl Axes {
         for psf_sigma in self.lenses() {
             for &stream in &self.stream {
                 match stream {
-                    Stream::Recovered => {
+                    Stream::Recovered | Stream::Metered => {
                         // Without a lens there is no blur to remove.
-                        for &deblur in deblur.iter().filter(|deblur| !**deblur || psf_sigma > 0.0) {
+                        let possible = |deblur: &&bool| !**deblur || psf_sigma > 0.0;
+                        for &deblur in deblur.iter().filter(possible) {
                             let recovered = |m: &String| (stream, Some(m.clone()), deblur, psf_sigma);
                             // The scripts of the paper remove no blur.
                             let possible = |m: &&String| !deblur || *m != SPUD_AS_PUBLISHED;
@@ -245,7 +251,7 @@ fn of_sensor(sensor: &SensorModel, images: &[ImageSettings]) -> Vec<ImageSetting
     if sensor.gains {
         // The gains decide the method. The raw image of two gains is no image for a detector, and the ideal image does not
         // depend on the gains.
-        images.retain(|(stream, ..)| matches!(stream, Stream::Saturated | Stream::Recovered));
+        images.retain(|(stream, ..)| *stream == Stream::Saturated || stream.is_unwrapped());
         images.iter_mut().for_each(|(_, method, ..)| *method = Some(TwoGains::NAME.to_owned()));
     }
     images

@@ -22,7 +22,7 @@ impl Axes {
         for sensor in &self.sensor.sensors(&["gains", "mosaic", "psf_sigma"]) {
             for &stream in &self.stream {
                 // Gains have a method of their own, and the ideal image of the paper has no lens.
-                let choice = stream == Stream::Recovered && !sensor.gains;
+                let choice = stream.is_unwrapped() && !sensor.gains;
                 let has = |point: &Point, method: &Option<String>| {
                     point.stream == stream
                         && (method.is_none() || point.method == *method)
@@ -55,7 +55,7 @@ fn missing(stream: Stream, method: Option<&str>, sensor: &SensorModel, deblur: D
     let mut options = vec![format!("--stream {}", stream.name())];
     options.extend(method.map(|method| format!("--method {method}")));
     let SensorModel { gains, mosaic, psf_sigma, .. } = *sensor;
-    let of_two = matches!(stream, Stream::Saturated | Stream::Recovered);
+    let of_two = stream == Stream::Saturated || stream.is_unwrapped();
     let why = if gains && !of_two {
         options.push(format!("--gains {}", Gains::word(gains)));
         "a sensor with two gains has the streams saturated and recovered only"

@@ -11,7 +11,7 @@ use super::pipeline::{self, Nodes};
 use super::runner::CellRunner;
 use super::{GridError, Request};
 use crate::chart::NamedChart;
-use crate::chart::pictures::{self, CellFrame, DetectionPicture};
+use crate::chart::pictures::{self, DetectionPicture};
 use crate::results::{Point, Results, Stream};
 
 /// Lowest score of a box that is drawn.
@@ -19,8 +19,8 @@ const LEAST_SHOWN: f32 = 0.25;
 /// Colour of labelled boxes.
 const WHITE: [u8; 3] = [0xff; 3];
 
-/// Draws figure 2 of the paper over the alphas of `results`, and the worst frame of each stream, for the first model, lens
-/// and method of the request. Without cells there is no chart.
+/// Draws figure 2 of the paper over the alphas of `results`, for the first model, lens and method of the request. Without cells
+/// there is no chart.
 ///
 /// # Errors
 /// [`GridError`] if a step fails.
@@ -29,7 +29,7 @@ pub fn draw_pictures(
     nodes: &dyn Nodes,
     timer: &dyn Clock,
     results: &Results,
-) -> Result<Vec<NamedChart>, GridError> {
+) -> Result<Option<NamedChart>, GridError> {
     let mut frames = Frames::inspect(&request.data, &request.source())?;
     let busy = |truth: &Vec<GroundTruth>| truth.iter().filter(|label| label.class != DONT_CARE).count();
     let busiest = (0..frames.len()).rev().max_by_key(|&number| busy(&frames.truths[number]));
@@ -37,40 +37,33 @@ pub fn draw_pictures(
     // The folder may have cells of models that are not at hand.
     let mut results = results.clone();
     results.cells.retain(|cell| request.model(&cell.point.model).is_ok());
-    let charts = pictures::planned(&results, busiest, &frames.names);
-    let wanted = distinct(charts.iter().flat_map(|chart| chart.wanted().cloned()));
-    let pictures = detect(request, nodes, timer, &mut frames, wanted)?;
-    let charts = charts.into_iter().filter(|_| !pictures.is_empty());
-    Ok(charts.map(|chart| chart.with(&results, &pictures)).collect())
+    let Some(chart) = pictures::planned(&results, &frames.names[busiest]) else { return Ok(None) };
+    let wanted = distinct(chart.wanted().cloned());
+    let pictures = detect(request, nodes, timer, (&mut frames, busiest), wanted)?;
+    Ok((!pictures.is_empty()).then(|| chart.with(&results, &pictures)))
 }
 
-/// Runs the wanted frames of the wanted cells again.
+/// Runs frame `number` of the wanted cells again.
 fn detect(
     request: &Request,
     nodes: &dyn Nodes,
     timer: &dyn Clock,
-    frames: &mut Frames,
-    mut wanted: Vec<CellFrame>,
+    (frames, number): (&mut Frames, usize),
+    wanted: Vec<Point>,
 ) -> Result<Vec<DetectionPicture>, GridError> {
-    let mut runner = CellRunner::new(request, nodes, timer);
-    let truths = frames.truths.clone();
-    let mut pictures = Vec::new();
-    for frame in FramesWithNeighbours::new(frames, false)? {
-        if wanted.is_empty() {
-            break;
-        }
-        let frame = frame?;
-        let number = frame.number;
-        for of in wanted.extract_if(.., |(_, other)| *other == number) {
-            runner.load_detector(&of.0)?;
-            let input = pipeline::open(request, timer, &of.0, false)?(frame.clone())?;
-            let (Some(image), Some(worker)) = (input.image, runner.workers.first_mut()) else { continue };
-            let found = worker.infer(number, image.clone())?.0.unwrap_or_default();
-            let shown: Vec<&Detection> = found.iter().filter(|d| d.score >= LEAST_SHOWN).collect();
-            let Some(picture) = picture(&image.frame, &of.0, &truths[number], &shown) else { continue };
-            let classes = distinct(shown.into_iter().map(|d| d.class.clone()));
-            pictures.push(DetectionPicture { of, classes, picture });
-        }
+    let truth = frames.truths[number].clone();
+    let frame = FramesWithNeighbours::new(frames, false)?.nth(number).transpose()?;
+    let Some(frame) = frame else { return Ok(Vec::new()) };
+    let (mut runner, mut pictures) = (CellRunner::new(request, nodes, timer), Vec::new());
+    for of in wanted {
+        runner.load_detector(&of)?;
+        let input = pipeline::open(request, timer, &of, false)?(frame.clone())?;
+        let (Some(image), Some(worker)) = (input.image, runner.workers.first_mut()) else { continue };
+        let found = worker.infer(number, image.clone())?.0.unwrap_or_default();
+        let shown: Vec<&Detection> = found.iter().filter(|d| d.score >= LEAST_SHOWN).collect();
+        let Some(picture) = picture(&image.frame, &of, &truth, &shown) else { continue };
+        let classes = distinct(shown.into_iter().map(|d| d.class.clone()));
+        pictures.push(DetectionPicture { of, classes, picture });
     }
     Ok(pictures)
 }
@@ -81,9 +74,13 @@ fn picture(frame: &Frame, point: &Point, truth: &[GroundTruth], found: &[&Detect
     let (height, width, channels) = pixels.dim();
     let stream = match point.stream {
         Stream::Modulo => "modulo",
-        Stream::Saturated => "saturated",
+        Stream::Saturated | Stream::AutoExposed => "saturated",
         // All of these have the full range.
-        Stream::Ideal | Stream::Recovered | Stream::MultiExposure | Stream::MultiExposureStill => "ideal",
+        Stream::Ideal
+        | Stream::Recovered
+        | Stream::Metered
+        | Stream::MultiExposure
+        | Stream::MultiExposureStill => "ideal",
     };
     let shown = StreamScale::of(stream, frame.depth(), Some(&point.sensor), 0)?.light()?.shown();
     let repeated = if channels == 1 { 3 } else { 1 };

@@ -6,7 +6,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use modulo_ap::difficulty::DONT_CARE;
-use modulo_bags::source::{GroundTruth, SourceError, SourceFrame, SourceOptions};
+use modulo_bags::source::{GroundTruth, LightChange, SourceError, SourceFrame, SourceOptions};
 use ndarray::Array3;
 use sha2::{Digest, Sha256};
 
@@ -28,6 +28,8 @@ pub struct Frames {
     pub truths: Vec<Vec<GroundTruth>>,
     /// Drive of each scored frame, if it is known.
     pub drive_of: Vec<Option<String>>,
+    /// The change of the light around each scored frame.
+    pub changes: Vec<Option<LightChange>>,
     /// Description of the data for the results.
     pub input: Input,
     place: usize,
@@ -54,6 +56,8 @@ struct Notes {
     outside: Vec<String>,
     flat: Vec<String>,
     digest: Sha256,
+    /// Index of the present drive, and of its first frame over all drives.
+    start: (usize, usize),
 }
 
 impl Frames {
@@ -62,8 +66,8 @@ impl Frames {
         // All frames are read once before the first cell. A frame that turned out to be damaged in the middle of a run
         // would be scored in some cells only.
         let drives = data.open(options)?;
-        let (kept, names, truths, drive_of, input) = Default::default();
-        let mut frames = Self { drives, kept, names, truths, drive_of, input, place: 0, drive: 0 };
+        let (kept, names, truths, drive_of, changes, input) = Default::default();
+        let mut frames = Self { drives, kept, names, truths, drive_of, changes, input, place: 0, drive: 0 };
         let mut notes = Notes::default();
         let mut seen = 0;
         while let Some(raw) = frames.raw() {
@@ -103,6 +107,11 @@ impl Frames {
     }
 
     fn note(&mut self, data: &Data, Raw { place, drive, frame }: Raw, notes: &mut Notes) {
+        if notes.start.0 != drive {
+            notes.start = (drive, place);
+        }
+        let change =
+            data.light_of(drive).and_then(|light| light.nearest_change((place - notes.start.1) as u64));
         let (drive, _) = &self.drives[drive];
         let frame = match frame {
             Ok(frame) => frame,
@@ -124,6 +133,7 @@ impl Frames {
         self.names.push(frame.name);
         self.truths.push(truth);
         self.drive_of.push(drive);
+        self.changes.push(change);
     }
 }
 
@@ -175,6 +185,8 @@ impl Notes {
 pub struct FrameWithNeighbours {
     /// Number among the frames that are scored.
     pub number: usize,
+    /// Index of the drive.
+    pub drive: usize,
     pub frame: SourceFrame,
     /// Radiance of the frames before and after it, with or without labels. At the ends of a drive the frame itself stands
     /// in. `None` if no pipeline needs it.
@@ -225,7 +237,8 @@ impl Iterator for FramesWithNeighbours<'_> {
                 self.before = raw.frame.as_ref().ok().map(|frame| (raw.drive, frame.radiance.clone()));
             }
             if let Some(&number) = self.frames.kept.get(&raw.place) {
-                return Some(raw.frame.map(|frame| FrameWithNeighbours { number, frame, around }));
+                let drive = raw.drive;
+                return Some(raw.frame.map(|frame| FrameWithNeighbours { number, drive, frame, around }));
             }
         }
     }

@@ -16,9 +16,9 @@ use crate::results::Paper;
 /// Least score of the boxes that are listed. A detector gives hundreds of boxes of lower scores for each frame.
 const LISTED: f32 = 0.05;
 /// Least score of the boxes that are counted, which is that of the boxes on the images of the report.
-const COUNTED: f32 = 0.25;
+pub(super) const COUNTED: f32 = 0.25;
 /// Least IoU of a box and the object that it finds.
-const LEAST_IOU: f64 = 0.5;
+pub(super) const LEAST_IOU: f64 = 0.5;
 
 #[derive(Serialize)]
 struct FrameLine<'a> {

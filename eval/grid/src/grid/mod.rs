@@ -12,6 +12,7 @@
 //! are kept, and a run that was killed continues. No transport is used. The clock only measures
 //! durations; it decides nothing.
 
+mod around;
 mod cells;
 mod combinations;
 mod detect;

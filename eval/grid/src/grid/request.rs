@@ -6,7 +6,8 @@ use clap::Parser;
 use clap::builder::{PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
 use modulo_ap::Difficulty;
 use modulo_bags::source::{
-    self, CocoSource, FrameList, KittiFolder, KittiSource, Source, SourceError, SourceOptions, YoloSource,
+    self, CocoSource, FrameList, KittiFolder, KittiSource, Light, Source, SourceError, SourceOptions,
+    YoloSource,
 };
 use modulo_detector::{EngineChoice, EngineDevice};
 use modulo_runtime::sensor::options::CodingOptions;
@@ -209,8 +210,8 @@ pub enum Data {
         /// Folder of the images. `None` searches in the layout of the COCO data set.
         images: Option<PathBuf>,
     },
-    /// Any source of the camera node that has ground truth: a bag, `scene://PRESET`.
-    Any(String),
+    /// Any sources of the camera node that have ground truth: a bag, `scene://PRESET`. Each of several is a drive.
+    Any(Vec<String>),
 }
 
 /// A source, and the drive that all its frames come from, if it is known.
@@ -231,7 +232,10 @@ impl Data {
             Self::Coco { annotations, images } => {
                 Ok(vec![(None, Box::new(CocoSource::open(annotations, images.as_deref(), options)?))])
             }
-            Self::Any(spec) => Ok(vec![(None, source::open(spec, options)?)]),
+            Self::Any(specs) => {
+                let drive = |spec: &String| Some(spec.clone()).filter(|_| specs.len() > 1);
+                specs.iter().map(|spec| Ok((drive(spec), source::open(spec, options)?))).collect()
+            }
         }
     }
 
@@ -239,6 +243,14 @@ impl Data {
     pub(super) fn drive_of(&self, frame: &str) -> Option<String> {
         match self {
             Self::Kitti { list: Some(list), .. } => list.drive_of(frame).map(str::to_owned),
+            _ => None,
+        }
+    }
+
+    /// How the light of the drive with this index changes.
+    pub(super) fn light_of(&self, drive: usize) -> Option<Light> {
+        match self {
+            Self::Any(specs) => source::light_of(specs.get(drive)?),
             _ => None,
         }
     }
@@ -254,7 +266,7 @@ impl Data {
             }
             Self::Yolo(folder) => path(folder),
             Self::Coco { annotations, .. } => path(annotations),
-            Self::Any(spec) => spec.clone(),
+            Self::Any(specs) => specs.join(", "),
         }
     }
 

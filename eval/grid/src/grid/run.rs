@@ -2,9 +2,10 @@
 
 use modulo_ap::{average, difficulty};
 use modulo_runtime::Clock;
+use modulo_runtime::output::prepare_folder;
 
 use super::frames::Frames;
-use super::pipeline::{Nodes, RECOVERY_DEFINITION, multi_exposure};
+use super::pipeline::{Nodes, RECOVERY_DEFINITION, auto_exposure, multi_exposure};
 use super::runner::CellRunner;
 use super::score::Scorer;
 use super::{GridEvent, GridOptions, Request, timing};
@@ -28,13 +29,13 @@ pub fn run(
     let (GridOptions { axes, protocol, fresh, .. }, start) = (&request.options, timer.ticks_ns());
     let warn = |line: &String| tell(GridEvent::Warning(line));
     let points = axes.points(*protocol)?;
-    multi_exposure::check(request, &points)?;
+    multi_exposure::check(request, &points).and_then(|()| auto_exposure::check(request, &points))?;
     axes.unused(*protocol, &points).iter().for_each(warn);
     let (map, groups) = (request.class_map()?, request.groups()?);
     let setup = request.setup(&map, &groups, &points)?;
     let mut frames = Frames::inspect(&request.data, &request.source())?;
     // After the checks of the request, so that a wrong one makes no folder, and before the first cell.
-    store::prepare(&request.out)?;
+    prepare_folder(&request.out).map_err(|why| GridError::Request(why.to_string()))?;
     let scorer = Scorer::new(request, map, groups, &mut frames)?;
     // Few drives are no loss, so that this warning is not among those of the input.
     frames.input.warnings.iter().chain(&frames.input.interval_warning()).for_each(warn);

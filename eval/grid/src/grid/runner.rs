@@ -49,7 +49,9 @@ impl<'a> CellRunner<'a> {
         // bytes a pixel.
         let frames = Mutex::new(FramesWithNeighbours::new(frames, point.stream == Stream::MultiExposure)?);
         let open = |worker| Ok((pipeline::open(self.request, self.timer, point, true)?, worker));
-        let workers = self.workers.iter_mut().map(open).collect::<Result<Vec<_>, GridError>>()?;
+        // Frames that depend on each other are processed in their order, by one worker.
+        let most = if point.stream.follows_frames() { 1 } else { usize::MAX };
+        let workers = self.workers.iter_mut().take(most).map(open).collect::<Result<Vec<_>, GridError>>()?;
         let cache = &self.cache;
         std::thread::scope(|scope| {
             let work = |(mut pipeline, worker): (FramePipeline<'a>, &mut DetectorWorker<'a>)| {
@@ -67,8 +69,7 @@ impl<'a> CellRunner<'a> {
             };
             let workers: Vec<_> =
                 workers.into_iter().map(|worker| scope.spawn(move || work(worker))).collect();
-            // A worker that fails ends alone, and the others go on with the remaining frames. Its error is reported
-            // here.
+            // A worker that fails ends alone, and the others go on with the remaining frames. Its error is reported here.
             let join = |worker: ScopedJoinHandle<'_, _>| {
                 worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
             };

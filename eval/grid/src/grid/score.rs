@@ -6,10 +6,11 @@ use modulo_ap::Difficulty;
 use modulo_ap::average::{self, Membership, image_boxes};
 use modulo_ap::difficulty::DONT_CARE;
 use modulo_ap::matching::ImageBoxes;
-use modulo_bags::source::GroundTruth;
+use modulo_bags::source::{GroundTruth, LightChange};
 use modulo_core::Detection;
 use modulo_detector::{EngineOptions, describe};
 
+use super::around;
 use super::frames::Frames;
 use super::pipeline::{ImageSimilarity, RecoveryQuality};
 use super::runner::FrameResult;
@@ -17,7 +18,7 @@ use super::{Axes, Request};
 use crate::GridError;
 use crate::classes::{ClassGroups, ClassMap, of_labels};
 use crate::metric::{bootstrap, paper};
-use crate::results::{Cell, ClassScore, Paper, Point, WORST, Worst};
+use crate::results::{Cell, ClassScore, Paper, Point};
 
 /// Least share of exact wrap counts of a frame that may be trusted: docs/methods.md promises it.
 const LEAST_TRUSTED_SHARE: f64 = 0.999;
@@ -30,6 +31,8 @@ pub struct Scorer {
     pub drives: Vec<Option<String>>,
     /// Labels of every frame.
     pub truths: Vec<Vec<GroundTruth>>,
+    /// The changes of the light around the frames.
+    pub changes: Vec<Option<LightChange>>,
     /// Mapping from the classes of the models to those of the labels.
     map: ClassMap,
     /// Groups of classes.
@@ -60,7 +63,18 @@ impl Scorer {
         frames.input.drawn = Some(units.drawn());
         let mapped = mapped_classes(request, &map, frames)?;
         let (names, drives, truths) = (frames.names.clone(), frames.drive_of.clone(), frames.truths.clone());
-        Ok(Self { names, drives, truths, map, groups, mapped, difficulty: request.difficulty(), units })
+        let changes = frames.changes.clone();
+        Ok(Self {
+            names,
+            drives,
+            truths,
+            changes,
+            map,
+            groups,
+            mapped,
+            difficulty: request.difficulty(),
+            units,
+        })
     }
 
     pub fn cell(&self, point: Point, frames: &[FrameResult]) -> Cell {
@@ -73,6 +87,8 @@ impl Scorer {
             .collect();
         // The figures of the paper are computed for every protocol, as a comparison with COCO's.
         let papers = self.papers(&found);
+        let nearest = self.nearest_found(&found);
+        let moments = self.moments(&groups.values().cloned().collect::<Vec<_>>(), &nearest);
         let means: Vec<f64> = groups.values().filter_map(|images| average::ap50_95(images)).collect();
         Cell {
             name: point.file_name(),
@@ -84,9 +100,10 @@ impl Scorer {
             objects: by_group(&groups, |images| images.iter().map(ImageBoxes::objects).sum()),
             classes: self.classes(&found, mapped),
             difficulty: self.difficulties(&found),
-            interval95: self.intervals(&groups, &papers),
+            interval95: self.intervals(&groups, &papers, &nearest),
+            nearest: around::share(nearest.iter().flatten().copied()),
+            moments,
             paper: paper::mean(&papers),
-            worst: self.worst(&papers),
             // The times are measured in a pass of their own.
             ..recovered(frames)
         }
@@ -160,20 +177,11 @@ impl Scorer {
         found.iter().zip(&self.truths).map(of_image).collect()
     }
 
-    fn worst(&self, papers: &[Paper]) -> Vec<Worst> {
-        let labelled = |number: &usize| self.truths[*number].iter().any(|label| label.class != DONT_CARE);
-        // A frame without objects has an F1 of 0 under the rule of the paper: it would always be among the worst.
-        let numbers = (0..papers.len()).filter(labelled);
-        let mut worst: Vec<Worst> = numbers.map(|number| Worst { number, f1: papers[number].f1 }).collect();
-        worst.sort_by(|a, b| a.f1.total_cmp(&b.f1));
-        worst.truncate(WORST);
-        worst
-    }
-
     fn intervals(
         &self,
         groups: &BTreeMap<&str, Vec<ImageBoxes>>,
         papers: &[Paper],
+        nearest: &[Option<bool>],
     ) -> BTreeMap<String, [f64; 2]> {
         let mut intervals = BTreeMap::new();
         for (group, images) in groups {
@@ -183,6 +191,13 @@ impl Scorer {
                 intervals.insert(format!("ap50.{group}"), interval);
             }
         }
+        let nearest = |times: &[u64]| {
+            let all = nearest.iter().zip(times).filter_map(|(found, &n)| Some(((*found)?, n)));
+            let (found, all) =
+                all.fold((0, 0), |(found, all), (is_found, n)| (found + u64::from(is_found) * n, all + n));
+            (all > 0).then(|| found as f64 / all as f64)
+        };
+        intervals.extend(self.units.interval(nearest).map(|interval| ("nearest".to_owned(), interval)));
         let figures = |paper: &Paper| [paper.iou, paper.f1, paper.accuracy];
         for (index, name) in ["iou", "f1", "accuracy"].into_iter().enumerate() {
             let mean = |times: &[u64]| {

@@ -109,57 +109,55 @@ fn run_facts(run: &Provenance) -> String {
 pub const PAGE: &str = "report.html";
 /// Folder of the charts beside the report.
 const CHARTS: &str = "charts";
-/// First part of the names of charts with images. These charts cannot be drawn from the results.
-const PICTURES: &str = "pictures";
+/// Name of the chart with images, which cannot be drawn from the results.
+pub(crate) const PICTURES: &str = "pictures_streams";
 
-/// Draws all charts of `results` into `folder/charts` and writes [`PAGE`] into `folder`, which also shows the charts with
-/// images that are in that folder. Returns the path of the page.
+/// Draws all charts of `results` into `folder/charts` and writes [`PAGE`] into `folder`, which also shows the chart with
+/// images that is in that folder. Returns the path of the page.
 ///
 /// # Errors
 /// [`GridError`] if a chart cannot be drawn, or a file cannot be read or written.
 pub fn write(folder: &Path, results: &Results) -> Result<PathBuf, GridError> {
     let (path, charts) = (folder.join(PAGE), folder.join(CHARTS));
     let drawn: Result<Vec<_>, _> = chart::all(results).iter().map(|named| save(&charts, named)).collect();
-    replace(&path, page(results, &[drawn?, pictures(&charts)?].concat()).as_bytes())?;
+    let charts: Vec<RenderedChart> = drawn?.into_iter().chain(pictures(&charts)?).collect();
+    replace(&path, page(results, &charts).as_bytes())?;
     Ok(path)
 }
 
-/// Draws charts with images into `folder/charts`, where [`write()`] finds them.
+/// Draws the chart with images into `folder/charts`, where [`write()`] finds it.
 ///
 /// # Errors
-/// [`GridError`] if a chart cannot be drawn or written.
-pub fn save_pictures(folder: &Path, pictures: &[NamedChart]) -> Result<(), GridError> {
-    pictures.iter().try_for_each(|named| save(&folder.join(CHARTS), named).map(|_| ()))
+/// [`GridError`] if it cannot be drawn or written.
+pub fn save_pictures(folder: &Path, pictures: &NamedChart) -> Result<(), GridError> {
+    save(&folder.join(CHARTS), pictures).map(drop)
 }
 
-/// Writes `NAME.svg`, `NAME.png`, and for charts with images `NAME.narrow.svg`.
+/// Writes `NAME.svg`, `NAME.png`, and for the chart with images `NAME.narrow.svg`.
 fn save(folder: &Path, named: &NamedChart) -> Result<RenderedChart, GridError> {
     let chart = |why: ChartError| GridError::Results(format!("chart {}: {why}", named.name));
     let drawn = named.render().map_err(chart)?;
     let file = |extension: &str| folder.join(format!("{}.{extension}", named.name));
     replace(&file("svg"), drawn.wide.as_bytes())?;
     replace(&file("png"), &named.chart.png().map_err(chart)?)?;
-    // Charts with images cannot be drawn from the results again. Their narrow form is kept for the next report.
-    if named.name.starts_with(PICTURES) {
+    // Its narrow form is kept for the next report.
+    if named.name == PICTURES {
         replace(&file("narrow.svg"), drawn.narrow.as_bytes())?;
     }
     Ok(drawn)
 }
 
-/// The charts with images in the folder, by name.
-fn pictures(folder: &Path) -> Result<Vec<RenderedChart>, GridError> {
-    let Ok(entries) = std::fs::read_dir(folder) else { return Ok(Vec::new()) };
-    let name = |path: PathBuf| Some(path.file_name()?.to_str()?.strip_suffix(".narrow.svg")?.to_owned());
-    let mut names: Vec<String> = entries.flatten().filter_map(|entry| name(entry.path())).collect();
-    // The order of `read_dir` depends on the file system. The page must not.
-    names.sort();
+/// The chart with images in the folder; `None` where there is none.
+fn pictures(folder: &Path) -> Result<Option<RenderedChart>, GridError> {
+    let path = |ending: &str| folder.join(format!("{PICTURES}.{ending}"));
+    if !path("narrow.svg").exists() {
+        return Ok(None);
+    }
     let read = |path: PathBuf| std::fs::read_to_string(&path).map_err(|why| GridError::io(&path, why));
-    let load = |name: String| {
-        let wide = read(folder.join(format!("{name}.svg")))?;
-        let narrow = read(folder.join(format!("{name}.narrow.svg")))?;
-        let title =
-            if name.ends_with("worst") { "The worst frame of each stream" } else { "What the detector sees" };
-        Ok(RenderedChart { title: title.to_owned(), name, wide, narrow })
-    };
-    names.into_iter().map(load).collect()
+    Ok(Some(RenderedChart {
+        title: "What the detector sees".to_owned(),
+        name: PICTURES.to_owned(),
+        wide: read(path("svg"))?,
+        narrow: read(path("narrow.svg"))?,
+    }))
 }

@@ -105,8 +105,8 @@ fn time(cell: &Cell) -> Option<Vec<Td>> {
         Stream::Saturated | Stream::Modulo => (1.0, Some(published.ms()[0])),
         Stream::Recovered => (1.0, Some(published.ms()[1])),
         Stream::MultiExposure | Stream::MultiExposureStill => (CAPTURES as f64, Some(published.ms()[2])),
-        // No sensor delivers the ideal image.
-        Stream::Ideal => return None,
+        // No sensor delivers the ideal image, and the paper meters nothing.
+        Stream::Ideal | Stream::AutoExposed | Stream::Metered => return None,
     };
     // The times of the paper include its captures, which a simulation cannot measure. The time that the paper assumes
     // for them is added to ours, so that the sums can be compared.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use modulo_eval::results::{Cell, Device, Drawn, FrameTime, Input, Paper, Point, Results, Setup, Stream};
-use modulo_eval::{budget, chart, report};
+use modulo_eval::{chart, report};
 use modulo_runtime::SensorModel;
 use modulo_runtime::report::Percentiles;
 
@@ -22,8 +22,8 @@ fn cell(stream: Stream, method: Option<&str>, alpha: f64, model: &str, psf_sigma
     let loss = match (stream, method) {
         (Stream::Ideal, _) => 0.001,
         (Stream::Recovered, Some("auto")) => 0.004,
-        (Stream::Recovered, _) => 0.05,
-        (Stream::Saturated, _) => 0.07,
+        (Stream::Recovered | Stream::Metered, _) => 0.05,
+        (Stream::Saturated | Stream::AutoExposed, _) => 0.07,
         (Stream::Modulo, _) => 0.1,
         (Stream::MultiExposure | Stream::MultiExposureStill, _) => 0.02,
     };
@@ -445,21 +445,4 @@ fn a_part_of_a_grid_says_so_and_an_empty_one_is_still_a_page() {
     assert!(!page(&results).contains("0 threads"), "nothing was timed");
     results.cells.clear();
     well_formed(&page(&results)).expect("well-formed");
-}
-
-#[test]
-fn a_budget_picks_the_most_accurate_choice_that_is_fast_enough() {
-    let results = made_up();
-    let at = |ms: f64| {
-        let budgets = budget::within(&results, ms);
-        assert_eq!(budgets.len(), 5 * 2, "alphas and lenses");
-        let four = budgets.iter().find(|budget| budget.alpha == 4.0).expect("alpha 4");
-        assert!(four.front.iter().all(|choice| !choice.name().starts_with("ideal")));
-        four.best.as_ref().map(budget::Choice::name)
-    };
-    assert_eq!(at(5.0), None, "nothing is that fast");
-    assert_eq!(at(12.0).as_deref(), Some("saturated, demo 640x192"));
-    assert_eq!(at(40.0).as_deref(), Some("recovered (auto), demo 640x192"));
-    assert_eq!(at(43.0).as_deref(), Some("saturated, yolov10n 640x192"), "59 % against 58.4 %");
-    assert_eq!(at(100.0).as_deref(), Some("recovered (auto), yolov10n 640x192"));
 }

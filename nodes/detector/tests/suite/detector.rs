@@ -126,7 +126,10 @@ fn the_input_is_swapped_between_frames() {
     }
     let refused =
         node.configure(&parameters(&data("rows.onnx"), &[("input", "raw")])).expect_err("no stream");
-    assert!(refused.to_string().contains("modulo, recovered, saturated, ideal"), "{refused}");
+    assert!(
+        refused.to_string().contains("modulo, recovered, metered, saturated, auto_exposed, ideal"),
+        "{refused}"
+    );
     assert_eq!(node.inputs()[0].name, "/camera/image_raw", "goes on exactly as before");
 }
 
@@ -398,7 +401,7 @@ fn models_that_cannot_work_say_what_is_needed() {
 #[test]
 fn parameters_that_cannot_work_say_what_is_possible() {
     for (name, value, remedy) in [
-        ("input", "p", "modulo, recovered, saturated, ideal"),
+        ("input", "p", "modulo, recovered, metered, saturated, auto_exposed, ideal"),
         ("input_size", "650x640", "multiples of 32"),
         ("classes", "zebra", "person, bicycle, car"),
         ("class_map", "/nowhere.yaml", "No such file"),

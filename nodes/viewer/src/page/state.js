@@ -11,7 +11,7 @@ export function newState(recorded) {
     error: "",
     graph: { images: [], first: [], detectors: [], truths: [], nodes: [], links: [], player: false },
     nodes: new Map(), // name -> { since, goneAt, restarts, history: [{ at, values }] }
-    statuses: new Map(), // name, or topic of a sensor description -> status
+    statuses: new Map(), // name, or topic of a sensor description -> values
     parameters: new Map(), // node -> list of parameters
     refusals: new Map(), // "node name" -> the node's sentence
     frames: [], // in the order of their arrival
@@ -89,10 +89,11 @@ function hearGraph(state, graph) {
 }
 
 function hearStatus(state, status) {
-  state.statuses.set(status.name, status);
+  const values = Object.fromEntries(status.values.map(({ key, value }) => [key, value]));
+  state.statuses.set(status.name, values);
   const node = state.nodes.get(`/${status.name}`);
   if (!node) return;
-  node.history.push({ at: now(state), level: status.level, message: status.message, values: Object.fromEntries(status.values) });
+  node.history.push({ at: now(state), level: status.level, message: status.message, values });
   node.history = node.history.filter(({ at }) => at > now(state) - STRIP_MS);
 }
 
@@ -240,7 +241,7 @@ export function noticeOf(state) {
 
 // The sensor of the camera in the namespace of a topic or a node, if it has described itself.
 export function sensorOf(state, name) {
-  return Object.fromEntries(state.statuses.get(`${namespaceOf(name)}/sensor_info`)?.values ?? []);
+  return state.statuses.get(`${namespaceOf(name)}/sensor_info`) ?? {};
 }
 
 // The first node that has a settable parameter of this name, and whether it is one of several.

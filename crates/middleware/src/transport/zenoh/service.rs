@@ -60,7 +60,7 @@ impl ZenohTransport {
         let other = servers.filter_map(|t| t.endpoint.as_ref()).find(|e| e.type_hash != asked.type_hash);
         match other {
             Some(other) if other.type_hash == keys::NO_HASH => {
-                "the node is one without type hashes, as in ROS 2 Humble: use --hash none".to_owned()
+                "the node is one without type hashes, as in ROS 2 Humble: set MODULO_TYPE_HASH=none".to_owned()
             }
             Some(other) => {
                 format!("the node has {}, this command {}", other.type_hash, asked.type_hash)

@@ -1,6 +1,7 @@
 //! The steps of a frame before the detector: simulated sensor, then unwrapping or merging, and how close the result is to
 //! the exposure of the simulated sensor.
 
+pub mod auto_exposure;
 pub mod multi_exposure;
 pub mod paper;
 mod suite;
@@ -79,6 +80,9 @@ pub fn open<'a>(
     if request.options.protocol == Protocol::Paper {
         let mut pipeline = PaperPipeline::new(point, timer)?;
         return Ok(Box::new(move |frame| pipeline.run(&frame.frame)));
+    }
+    if point.stream.follows_frames() {
+        return auto_exposure::pipeline(request, point, config);
     }
     if matches!(point.stream, Stream::MultiExposure | Stream::MultiExposureStill) {
         return multi_exposure::pipeline(point, config);

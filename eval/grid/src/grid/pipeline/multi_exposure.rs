@@ -44,7 +44,7 @@ pub fn pipeline<'a>(point: &Point, config: PipelineConfig<'a>) -> Result<FramePi
     };
     let sensors = bracket.times().iter().map(of_time).collect::<Result<Vec<_>, _>>()?;
     let (truth, transfer) = (Truth::of(sensor)?, sensor.transfer);
-    Ok(Box::new(move |FrameWithNeighbours { number, frame, around }| {
+    Ok(Box::new(move |FrameWithNeighbours { number, frame, around, .. }| {
         let now = &frame.radiance;
         // The scene of the scored frame is in the middle, so that the ghosts lie on both sides of a moving object.
         let scenes: [&Array3<f32>; CAPTURES] = match &around {

@@ -78,8 +78,8 @@ impl<'a> PaperPipeline<'a> {
             Stream::Ideal => codes(frame),
             Stream::Saturated => self.exposed(frame).mapv(|v| v.clamp(0.0, 1.0) * 255.0),
             Stream::Modulo | Stream::Recovered => self.exposed(frame).mapv(wrapped),
-            Stream::MultiExposure | Stream::MultiExposureStill => {
-                unreachable!("merged captures are refused under the protocol of the paper")
+            Stream::AutoExposed | Stream::Metered | Stream::MultiExposure | Stream::MultiExposureStill => {
+                unreachable!("these streams are refused under the protocol of the paper")
             }
         });
         let image = match self.stream {
@@ -237,7 +237,7 @@ mod tests {
         };
         let config = PipelineConfig { timer: &clock, seed: 0, compares: true };
         let mut pipeline = published_spud(&point(SPUD_AS_PUBLISHED), config).expect("possible");
-        let scored = FrameWithNeighbours { number: 0, frame: ramp.clone(), around: None };
+        let scored = FrameWithNeighbours { number: 0, drive: 0, frame: ramp.clone(), around: None };
         let image = pipeline(scored).expect("passed").image.expect("an image");
         let brightest = |image: &[u8]| *image.iter().max().expect("pixels");
         assert_eq!(brightest(image.frame.as_u8().expect("8 bits").as_slice().expect("in order")), 255);

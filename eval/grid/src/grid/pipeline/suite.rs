@@ -26,13 +26,15 @@ pub struct SuitePipeline<'a> {
 impl<'a> SuitePipeline<'a> {
     pub fn new(point: &Point, config: PipelineConfig<'a>) -> Result<Self, GridError> {
         let sensor = &point.sensor;
-        let recovers = point.method.as_ref().filter(|_| point.stream == Stream::Recovered);
+        let recovers = point.method.as_ref().filter(|_| point.stream.is_unwrapped());
         let unwrap = recovers.map(|method| {
             // Gains have a method of their own, which the node takes whatever the parameter.
             let method = if sensor.gains { Method::Auto } else { method.parse()? };
             let (own, deblur) = (sensor.clone().into(), point.deblur);
             let with = UnwrapParameters { method, deblur, sensor: own, ..Default::default() };
-            let topics = ["/recovered", "/hdr", "/diagnostics"].map(str::to_owned).to_vec();
+            let topics = ["/recovered", "/hdr", "/diagnostics", "/metered"];
+            let wanted = if point.stream == Stream::Metered { 4 } else { 3 };
+            let topics = topics[..wanted].iter().map(|&topic| topic.to_owned()).collect();
             let mut chain = Lockstep::new(config.timer, topics);
             chain.add(Box::new(UnwrapNode::new(&with)?), &node_name("unwrap"))?;
             // By its parameters alone, the node knows no perfect lens.
@@ -58,9 +60,9 @@ impl<'a> SuitePipeline<'a> {
         let sensed = match self.stream {
             Stream::Ideal => "/ideal",
             Stream::Saturated => "/saturated",
-            Stream::Modulo | Stream::Recovered => "/modulo",
-            Stream::MultiExposure | Stream::MultiExposureStill => {
-                unreachable!("merged captures have a pipeline of their own")
+            Stream::Modulo | Stream::Recovered | Stream::Metered => "/modulo",
+            Stream::AutoExposed | Stream::MultiExposure | Stream::MultiExposureStill => {
+                unreachable!("these streams have a pipeline of their own")
             }
         };
         let with = CameraParameters { seed, ..self.camera.clone() };
@@ -94,9 +96,12 @@ impl<'a> SuitePipeline<'a> {
         let (Some(unwrap), Some(modulo)) = (&mut self.unwrap, passed.image.take()) else { return Ok(()) };
         let out = unwrap.feed("/modulo", Message::Image(modulo), stamp_ns)?;
         passed.stages.extend(unwrap.stages());
-        passed.image = image(&out, "/recovered").cloned();
+        let shown = if self.stream == Stream::Metered { "/metered" } else { "/recovered" };
+        passed.image = image(&out, shown).cloned();
         // The quality is computed outside the chain, whose stages are timed.
-        if let (Some(scene), Some(toned), Some(counts)) = (scene, passed.image.clone(), image(&out, "/hdr")) {
+        if let (Some(scene), Some(toned), Some(counts)) =
+            (scene, image(&out, "/recovered"), image(&out, "/hdr"))
+        {
             self.truth.compare(self.config, scene, passed, |truth| {
                 RecoveryQuality::of_unwrapped(
                     &counts.frame,

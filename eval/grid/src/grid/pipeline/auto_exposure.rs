@@ -1,0 +1,40 @@
+//! [`pipeline`]: the images of a normal camera whose exposure follows the frames before them.
+
+use super::{DetectorInput, FramePipeline, PipelineConfig, Stages, timed, unstamped};
+use crate::GridError;
+use crate::grid::frames::FrameWithNeighbours;
+use crate::grid::{Data, Request};
+use crate::results::{Point, Protocol};
+
+/// Refuses the stream under the protocol of the paper, which knows no exposure control.
+pub fn check(request: &Request, points: &[Point]) -> Result<(), GridError> {
+    if request.options.protocol == Protocol::Paper && points.iter().any(|point| point.stream.is_metered()) {
+        return Err(GridError::value(
+            "stream",
+            "auto_exposed or metered",
+            "one of the other streams under the protocol of the paper",
+        ));
+    }
+    Ok(())
+}
+
+/// The camera of the cell at `point`. It needs all frames in their order. Each drive, and each image that belongs to no drive, starts with the
+/// exposure of a camera that has looked at its first frame for long.
+pub fn pipeline<'a>(
+    request: &Request,
+    point: &Point,
+    config: PipelineConfig<'a>,
+) -> Result<FramePipeline<'a>, GridError> {
+    let fresh = point.sensor.auto_exposure()?;
+    let is_still = matches!(request.data, Data::Kitti { .. } | Data::Yolo(_) | Data::Coco { .. });
+    let mut camera = (0, fresh.clone());
+    Ok(Box::new(move |FrameWithNeighbours { number, drive, frame, .. }| {
+        if is_still || camera.0 != drive {
+            camera = (drive, fresh.clone());
+        }
+        let (mut stages, seed) = (Stages::new(), config.seed.wrapping_add(number as u64));
+        let image =
+            timed(config.timer, &mut stages, "sense", || camera.1.expose(frame.radiance.view(), seed))?;
+        Ok(DetectorInput { image: Some(unstamped(image)), stages, ..DetectorInput::default() })
+    }))
+}
