@@ -1,6 +1,6 @@
 """Training pictures: exported scenes, blurred, brightened, flipped, cropped.
 
-Only the ideal stream is ever shown: never a modulo or a recovered image.
+`ideal` shows the ideal stream only, `modulo` wrapped images only, and `mixture` each of them with a chance of one half.
 """
 import csv
 import os
@@ -13,6 +13,9 @@ from net import CLASSES, STRIDE
 
 HEIGHT, WIDTH = 192, 640
 MIN_HEIGHT = 12.0  # px; smaller objects are ignored
+FIRST_SEED = 4000  # the seeds below are those of evaluations
+WRAPPED = {"ideal": 0.0, "modulo": 1.0, "mixture": 0.5}  # share of modulo images
+HEADROOM, PEAK = 0.97, 256.0  # the default of the camera, and 2^8
 
 
 class Scenes:
@@ -33,6 +36,13 @@ class Scenes:
                     box = [float(row[k]) for k in ("x1", "y1", "x2", "y2", "occlusion", "truncation")]
                     self.labels[image].append([int(row["class"])] + box)
         self.labels = [np.array(rows, np.float32).reshape(-1, 7) for rows in self.labels]
+
+    def may_train(self):
+        """Refuses the seeds of evaluations."""
+        seen = sorted({key[1] for key in self.keys if key[1] < FIRST_SEED})
+        if seen:
+            raise SystemExit(f"seed {seen[0]} is one of evaluations; training takes seeds from {FIRST_SEED} up")
+        return self
 
 
 def gaussian(sigma):
@@ -79,6 +89,24 @@ def degrade(x, rng):
     return torch.round(x.clamp(0, 1) * 255.0) / 255.0
 
 
+def wrap(x, rng):
+    """Modulo images of 8 bits (crates/core/src/sensor.rs): blur of 0.6 to 1.4 px, alpha 1.5 to 8, noise, wrap.
+
+    The source has 8 bits, which are fewer than those of alpha * 2^8 codes: noise within one of its steps fills them.
+    """
+    x = blur(x + (torch.rand_like(x) - 0.5) / 255.0, float(rng.uniform(0.6, 1.4))).clamp(0, 1)
+    alpha = torch.from_numpy(np.exp(rng.uniform(np.log(1.5), np.log(8.0), (x.shape[0], 1, 1, 1))).astype(np.float32))
+    x = HEADROOM * alpha * PEAK * x + torch.randn_like(x) * float(rng.uniform(0.0, 1.2))
+    return torch.floor(x.clamp(min=0) % PEAK) / 255.0
+
+
+def shown(x, images, rng):
+    """The views of a batch as the detector gets them; `images` is a key of WRAPPED."""
+    wrapped = rng.binomial(len(x), WRAPPED[images])
+    parts = ((wrap, x[:wrapped]), (degrade, x[wrapped:]))
+    return torch.cat([camera(part, rng) for camera, part in parts if len(part)])
+
+
 def targets(labels, height, width):
     """Heat map [5,h,w], its weight, box distances [4,h,w] px and their weight [h,w]."""
     h, w = height // STRIDE, width // STRIDE
@@ -110,9 +138,9 @@ def targets(labels, height, width):
     return heat, weight, box, near
 
 
-def batch(scenes, indices, crop, rng):
+def batch(scenes, indices, crop, rng, images):
     """A batch ready for `loss`."""
     views = [sample(scenes, i, crop, rng) for i in indices]
-    x = degrade(torch.stack([v[0] for v in views]), rng)
+    x = shown(torch.stack([v[0] for v in views]), images, rng)
     goals = [targets(v[1], HEIGHT, crop) for v in views]
     return (x, *(torch.from_numpy(np.stack([g[k] for g in goals])) for k in range(4)))

@@ -8,8 +8,9 @@ import numpy as np
 import torch
 
 from data import Scenes, blur
+from export import opened
 from metric import ap50
-from net import CLASSES, Detector, EndToEnd
+from net import CLASSES, EndToEnd
 
 
 def load(path):
@@ -19,9 +20,7 @@ def load(path):
 
         session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
         return lambda x: session.run(None, {"images": x.numpy()})[0][0]
-    net = Detector()
-    net.load_state_dict(torch.load(path))
-    model = EndToEnd(net.eval())
+    model = EndToEnd(opened(path).eval())
     return lambda x: model(x)[0].numpy()
 
 

@@ -2,6 +2,8 @@
 
     python export.py CHECKPOINT OUT.onnx
 
+`opened` reads checkpoints and such files back into the network.
+
 `images` [1,3,H,W] RGB in [0,1], H and W multiples of 32, to `output0`
 [1,100,6] = x1, y1, x2, y2, score, class, best first. Weights are stored as
 float16 and widened by Cast nodes; all arithmetic is float32.
@@ -30,6 +32,20 @@ def fold(module):
     return module
 
 
+def opened(path):
+    """The network of a checkpoint or of an ONNX file of this script, whose norms are folded already."""
+    if path.endswith(".onnx"):
+        weights = {w.name.removeprefix("net.").removesuffix("_f16"): torch.from_numpy(numpy_helper.to_array(w).astype(np.float32))
+                   for w in onnx.load(path).graph.initializer if w.name.startswith("net.")}
+    else:
+        weights = torch.load(path)
+    net = Detector()
+    if not any(".norm." in name for name in weights):
+        fold(net)
+    net.load_state_dict(weights)
+    return net
+
+
 def narrow(model):
     """Stores every larger float32 weight as float16."""
     kept, casts = [], []
@@ -51,9 +67,9 @@ def main():
     parse.add_argument("checkpoint")
     parse.add_argument("out")
     args = parse.parse_args()
-    net = Detector()
-    net.load_state_dict(torch.load(args.checkpoint))
-    model = EndToEnd(fold(net.eval()))
+    net = opened(args.checkpoint)
+    folded = isinstance(net.stem[0].norm, nn.Identity)
+    model = EndToEnd(net.eval() if folded else fold(net.eval()))
     raw = io.BytesIO()
     torch.onnx.export(
         model, torch.rand(1, 3, 192, 640), raw, opset_version=17, dynamo=False,

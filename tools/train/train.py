@@ -1,14 +1,18 @@
 """Trains the demo detector from a seed on exported scenes; see README.md.
 
-    python train.py DATA OUT [--minutes 35] [--seed 1] [--resume CHECKPOINT]
+    python train.py DATA OUT [--minutes 35 | --steps N] [--seed 1] [--images ideal|modulo|mixture] [--resume MODEL]
+
+MODEL is a checkpoint or an ONNX file of `export.py`, whose network has no batch norms.
 
 Each of `--ranks` processes computes with one thread on its own pictures, and
 the gradients are averaged after each step: on a busy machine that is several
 times faster than threads which wait for each other.
 """
 import argparse
+import copy
 import math
 import os
+import resource
 import time
 
 import numpy as np
@@ -16,7 +20,8 @@ import torch
 import torch.distributed as dist
 from torch.utils.data import DataLoader, IterableDataset
 
-from data import Scenes, batch
+from data import WRAPPED, Scenes, batch
+from export import opened
 from net import Detector, distances
 
 CROP, BATCH, RATE = 320, 5, 2.0e-3
@@ -25,15 +30,15 @@ CROP, BATCH, RATE = 320, 5, 2.0e-3
 class Stream(IterableDataset):
     """Endless batches of random views, from a seed."""
 
-    def __init__(self, scenes, seed):
-        self.scenes, self.seed = scenes, seed
+    def __init__(self, scenes, seed, images):
+        self.scenes, self.seed, self.images = scenes, seed, images
 
     def __iter__(self):
         torch.set_num_threads(1)
         torch.manual_seed(self.seed)
         rng = np.random.default_rng(self.seed)
         while True:
-            yield batch(self.scenes, rng.integers(0, len(self.scenes.images), BATCH), CROP, rng)
+            yield batch(self.scenes, rng.integers(0, len(self.scenes.images), BATCH), CROP, rng, self.images)
 
 
 def loss(raw, heat, weight, box, near):
@@ -103,18 +108,17 @@ def work(rank, args):
     if args.ranks > 1:
         dist.init_process_group("gloo", f"file://{os.path.abspath(args.out)}/meeting", rank=rank, world_size=args.ranks)
     scenes = Scenes(args.data)
-    net, kept = Detector(), Detector()
-    if args.resume:
-        net.load_state_dict(torch.load(args.resume))
-    kept.load_state_dict(net.state_dict())
+    net = opened(args.resume) if args.resume else Detector()
+    kept = copy.deepcopy(net)
     net = net.to(memory_format=torch.channels_last).train()
     say = print if rank == 0 else lambda *_, **__: None
     say(f"{len(scenes.images)} images, {sum(p.numel() for p in net.parameters())} parameters, seed {args.seed}", flush=True)
-    views = Stream(scenes, args.seed * 100 + rank)
+    views = Stream(scenes, args.seed * 100 + rank, args.images)
     loader = iter(DataLoader(views, batch_size=None, num_workers=1, prefetch_factor=3, multiprocessing_context="fork"))
     rule = torch.optim.AdamW(net.parameters(), lr=args.rate, weight_decay=1e-3)
     start, step, last, sums, shown = time.time(), 0, 0, np.zeros(2), time.time()
-    while (gone := agreed((time.time() - start) / (60 * args.minutes), args.ranks)) < 1.0:
+    done = lambda: step / args.steps if args.steps else (time.time() - start) / (60 * args.minutes)
+    while (gone := agreed(done(), args.ranks)) < 1.0:
         for group in rule.param_groups:
             group["lr"] = args.rate * min(1.0, (step + 1) / 100) * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * gone)))
         sums += step_once(net, rule, next(loader), args.ranks)
@@ -137,16 +141,21 @@ def main():
     parse.add_argument("data")
     parse.add_argument("out")
     parse.add_argument("--minutes", type=float, default=35.0)
+    parse.add_argument("--steps", type=int, help="ends after so many steps, whatever their time")
+    parse.add_argument("--images", choices=WRAPPED, default="ideal")
     parse.add_argument("--seed", type=int, default=1)
     parse.add_argument("--ranks", type=int, default=2)
     parse.add_argument("--rate", type=float, default=RATE)
     parse.add_argument("--resume")
     args = parse.parse_args()
+    Scenes(args.data).may_train()
     os.makedirs(args.out, exist_ok=True)
     meeting = os.path.join(args.out, "meeting")
     if os.path.exists(meeting):
         os.remove(meeting)
     torch.multiprocessing.spawn(work, (args,), nprocs=args.ranks)
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    print(f"{(used.ru_utime + used.ru_stime) / 3600:.3f} hours of processor time")
 
 
 if __name__ == "__main__":
