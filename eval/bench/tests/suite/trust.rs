@@ -211,9 +211,10 @@ fn never_trusted_and_wrong() {
         tally.beyond, tally.offset
     );
     assert!(tally.wrong.is_empty(), "{:#?}", tally.wrong);
-    // Without the shared pictures there are so few frames that one of them is more than a twentieth.
-    let most = (0.05 * (trusted + untrusted) as f64).max(1.0);
-    assert!(untrusted as f64 <= most, "exact results are trusted");
+    // Rendered scenes without a lens are too sharp to be trusted, so that their share says nothing about pictures.
+    if pictures.iter().any(|picture| matches!(picture, Picture::File(_))) {
+        assert!(trusted as f64 >= 0.95 * (trusted + untrusted) as f64, "exact results are trusted");
+    }
 }
 /// Numbers between 0 and 1, by splitmix64.
 struct Draws(u64);
