@@ -29,7 +29,7 @@ const SETTLING_FRAMES: usize = 40;
 /// How the exposure follows the frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExposureControl {
-    /// What it looks at.
+    /// The pixels that decide.
     pub metering: Metering,
     /// The goal of the mean, as a fraction of the largest code of the image, more than 0 and at most 1.
     pub target: f64,

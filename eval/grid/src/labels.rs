@@ -117,21 +117,27 @@ pub fn stream(point: &Point) -> String {
     let mosaic = point.sensor.mosaic.map(Mosaic::word);
     let name =
         [Some(point.stream.name().as_str()), mosaic].into_iter().flatten().collect::<Vec<_>>().join(" ");
+    let deblurred = point.deblur.then(|| "deblurred".to_owned());
+    let details: Vec<String> =
+        point.method.iter().cloned().chain(deblurred).chain(exposure_control(point)).collect();
     match &point.method {
         // The style is that of the first known word, and a variant of it by an unknown one.
         Some(method) if point.stream == Stream::Saturated => format!("{method}, saturating"),
-        Some(method) if point.deblur => format!("{name} ({method}, deblurred)"),
-        Some(method) => format!("{name} ({method})"),
         None if is_sharp_ideal(point) => format!("{name}, sharp"),
-        None if point.stream.is_metered() => {
-            let SensorModel { metering, metering_target, exposure_delay, exposure_step, .. } = point.sensor;
-            let plain = SensorModel::default();
-            let control = SensorModel { metering, metering_target, exposure_delay, exposure_step, ..plain };
-            let control = named(&control, &ALWAYS, text).join(", ");
-            if control.is_empty() { name } else { format!("{name} ({control})") }
-        }
-        None => name,
+        _ if details.is_empty() => name,
+        _ => format!("{name} ({})", details.join(", ")),
     }
+}
+
+/// The values of the exposure control of a metered image that differ from their defaults.
+fn exposure_control(point: &Point) -> Vec<String> {
+    if !point.stream.is_metered() {
+        return Vec::new();
+    }
+    let SensorModel { metering, metering_target, exposure_delay, exposure_step, .. } = point.sensor;
+    let plain = SensorModel::default();
+    let control = SensorModel { metering, metering_target, exposure_delay, exposure_step, ..plain };
+    named(&control, &ALWAYS, text)
 }
 
 /// Label of the model and its input size: `yolov10n 640x640`, `yolov10n, input auto`.

@@ -190,7 +190,7 @@ pub enum Stream {
     Ideal,
     /// Clipped at the peak
     Saturated,
-    /// Of a normal camera whose exposure follows the frames before
+    /// A normal camera whose exposure follows the frames before
     AutoExposed,
     /// Wrapped at the peak
     Modulo,

@@ -528,7 +528,7 @@ modulo_runtime::parameters! {
     }
 }
 
-/// Who chooses the exposure of the modulo sensor.
+/// The choice of the exposure of the modulo sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExposureChoice {
     /// The parameter alpha.
@@ -581,7 +581,9 @@ impl CameraParameters {
     /// Returns the exposure control, if there is one. Pixels of a given lower gain must not wrap.
     fn control(&self) -> Option<TrustedExposure> {
         let Self { sensor: SensorModel { alpha, gains, gain_ratio, .. }, alpha_most, .. } = *self;
-        let most = if gains && gain_ratio > 0.0 { alpha_most.min(gain_ratio.recip()) } else { alpha_most };
+        // A little less, since 1 / (1 / ratio) may be below the ratio.
+        let of_gains = 0.999 / gain_ratio;
+        let most = if gains && gain_ratio > 0.0 { alpha_most.min(of_gains) } else { alpha_most };
         (self.exposure == ExposureChoice::Trusted).then(|| TrustedExposure::new(alpha, most))
     }
 

@@ -244,7 +244,7 @@ class Sensor:
         Radiance in code units that you promise the darkest pixels of each frame to have, as the pedestal of a data sheet, to
         1/32 of 2^bits. It shows unwrap the absolute level of a frame in which some pixels have it. -1: no promise.
     metering : str, one of mean, centre, highlights
-        What the exposure of the images auto_exposed and metered follows: the mean of all pixels, that of the centre, whose
+        The pixels that decide the exposure of the images auto_exposed and metered: the mean of all of them, that of the centre, whose
         pixels count three times, or the highlights, of which 99.9 % shall not clip.
     metering_target : float, a finite number in 0.01 to 1
         Goal of the mean and of the centre, divided by the largest code of these images.

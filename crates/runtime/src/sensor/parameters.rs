@@ -83,7 +83,7 @@ crate::parameters! {
         /// the source. The images of a mosaic have the encoding bayer_*8 or bayer_*16. Images of one channel are raw mosaics of
         /// these filters, which are sensed as they are, without a lens.
         mosaic: Option<Mosaic> = None => Mosaic::WORDS; fixed,
-        /// What the exposure of the images auto_exposed and metered follows: the mean of all pixels, that of the centre, whose pixels count three
+        /// The pixels that decide the exposure of the images auto_exposed and metered: the mean of all of them, that of the centre, whose pixels count three
         /// times, or the highlights, of which 99.9 % shall not clip.
         metering: Metering = Metering::Mean => Metering::WORDS,
         /// Goal of the mean and of the centre, divided by the largest code of these images.

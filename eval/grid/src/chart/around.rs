@@ -30,13 +30,13 @@ pub fn charts(results: &Results) -> Vec<NamedChart> {
                 if panels[0].series.is_empty() {
                     continue;
                 }
-                let (word, file) = if is_darker { ("darker", "darker") } else { ("brighter", "brighter") };
+                let word = if is_darker { "darker" } else { "brighter" };
                 let title = format!(
                     "Before and after the light gets {word}: {model}, alpha {alpha}, {}",
                     labels::conditions(&conditions)
                 );
                 let suffix = labels::suffix(&conditions, &["alpha"]);
-                let name = format!("around_{file}_{}_alpha{alpha}_{suffix}", file_name(&model));
+                let name = format!("around_{word}_{}_alpha{alpha}_{suffix}", file_name(&model));
                 let footer = "Frame 0 is the first one of the change. A moment has the frames of all changes of this kind in all drives. The nearest object \
                               of a frame has the highest box of those that count; it is found by a box of a score of at least 0.25 and an \
                               IoU of at least 0.5.";
