@@ -39,6 +39,8 @@ html_theme_options = {"source_directory": "docs/"}
 # The address of the repository's files, such as https://example.org/modulo/blob/main; links from the book to files outside of docs/ lead
 # there. Without it they are shown as paths.
 REPOSITORY = os.environ.get("MODULO_REPOSITORY", "").rstrip("/")
+# The notebook is a page of the book, by a symbolic link in docs/tutorials.
+NOTEBOOK = ROOT / "python/examples/radiance_to_boxes.ipynb"
 LINK = re.compile(r"(?<!!)\[([^\]]*)\]\(((?:\.\./)+[^)#\s]*)(#[^)\s]*)?\)")
 
 
@@ -50,6 +52,8 @@ def lead_outside(app: Sphinx, docname: str, source: list[str]) -> None:
         target = ((DOCS / docname).parent / path).resolve()
         if target.is_relative_to(DOCS):
             return link[0]
+        if target == NOTEBOOK:
+            return f"{{doc}}`{text} </tutorials/radiance-to-boxes>`"
         if not target.exists():
             logging.getLogger(__name__).warning("there is no %s", path, location=docname)
         place = target.relative_to(ROOT).as_posix()
@@ -57,7 +61,7 @@ def lead_outside(app: Sphinx, docname: str, source: list[str]) -> None:
             return f"[{text}]({REPOSITORY}/{place}{anchor})"
         return f"`{place}`" if text.strip("`") in place else f"{text} (`{place}`)"
 
-    if not app.env.doc2path(docname).endswith(".ipynb"):
+    if app.env.doc2path(docname).suffix == ".md":
         source[0] = LINK.sub(replaced, source[0])
 
 

@@ -1,4 +1,4 @@
-"""Compares the methods of others with those of the suite: the tables of docs/peers.md.
+"""Compares the methods of others with those of the suite: the tables of docs/research/peers.md.
 
     pip install "./python[examples]" && pip install -r python/examples/peers/requirements.txt
     python python/examples/field.py --out field                 # ten rendered frames

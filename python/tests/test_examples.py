@@ -46,7 +46,7 @@ def test_ten_lines_of_a_stranger_give_a_table_and_files(
 def test_the_document_shows_the_example() -> None:
     code = (EXAMPLES / "own_method.py").read_text().split('"""', 2)[2].strip()
     plain = code.replace("y: Any, bits: int, alpha: float) -> Any:", "y, bits, alpha):").replace("from typing import Any\n\n", "")
-    shown = (ROOT / "docs/python.md").read_text()
+    shown = (ROOT / "docs/how-to/own-method.md").read_text()
     assert plain.replace("\n\n\n", "\n\n") in shown.replace("\n\n\n", "\n\n")
 
 

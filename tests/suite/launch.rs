@@ -369,7 +369,7 @@ fn sample() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/samples/tunnel")
 }
 
-/// The command of docs/bags.md makes the very bytes that are committed.
+/// The command of docs/reference/bags.md makes the very bytes that are committed.
 #[test]
 fn the_sample_is_made_by_its_command() {
     let bench = Bench::new();

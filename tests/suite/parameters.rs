@@ -20,7 +20,7 @@ fn nodes() -> [(&'static str, Vec<Descriptor>); 4] {
     ]
 }
 
-const TABLE: &str = "docs/parameters.md";
+const TABLE: &str = "docs/reference/parameters.md";
 const REWRITE: &str = "MODULO_REWRITE=1 cargo test --test suite parameters";
 
 fn table() -> String {

@@ -49,13 +49,13 @@ pub enum ArgsError {
     /// A secure enclave is requested.
     #[error(
         "--enclave {0}: the suite has no secure enclaves of ROS 2 (SROS 2); leave the option out, and encrypt the connections \
-         between machines by their routers (docs/machines.md)"
+         between machines by their routers (docs/how-to/two-machines.md)"
     )]
     Enclave(String),
     /// The environment demands secure enclaves.
     #[error(
         "ROS_SECURITY_ENABLE=true with ROS_SECURITY_STRATEGY=Enforce demands secure enclaves of ROS 2 (SROS 2), which the suite \
-         does not have; unset one of the two, and encrypt the connections between machines by their routers (docs/machines.md)"
+         does not have; unset one of the two, and encrypt the connections between machines by their routers (docs/how-to/two-machines.md)"
     )]
     Security,
     /// A parameter file is not there or not of the right shape.

@@ -140,7 +140,7 @@ impl Camera {
             StreamChoice::Stream(stream) => stream,
             StreamChoice::Auto(_) if !self.trust.falls_back() => TRUSTED,
             StreamChoice::Auto(Some(stream)) => stream,
-            // Measured (docs/live.md): without blur an image that is not trusted is worse than the saturated one; with
+            // Measured (docs/research/trust.md): without blur an image that is not trusted is worse than the saturated one; with
             // blur it is better.
             StreamChoice::Auto(None) => match self.described(TRUSTED).and_then(SensorHistory::latest) {
                 Some(sensor) if sensor.is_sharp() => SHARP_FALLBACK,

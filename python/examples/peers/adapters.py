@@ -1,7 +1,7 @@
 """Methods of others as `modulo.benchmark` takes them: `f(y, bits, alpha)` returns the radiance and the wrap counts.
 
 Nothing of them is copied: each adapter imports its package, which the user installs (peers/requirements.txt has the versions of
-docs/peers.md), and converts codes to what the package wants. All of them return phi up to a constant for each channel. `located` chooses the
+docs/research/peers.md), and converts codes to what the package wants. All of them return phi up to a constant for each channel. `located` chooses the
 constant as anybody could who does not know the true counts.
 """
 

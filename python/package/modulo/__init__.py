@@ -64,7 +64,7 @@ __all__ = [
 __version__: str = _core.__version__
 
 METHODS: tuple[str, ...] = tuple(_core.METHODS)
-"""The names of the unwrapping methods; docs/methods.md describes them."""
+"""The names of the unwrapping methods; docs/explanation/methods.md describes them."""
 
 Codes: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16]
 """An image of integer codes, H x W or H x W x C: `uint8` for 8 bits and less, else `uint16`."""

@@ -1,5 +1,7 @@
-//! A test: every command in the documents can be run as it is written, as far as its words tell.
+//! Tests: every command in the documents can be run as it is written, as far as its words tell; links between them lead to files;
+//! and the reference of the commands and of the launch arguments is what the program declares.
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::error::ErrorKind;
@@ -122,14 +124,127 @@ fn param_fault(of: &ArgMatches) -> Option<String> {
     unknown.then(|| format!("{node} has no parameter {name}"))
 }
 
+/// The root of the repository.
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// The paths of the documents.
+fn documents() -> Vec<PathBuf> {
+    let book = ["tutorials", "how-to", "reference", "explanation", "research", "contributing"];
+    let folders = ["", "docs", "crates/models", "nodes/ros2_bridge", "tools/train"].map(str::to_owned);
+    let folders = folders.into_iter().chain(book.map(|kind| format!("docs/{kind}")));
+    let entries = folders.flat_map(|folder| std::fs::read_dir(root().join(folder)).expect("a folder"));
+    let paths = entries.map(|entry| entry.expect("a file").path());
+    paths.filter(|path| path.extension().is_some_and(|extension| extension == "md")).collect()
+}
+
+/// A line of a table. A vertical bar would end a cell.
+fn row(cells: &[&str]) -> String {
+    let cells =
+        cells.iter().map(|cell| cell.replace('|', "\\|").split_whitespace().collect::<Vec<_>>().join(" "));
+    format!("| {} |\n", cells.collect::<Vec<_>>().join(" | "))
+}
+
+/// The commands below `command`, whose words are `called`, each with a table of its options.
+fn describe(command: &clap::Command, called: &str, page: &mut String) {
+    let text = |text: Option<&clap::builder::StyledStr>| text.map(ToString::to_string).unwrap_or_default();
+    let about = text(command.get_long_about().or(command.get_about()));
+    let _ = write!(page, "\n{} {called}\n\n{about}.\n", "#".repeat(called.split(' ').count().min(3)));
+    let shown = |argument: &&clap::Arg| !argument.is_hide_set() && argument.get_id() != "help";
+    let arguments: Vec<_> = command.get_arguments().filter(shown).collect();
+    if !arguments.is_empty() {
+        page.push_str("\n| option | default | |\n|---|---|---|\n");
+    }
+    for argument in arguments {
+        let default = argument.get_default_values().iter().map(|value| value.to_string_lossy());
+        let default = default.collect::<Vec<_>>().join(",");
+        let default = if default.is_empty() { default } else { format!("`{default}`") };
+        let mut help = text(argument.get_long_help().or(argument.get_help()));
+        let possible: Vec<_> = argument.get_possible_values();
+        let switch = !argument.get_action().takes_values();
+        if !(switch || possible.is_empty() || argument.is_hide_possible_values_set()) {
+            let possible: Vec<_> = possible.iter().map(|value| format!("`{}`", value.get_name())).collect();
+            let _ = write!(help, ". One of {}", possible.join(", "));
+        }
+        page.push_str(&row(&[&format!("`{argument}`"), &default, &help]));
+    }
+    for below in command.get_subcommands().filter(|below| below.get_name() != "help" && !below.is_hide_set())
+    {
+        describe(below, &format!("{called} {}", below.get_name()), page);
+    }
+}
+
+/// The arguments of each launch file. Files with the same arguments share a table.
+fn launch_arguments() -> String {
+    let mut tables: Vec<(String, Vec<String>)> = Vec::new();
+    for file in modulo_launch::launch_files() {
+        let mut table = "\n| argument | default | |\n|---|---|---|\n".to_owned();
+        for argument in modulo_launch::declared_arguments(&file.path).expect("a launch file of the suite") {
+            let default = argument.default.map_or("required".to_owned(), |text| format!("`'{text}'`"));
+            let mut help = argument.description.unwrap_or_default();
+            if !argument.choices.is_empty() {
+                let _ = write!(help, ". One of `{}`", argument.choices.join("`, `"));
+            }
+            table.push_str(&row(&[&format!("`{}`", argument.name), &default, &help]));
+        }
+        let name = file.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let line = format!("`{name}`: {}", file.about);
+        match tables.iter_mut().find(|(other, _)| *other == table) {
+            Some((_, files)) => files.push(line),
+            None => tables.push((table, vec![line])),
+        }
+    }
+    let sections = tables.iter().map(|(table, files)| {
+        let names = files.iter().filter_map(|line| line.split('`').nth(1)).collect::<Vec<_>>().join(", ");
+        format!("\n## {names}\n\n- {}\n{table}", files.join("\n- "))
+    });
+    sections.collect()
+}
+
+#[test]
+fn the_reference_is_what_the_program_declares() {
+    let rewrite = "MODULO_REWRITE=1 cargo test --bin modulo documents";
+    let mut commands = String::new();
+    describe(&Cli::command(), "modulo", &mut commands);
+    let commands = commands.replacen("\n# modulo\n", "", 1);
+    for (name, title, text) in
+        [("cli.md", "Commands", commands), ("launch-arguments.md", "Launch arguments", launch_arguments())]
+    {
+        let page = format!("# {title}\n\nMade from the declarations by `{rewrite}`.\n{text}");
+        let file = root().join("docs/reference").join(name);
+        if std::env::var_os("MODULO_REWRITE").is_some() {
+            std::fs::write(&file, &page).expect("writable");
+        }
+        let written = std::fs::read_to_string(&file).unwrap_or_default();
+        assert!(
+            written == page,
+            "{} is not what the program declares; {rewrite} writes it anew",
+            file.display()
+        );
+    }
+}
+
+#[test]
+fn links_in_the_documents_lead_to_files() {
+    let mut faults = Vec::new();
+    for path in documents() {
+        let text = std::fs::read_to_string(&path).expect("readable");
+        for link in text.split("](").skip(1).filter_map(|rest| rest.split([')', ' ']).next()) {
+            let target = link.split('#').next().unwrap_or_default();
+            let outside = target.contains("://") || target.starts_with("mailto:");
+            if !outside && !path.with_file_name(target).exists() && !target.is_empty() {
+                faults.push(format!("{}: {link}", path.display()));
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
 #[test]
 fn every_command_in_the_documents_can_be_run() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let folders = ["", "docs", "crates/models", "nodes/ros2_bridge", "tools/train"];
-    let documents = folders.iter().flat_map(|folder| std::fs::read_dir(root.join(folder)).expect("a folder"));
-    let documents = documents.map(|entry| entry.expect("a file").path());
     let (mut faults, mut count) = (Vec::new(), 0);
-    for path in documents.filter(|path| path.extension().is_some_and(|extension| extension == "md")) {
+    for path in documents() {
         let text = std::fs::read_to_string(&path).expect("readable").replace("\\\n", "  ");
         for (index, block) in text.split("```").enumerate() {
             let shell = index % 2 == 1 && (block.starts_with("sh\n") || block.starts_with("bash\n"));

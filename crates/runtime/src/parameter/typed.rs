@@ -1,5 +1,5 @@
 //! [`parameters!`](crate::parameters): a struct of typed parameters, each declared once with its type, default, range
-//! and help. The parameter services, `--help`, launch checks and `docs/parameters.md` read the same declaration.
+//! and help. The parameter services, `--help`, launch checks and `docs/reference/parameters.md` read the same declaration.
 
 use std::ops::RangeInclusive;
 

@@ -14,7 +14,7 @@ const LENSES: [f64; 6] = [0.0, 0.5, 0.8, 1.0, 1.4, 2.0];
 const PAPER7: f64 = 1.4;
 
 /// The largest alpha of 1, 1.5, 2, 3, 4, 6 and 8 at which `auto` finds at least 99.5 % of the counts behind each of [`LENSES`]: by
-/// whether the sensor has a colour mosaic, and by whether it has two gains. Source: docs/methods.md, "Which sensor for which scene".
+/// whether the sensor has a colour mosaic, and by whether it has two gains. Source: docs/research/sensors.md.
 const MEASURED: [(bool, bool, [f64; LENSES.len()]); 4] = [
     (false, false, [1.5, 2.0, 3.0, 4.0, 6.0, 8.0]),
     (false, true, [2.0, 4.0, 8.0, 8.0, 8.0, 8.0]),

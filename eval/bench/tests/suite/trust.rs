@@ -2,7 +2,7 @@
 //! trusts the exact results whose absolute offset is evident.
 //!
 //! Each picture is exposed by some sensors of [`Condition::at`]; `MODULO_TRUST=1000` tests a thousand of them for each picture, and
-//! prints the figures of docs/methods.md.
+//! prints the figures of docs/research/trust.md.
 
 use crate::data;
 use std::path::{Path, PathBuf};

@@ -20,7 +20,7 @@ use crate::classes::{ClassGroups, ClassMap, of_labels};
 use crate::metric::{bootstrap, paper};
 use crate::results::{Cell, ClassScore, Paper, Point};
 
-/// Least share of exact wrap counts of a frame that may be trusted: docs/methods.md promises it.
+/// Least share of exact wrap counts of a frame that may be trusted: docs/explanation/trust.md promises it.
 const LEAST_TRUSTED_SHARE: f64 = 0.999;
 
 /// The ground truth and the rules of scoring.

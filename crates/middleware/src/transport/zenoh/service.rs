@@ -67,7 +67,7 @@ impl ZenohTransport {
             }
             None if graph.endpoints(EntityKind::Server, &asked.topic).next().is_some() => {
                 "it serves this, but did not answer: it may be busy or hang (see its log), or a router on the way may deny the \
-                 request (access_control in the configuration of the router, docs/machines.md)"
+                 request (access_control in the configuration of the router, docs/how-to/two-machines.md)"
                     .to_owned()
             }
             None => "no such node is in the graph; is it running? modulo node list shows those that are".to_owned(),
