@@ -26,6 +26,7 @@ myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 3
 # The notebook has the results of its last run, which `python/check` repeats.
 nb_execution_mode = "off"
+highlight_language = "none"
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 python_use_unqualified_type_names = True
