@@ -157,17 +157,19 @@ fn describe(command: &clap::Command, called: &str, page: &mut String) {
         page.push_str("\n| option | default | |\n|---|---|---|\n");
     }
     for argument in arguments {
-        let default = argument.get_default_values().iter().map(|value| value.to_string_lossy());
+        let switch = !argument.get_action().takes_values();
+        let default =
+            argument.get_default_values().iter().filter(|_| !switch).map(|value| value.to_string_lossy());
         let default = default.collect::<Vec<_>>().join(",");
         let default = if default.is_empty() { default } else { format!("`{default}`") };
         let mut help = text(argument.get_long_help().or(argument.get_help()));
         let possible: Vec<_> = argument.get_possible_values();
-        let switch = !argument.get_action().takes_values();
         if !(switch || possible.is_empty() || argument.is_hide_possible_values_set()) {
             let possible: Vec<_> = possible.iter().map(|value| format!("`{}`", value.get_name())).collect();
             let _ = write!(help, ". One of {}", possible.join(", "));
         }
-        page.push_str(&row(&[&format!("`{argument}`"), &default, &help]));
+        let short = argument.get_short().map(|letter| format!("-{letter}, ")).unwrap_or_default();
+        page.push_str(&row(&[&format!("`{short}{argument}`"), &default, &help]));
     }
     for below in command.get_subcommands().filter(|below| below.get_name() != "help" && !below.is_hide_set())
     {
@@ -175,38 +177,42 @@ fn describe(command: &clap::Command, called: &str, page: &mut String) {
     }
 }
 
-/// The arguments of each launch file. Files with the same arguments share a table.
+/// The launch files, and their arguments with the files that have each of them with this default and description.
 fn launch_arguments() -> String {
-    let mut tables: Vec<(String, Vec<String>)> = Vec::new();
+    let (mut page, mut rows) =
+        ("\n| file | content |\n|---|---|\n".to_owned(), Vec::<([String; 3], Vec<String>)>::new());
     for file in modulo_launch::launch_files() {
-        let mut table = "\n| argument | default | |\n|---|---|---|\n".to_owned();
+        let name = file.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        page.push_str(&row(&[&format!("`{name}`"), &file.about]));
         for argument in modulo_launch::declared_arguments(&file.path).expect("a launch file of the suite") {
             let default = argument.default.map_or("required".to_owned(), |text| format!("`'{text}'`"));
             let mut help = argument.description.unwrap_or_default();
             if !argument.choices.is_empty() {
                 let _ = write!(help, ". One of `{}`", argument.choices.join("`, `"));
             }
-            table.push_str(&row(&[&format!("`{}`", argument.name), &default, &help]));
-        }
-        let name = file.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let line = format!("`{name}`: {}", file.about);
-        match tables.iter_mut().find(|(other, _)| *other == table) {
-            Some((_, files)) => files.push(line),
-            None => tables.push((table, vec![line])),
+            let cells = [format!("`{}`", argument.name), default, help];
+            let short = name.trim_end_matches(".launch.yaml").to_owned();
+            match rows.iter_mut().find(|(other, _)| *other == cells) {
+                Some((_, files)) => files.push(short),
+                None => rows.push((cells, vec![short])),
+            }
         }
     }
-    let sections = tables.iter().map(|(table, files)| {
-        let names = files.iter().filter_map(|line| line.split('`').nth(1)).collect::<Vec<_>>().join(", ");
-        format!("\n## {names}\n\n- {}\n{table}", files.join("\n- "))
-    });
-    sections.collect()
+    rows.sort_by(|(one, _), (other, _)| one[0].cmp(&other[0]));
+    page.push_str("\n| argument | default | files | |\n|---|---|---|---|\n");
+    for ([name, default, help], files) in rows {
+        page.push_str(&row(&[&name, &default, &files.join(", "), &help]));
+    }
+    page
 }
 
 #[test]
 fn the_reference_is_what_the_program_declares() {
     let rewrite = "MODULO_REWRITE=1 cargo test --bin modulo documents";
     let mut commands = String::new();
-    describe(&Cli::command(), "modulo", &mut commands);
+    let mut command = Cli::command();
+    command.build();
+    describe(&command, "modulo", &mut commands);
     let commands = commands.replacen("\n# modulo\n", "", 1);
     for (name, title, text) in
         [("cli.md", "Commands", commands), ("launch-arguments.md", "Launch arguments", launch_arguments())]
