@@ -88,10 +88,17 @@ fn page_stands_on_its_own() {
 fn documentation_names_every_method_and_unobservable_scene() {
     let methods = include_str!("../../../../docs/explanation/methods.md");
     for method in METHODS {
-        assert!(methods.contains(&format!("## {method}\n")), "docs/explanation/methods.md has no section {method}");
+        assert!(
+            methods.contains(&format!("## {method}\n")),
+            "docs/explanation/methods.md has no section {method}"
+        );
     }
     let scenes = include_str!("../../../../docs/research/trust.md");
     for case in cases().iter().filter(|case| !case.is_observable()) {
-        assert!(scenes.contains(&format!("`{}`", case.name)), "docs/research/trust.md does not list {}", case.name);
+        assert!(
+            scenes.contains(&format!("`{}`", case.name)),
+            "docs/research/trust.md does not list {}",
+            case.name
+        );
     }
 }
