@@ -295,6 +295,25 @@ fn a_mosaic_is_exact_behind_a_lens() {
     assert_eq!(last["psnr_db"].as_f64().filter(|psnr| *psnr < 45.0), None, "{last}");
 }
 
+/// A raw mosaic has the blur of its own lens, which nobody knows: the unwrapping node got the perfect lens of the cell, and trusted nothing.
+#[test]
+fn a_raw_mosaic_is_not_sensed_through_a_perfect_lens() {
+    let bench = Bench::new();
+    let folder = bench.path("raw");
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let radiance = |x: u32, y: u32| 0.5 + 0.45 * (f64::from(x) / 23.0).sin() * (f64::from(y) / 31.0).cos();
+    let filter = |x: u32, y: u32| [[0.6, 1.0], [1.0, 0.4]][y as usize % 2][x as usize % 2];
+    let pixel = |x, y| image::Luma([(60_000.0 * radiance(x, y) * filter(x, y)) as u16]);
+    image::ImageBuffer::from_fn(192, 128, pixel).save(folder.join("a.png")).expect("saved");
+    for (name, text) in [("a.txt", "0 0.5 0.5 0.2 0.2\n"), ("classes.txt", "car\n")] {
+        std::fs::write(folder.join(name), text).expect("written");
+    }
+    let sensor = "--alpha 4 --psf-sigma 0 --mosaic rggb --optical-black 32 --stream recovered --method auto --time-frames 0";
+    bench.says(0, &format!("eval --yolo @/raw --engine rten -o @/out {sensor}"));
+    let cell = &cells(&bench.path("out"))[0];
+    assert_eq!([&cell["exact_frames"], &cell["trusted"]], [1.0, 1.0], "{cell}");
+}
+
 /// Two data sets with the same names and labels: the second one got the figures of the first.
 #[test]
 fn figures_of_other_pixels_are_not_taken_over() {

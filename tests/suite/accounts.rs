@@ -430,17 +430,17 @@ fn every_frame_of_two_cameras_is_answered_once_while_the_input_is_swapped() {
     let next = || heard.iter().for_each(|camera| next_answer(camera, "boxes of each camera"));
     next();
     for round in 0..12 {
-        peer.set("/detector", "input", ["recovered", "auto"][round % 2]).expect("possible");
+        peer.set("/detector", "input", ["metered", "auto"][round % 2]).expect("possible");
         next();
     }
     assert_eq!(running.interrupt(), Some(0));
     let summary = bench.json("summary.json");
     for camera in ["front", "rear"] {
-        let image = &summary["topics"][format!("/{camera}/recovered")];
+        let image = &summary["topics"][format!("/{camera}/metered")];
         let answered = summary["topics"][format!("/detector/{camera}/detections")]["out"].as_u64();
         let [sent, replaced] = ["out", "replaced"].map(|field| image[field].as_u64().expect("a count"));
         assert_eq!(answered, Some(sent - replaced), "{camera}: {summary}");
     }
     let streams: Vec<_> = summary["detections"].as_object().expect("by stream").keys().collect();
-    assert_eq!(streams, ["/front/recovered", "/rear/recovered"]);
+    assert_eq!(streams, ["/front/metered", "/rear/metered"]);
 }

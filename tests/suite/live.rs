@@ -218,8 +218,8 @@ fn an_auto_input_follows_the_trust_of_the_unwrapper() {
     };
     peer.set("/detector", "fallback", "saturated").expect("possible");
     peer.set("/detector", "input", "auto").expect("possible");
-    reads("recovered");
-    for (noise, stream) in [("100.0", "saturated"), ("0.0", "recovered")] {
+    reads("metered");
+    for (noise, stream) in [("100.0", "saturated"), ("0.0", "metered")] {
         peer.set("/modulo_camera", "read_noise", noise).expect("possible");
         reads(stream);
     }

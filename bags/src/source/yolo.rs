@@ -41,6 +41,12 @@ impl YoloSource {
     /// # Errors
     /// [`SourceError`] when there is no image, or the names cannot be read.
     pub fn open(folder: &Path, options: &SourceOptions) -> Result<Self, SourceError> {
+        if folder.is_file() {
+            return Err(SourceError::of(
+                folder,
+                "is a file; the folder of images with YOLO labels is needed",
+            ));
+        }
         if !folder.is_dir() {
             return Err(SourceError::absent(folder, "a folder of images with YOLO labels is needed"));
         }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use modulo_core::Frame;
 use modulo_images::check_regular;
 
-use crate::program::{Decoding, FrameInfo, Reports, TimeBase, command, needed_version};
+use crate::program::{COLOURS, Decoding, FrameInfo, Reports, TimeBase, command, needed_version};
 use crate::{Pixels, VideoError};
 
 /// The containers of video files. Playlists, lists of images and whatever else names other files are none of them.
@@ -56,6 +56,10 @@ struct FrameIndex {
     reports: Reports,
     /// The transfer function of an HDR video.
     hdr: Option<&'static str>,
+    /// Whether the samples are grey over their full range.
+    is_grey: bool,
+    /// Whether the samples are a colour mosaic.
+    is_mosaic: bool,
 }
 
 impl VideoFile {
@@ -80,16 +84,20 @@ impl VideoFile {
         self.index.found + self.index.missing
     }
 
-    /// Returns a line for a video whose codes stand for light in another way than those of other videos.
+    /// Returns a line for each way in which the pixels may be other than those of other videos.
     pub fn warnings(&self) -> Vec<String> {
-        let line = |hdr| {
+        let hdr = self.index.hdr.map(|hdr| {
             format!(
-                "{}: is an HDR video ({hdr}), whose codes are read like those of other videos, so that its bright parts are too dark; \
-                 convert it to BT.709 first",
-                self.path.display()
+                "is an HDR video ({hdr}), whose codes are read like those of other videos, so that its bright parts are too dark; convert \
+                 it to BT.709 first"
             )
-        };
-        self.index.hdr.into_iter().map(line).collect()
+        });
+        let mosaic = self.index.is_mosaic.then(|| {
+            "is a raw mosaic, which ffmpeg turns into colours; to sense it as the mosaic that it is, store it as grey (-pix_fmt gray12le, \
+             for example), or as images of one channel"
+                .to_owned()
+        });
+        [hdr, mosaic].into_iter().flatten().map(|line| format!("{}: {line}", self.path.display())).collect()
     }
 
     /// Goes on behind the next `frames` frames. ffmpeg seeks to the next one where the container allows it, and otherwise decodes those
@@ -185,7 +193,10 @@ impl VideoFile {
             Some(seconds) => options.extend(["-ss".into(), seconds.into()]),
             None => first = format!(r"select=gte(n\,{})", self.next),
         }
-        let started = Decoding::start(&[options, input(&self.path)].concat(), &first, &self.version, 2);
+        // Made grey by ffmpeg, codes keep their values; as three colours, most of them are off by one.
+        let formats = if self.index.is_grey { "gray|gray16be" } else { COLOURS };
+        let filters = [&first, formats];
+        let started = Decoding::start(&[options, input(&self.path)].concat(), filters, &self.version, 2);
         started.map_err(|why| VideoError::failed(self.path.display(), why))
     }
 }
@@ -204,7 +215,7 @@ impl FrameIndex {
     fn read(path: &Path) -> Result<Self, String> {
         let output = command("ffprobe")
             .args(["-loglevel", "level+error", "-select_streams", "V:0", "-of", "compact", "-show_entries"])
-            .arg("stream=nb_frames,time_base,color_transfer:format=format_name,start_time:packet=pts,flags")
+            .arg("stream=nb_frames,time_base,color_transfer,color_range,pix_fmt:format=format_name,start_time:packet=pts,flags")
             .args(input(path))
             .output()
             .map_err(|why| format!("ffprobe: {why}"))?;
@@ -264,7 +275,12 @@ impl FrameIndex {
             Some("arib-std-b67") => Some("HLG"),
             _ => None,
         };
-        Ok(Self { times, found, missing, seek_from, reports, hdr })
+        let pixels = value(stream, "pix_fmt").unwrap_or_default();
+        // Those of a restricted range are spread by ffmpeg only where it makes colours.
+        let is_grey =
+            pixels.starts_with("gray") && value(stream, "color_range").is_none_or(|range| range != "tv");
+        let is_mosaic = pixels.starts_with("bayer");
+        Ok(Self { times, found, missing, seek_from, reports, hdr, is_grey, is_mosaic })
     }
 
     /// Returns whether a decoded frame comes later than that of this number.

@@ -8,7 +8,7 @@ use std::time::Duration;
 use modulo_core::Frame;
 use modulo_runtime::Clock;
 
-use crate::program::{Decoding, FrameInfo, kill, needed_version};
+use crate::program::{COLOURS, Decoding, FrameInfo, kill, needed_version};
 use crate::{LiveAddress, Pixels, VideoError};
 
 /// The pause before the second connection, which doubles up to the longest one with each that brings no frame.
@@ -158,10 +158,11 @@ impl Shared {
     /// Reads frames until the connection ends. Returns their number and the reason of the end.
     fn read_connection(&self) -> (u64, String) {
         let options = PROMPT.split(' ').map(str::to_owned).chain(self.address.input());
-        let mut decoding = match Decoding::start(&options.collect::<Vec<_>>(), "null", &self.version, 1) {
-            Ok(decoding) => decoding,
-            Err(why) => return (0, format!("ffmpeg cannot be started: {why}")),
-        };
+        let mut decoding =
+            match Decoding::start(&options.collect::<Vec<_>>(), ["null", COLOURS], &self.version, 1) {
+                Ok(decoding) => decoding,
+                Err(why) => return (0, format!("ffmpeg cannot be started: {why}")),
+            };
         let mut state = self.state();
         if state.ends {
             return (0, String::new());

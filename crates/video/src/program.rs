@@ -142,6 +142,9 @@ impl Reports {
     }
 }
 
+/// Three channels, for grey videos of a restricted range as well: ffmpeg changes the range only together with the number of channels.
+pub(crate) const COLOURS: &str = "rgb24|rgb48be";
+
 /// A running ffmpeg that decodes. It is killed when this is dropped.
 pub(crate) struct Decoding {
     child: Arc<Mutex<Child>>,
@@ -152,17 +155,16 @@ pub(crate) struct Decoding {
 
 impl Decoding {
     /// Starts to decode the first video stream of `input`, which is the options of ffmpeg for it. Each frame passes the filter
-    /// `first`, such as `null`. After damage frames are whole again with key frame number `keys`: 1 if a decoder keeps no frame back,
+    /// `first`, such as `null`, and gets one of the pixel formats `formats`, such as [`COLOURS`]. After damage frames are whole again with key frame number `keys`: 1 if a decoder keeps no frame back,
     /// else 2, since a key frame from before the damage may be shown after it.
     pub fn start<S: AsRef<OsStr>>(
         input: &[S],
-        first: &str,
+        [first, formats]: [&str; 2],
         version: &str,
         keys: u32,
     ) -> std::io::Result<Self> {
-        // Three channels for grey videos as well, since ffmpeg changes their range only together with the number of channels.
         // With a scaler of its own ffmpeg puts none before `showinfo`, which then tells the format of the video.
-        let filters = format!("{first},showinfo=checksum=0,scale=flags=bicubic,format=rgb24|rgb48be");
+        let filters = format!("{first},showinfo=checksum=0,scale=flags=bicubic,format={formats}");
         let mut child = command("ffmpeg")
             .args(["-nostdin", "-hide_banner", "-nostats", "-loglevel", "level+info"])
             // With several threads, reports come at other frames than those that they are about.

@@ -2,10 +2,11 @@
 //!
 //! Files are independent of each other: even the white point of a file is not used for another.
 
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
 use clap::Parser;
-use modulo_core::Sensor;
+use modulo_core::{AutoExposure, Sensor};
 use modulo_images::{ImageError, White, read_image, save_png};
 use modulo_runtime::SensorModel;
 use modulo_runtime::sensor::options::{CodingOptions, SensorCommand, SensorOptions};
@@ -53,11 +54,12 @@ pub struct SimulationRequest {
     pub counts: bool,
 }
 
-/// Runs the simulation. For each image and alpha it writes `NAME_alphaA_ideal.png`, `.._saturated.png`, `.._modulo.png`
-/// and `NAME_alphaA_METHOD.png` for each method, and [`RESULTS`](crate::runner::RESULTS).
+/// Runs the simulation. For each image and alpha it writes `NAME_alphaA_ideal.png`, `.._saturated.png`, `.._auto_exposed.png`,
+/// `.._modulo.png` and `NAME_alphaA_METHOD.png` for each method, and [`RESULTS`](crate::runner::RESULTS).
 ///
-/// `ideal` and the recovered images have 8 bits as by [`modulo_core::tone::picture`], and are demosaiced; `modulo` and
-/// `saturated` hold codes of b bits, with 8 bits a sample for b <= 8, else 16.
+/// `ideal` and the recovered images have 8 bits as by [`modulo_core::tone::picture`], and are demosaiced; the others hold
+/// codes of b bits, with 8 bits a sample for b <= 8, else 16. `auto_exposed` has the exposure at which the image alone
+/// settles; in a video it follows the frames.
 ///
 /// # Errors
 /// [`BenchError`] before anything is written if the request is wrong, and later if a result cannot be written. An image
@@ -75,16 +77,29 @@ pub fn simulate(
     runner.run((inputs, total), &sensors, |name, image, sensor| request.expose(name, image, sensor), tell)
 }
 
-/// Radiance (rows, columns, channels), with the white point of a float image.
-type Radiance = (Array3<f32>, Option<f32>);
+/// An image of a file.
+struct Radiance {
+    /// Rows, columns, channels.
+    pixels: Array3<f32>,
+    /// The white point of a float image.
+    white: Option<f32>,
+    /// Whether it is the first image of its file.
+    is_first: bool,
+}
+
+/// A sensor, with the normal camera beside it.
+type Cameras = (SensorModel, Sensor, RefCell<AutoExposure>);
 
 impl SimulationRequest {
-    fn sensors(&self) -> Result<Vec<(SensorModel, Sensor)>, BenchError> {
+    fn sensors(&self) -> Result<Vec<Cameras>, BenchError> {
         self.white()?;
         let models = self.sensor.sensors(&["alpha"]).into_iter();
-        let sensors = models.map(|model| Ok((model.clone(), model.simulated()?)));
+        let sensors = models.map(|model| {
+            let (sensor, normal) = (model.simulated()?, model.auto_exposure()?);
+            Ok((model, sensor, RefCell::new(normal)))
+        });
         let sensors = sensors.collect::<Result<Vec<_>, BenchError>>()?;
-        if self.counts && sensors.iter().any(|(_, sensor)| sensor.range().limit() > 65536.0) {
+        if self.counts && sensors.iter().any(|(_, sensor, _)| sensor.range().limit() > 65536.0) {
             let why = "--counts writes images of 16 bits, which cannot hold alpha * 2^bits above 65536";
             return Err(BenchError::Request(why.to_owned()));
         }
@@ -99,21 +114,26 @@ impl SimulationRequest {
     fn expose<'s>(
         &self,
         name: &str,
-        (radiance, white): &Radiance,
-        (model, sensor): &'s (SensorModel, Sensor),
+        Radiance { pixels, white, is_first }: &Radiance,
+        (model, sensor, normal): &'s Cameras,
     ) -> Result<Capture<'s>, BenchError> {
-        let exposure = sensor.expose(radiance.view(), self.seed)?;
+        if *is_first {
+            // The exposure of a file must not depend on the files before it.
+            normal.replace(model.auto_exposure()?);
+        }
+        let exposure = sensor.expose(pixels.view(), self.seed)?;
         let name = format!("{name}_alpha{}", exposure.range().alpha());
         let path = |stream: &str| self.run.out.join(format!("{name}_{stream}.png"));
         let y = exposure.modulo();
         save_png(&path("ideal"), &exposure.ideal().demosaiced())?;
         save_png(&path("saturated"), &exposure.saturated())?;
+        save_png(&path("auto_exposed"), &normal.borrow_mut().expose(pixels.view(), self.seed)?)?;
         save_png(&path("modulo"), &y)?;
         if self.counts {
             // The sensor counts whole codes.
             save_counts(path, &exposure.wraps(), &exposure.x().mapv(f32::floor), exposure.range())?;
         }
-        let (range, sharpness) = (model.range()?, model.of_channels(radiance.len_of(Axis(2))).sharpness());
+        let (range, sharpness) = (model.range()?, model.of_channels(pixels.len_of(Axis(2))).sharpness());
         let truth = Some((exposure, *white, self.seed));
         Ok(Capture { y, sensor: model, range, sharpness, name, counts: self.counts, truth })
     }
@@ -128,6 +148,8 @@ struct InputFile<'a> {
     video: Option<VideoFile>,
     /// Images that were taken.
     number_of_frames: usize,
+    /// Whether an image of a video could be read.
+    was_read: bool,
 }
 
 impl<'a> InputFile<'a> {
@@ -137,7 +159,7 @@ impl<'a> InputFile<'a> {
             Some(VideoAddress::File(path)) => Some(VideoFile::open(&path)?),
             Some(VideoAddress::Live(_)) | None => None,
         };
-        Ok(Self { request, file, name, video, number_of_frames: 0 })
+        Ok(Self { request, file, name, video, number_of_frames: 0, was_read: false })
     }
 
     fn len(&self) -> usize {
@@ -147,8 +169,8 @@ impl<'a> InputFile<'a> {
     fn read(&self) -> Result<Radiance, BenchError> {
         // A white point for each file: with a common one, the result of a file would depend on the files before it.
         let mut white = self.request.white()?;
-        let radiance = white.radiance(&read_image(self.file)?, self.file.display())?;
-        Ok((radiance, white.found()))
+        let pixels = white.radiance(&read_image(self.file)?, self.file.display())?;
+        Ok(Radiance { pixels, white: white.found(), is_first: true })
     }
 }
 
@@ -163,7 +185,11 @@ impl Iterator for InputFile<'_> {
         };
         let coding = self.request.coding.of(&self.request.sensor.first());
         let frame = video.next_frame()?.map_err(BenchError::from);
-        let content = frame.and_then(|frame| Ok((frame.pixels.radiance(&coding, &file)?, None)));
+        let pixels = frame.and_then(|frame| Ok(frame.pixels.radiance(&coding, &file)?));
+        let content = pixels.map(|pixels| {
+            let is_first = !std::mem::replace(&mut self.was_read, true);
+            Radiance { pixels, white: None, is_first }
+        });
         Some(Picture {
             file: format!("{file} {number}"),
             name: format!("{}_{number:06}", self.name),

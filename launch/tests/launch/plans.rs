@@ -262,14 +262,12 @@ fn raw_and_recovered_differ_in_the_input_alone() {
 #[test]
 fn compare_has_a_detector_for_each_stream() {
     let plan = shipped_plan("compare", &[]);
-    let expected = ["modulo", "recovered", "saturated", "auto_exposed", "ideal"];
-    let inputs: Vec<&str> = plan.nodes[..5].iter().map(|node| parameter(node, "input")).collect();
+    let expected = ["modulo", "recovered", "metered", "saturated", "auto_exposed", "ideal"];
+    let inputs: Vec<&str> = plan.nodes[..6].iter().map(|node| parameter(node, "input")).collect();
     assert_eq!(inputs, expected);
-    assert_eq!(names(&plan)[..5], expected.map(|stream| format!("detector_{stream}")));
-    assert_eq!(
-        parameter(&plan.nodes[5], "wait_for"),
-        "[detector_modulo, detector_recovered, detector_saturated, detector_auto_exposed, detector_ideal]"
-    );
+    let detectors = expected.map(|stream| format!("detector_{stream}"));
+    assert_eq!(names(&plan)[..6], detectors);
+    assert_eq!(parameter(&plan.nodes[6], "wait_for"), format!("[{}]", detectors.join(", ")));
 }
 
 #[test]

@@ -25,10 +25,10 @@ modulo_runtime::parameters! {
         /// not the first, such as cuda:1. A device that is not there is an error.
         device: String = "cpu".to_owned(),
         /// Stream that the detector reads (the paper's p): modulo, recovered, metered, saturated, auto_exposed, ideal, an absolute
-        /// topic such as /camera/image_raw, or auto: recovered while unwrap trusts it, else that of fallback.
+        /// topic such as /camera/image_raw, or auto: metered while unwrap trusts the recovered image, else that of fallback.
         input: String = "recovered".to_owned(),
         /// Stream that input: auto reads while unwrap does not trust the recovered image: modulo, recovered, metered, saturated,
-        /// auto_exposed, ideal, an absolute topic, or auto: what was measured to be best, saturated where the lens has no blur, else recovered.
+        /// auto_exposed, ideal, an absolute topic, or auto: what was measured to be best, saturated where the lens has no blur, else metered.
         fallback: String = AUTO.to_owned(),
         /// Namespaces of the cameras whose streams are read by turns, such as [/front, /rear]. The results of /front are on
         /// ~/front/detections and ~/front/annotated. Empty: one camera, in the namespace of the detector.
@@ -107,7 +107,7 @@ impl DetectorParameters {
 pub enum StreamChoice {
     /// Always this one.
     Stream(String),
-    /// `recovered` while the unwrapper trusts it, else this one; `None` selects it by the lens of the sensor.
+    /// `metered` while the unwrapper trusts the recovered image, else this one; `None` selects it by the lens of the sensor.
     Auto(Option<String>),
 }
 

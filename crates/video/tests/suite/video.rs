@@ -352,3 +352,40 @@ fn a_drive_is_read_as_it_was() {
         assert!(error < 1.5, "frame {}: {error} codes", frame.number);
     }
 }
+
+#[test]
+fn the_codes_of_a_grey_video_are_those_of_the_sensor() {
+    let Some(bench) = bench() else { return };
+    let raw = bench.path().join("codes.raw");
+    for (bits, format) in [(8, "gray"), (10, "gray10le"), (12, "gray12le"), (16, "gray16le")] {
+        let codes: Vec<u16> =
+            (0..64 * 48_u32).map(|at| (at.wrapping_mul(2_654_435_761) >> (32 - bits)) as u16).collect();
+        let bytes: Vec<u8> = codes
+            .iter()
+            .flat_map(|code| code.to_le_bytes().into_iter().take(if bits > 8 { 2 } else { 1 }))
+            .collect();
+        std::fs::write(&raw, bytes).expect("written");
+        for (name, options) in [("codes.mkv", "-c:v ffv1"), ("codes.y4m", "-strict -1")] {
+            let path = bench.path().join(name);
+            let input = raw.display();
+            ffmpeg(
+                &format!("-f rawvideo -pixel_format {format} -video_size 64x48 -i {input} {options}"),
+                &path,
+            );
+            let frames = all(&mut open(&path));
+            let [VideoFrame { pixels, .. }] = &frames[..] else { panic!("{name}: {} frames", frames.len()) };
+            assert_eq!((pixels.bits, pixels.frame.dim()), (bits, (48, 64, 1)), "{name} {format}");
+            let wrong =
+                pixels.frame.to_f32().iter().zip(&codes).filter(|&(&a, &b)| a != f32::from(b)).count();
+            assert_eq!(wrong, 0, "{name} {format}");
+        }
+    }
+    // ffmpeg makes colours of a mosaic.
+    let mosaic = bench.path().join("mosaic.nut");
+    ffmpeg(
+        &format!("-f rawvideo -pixel_format bayer_rggb16le -video_size 64x48 -i {} -c copy", raw.display()),
+        &mosaic,
+    );
+    let warnings = open(&mosaic).warnings();
+    assert!(warnings.len() == 1 && warnings[0].contains("raw mosaic"), "{warnings:?}");
+}

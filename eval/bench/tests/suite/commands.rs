@@ -126,6 +126,10 @@ fn every_file_alpha_and_method_has_a_row_and_a_picture() {
         // At alpha 1 nothing wraps, and the sensor's codes are the picture.
         assert!(alpha > 1.0 || picture("modulo") == picture("saturated"), "{row:?}");
         assert!(alpha > 1.0 || truth(row).exact_k == 1.0, "{row:?}");
+        // The exposure of the normal camera has settled.
+        let normal = picture("auto_exposed");
+        let mean = normal.iter().map(|&code| f64::from(code)).sum::<f64>() / normal.len() as f64;
+        assert!((mean / 255.0 - 0.3).abs() < 0.02, "{mean}");
     }
 }
 

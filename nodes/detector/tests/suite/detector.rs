@@ -480,7 +480,7 @@ fn answered(fallback: &str, psf_sigma: f64) -> Vec<&'static str> {
         let info = sensor_info::message(&image.header, &sensor, "/modulo_camera");
         chain.feed("/sensor_info", info, now).expect("a step");
         let image = Message::Image(Arc::new(image));
-        for stream in ["/saturated", "/recovered"] {
+        for stream in ["/saturated", "/metered"] {
             let answers = chain.feed(stream, image.clone(), now).expect("a step");
             streams.extend(answers.iter().map(|_| stream));
         }
@@ -496,10 +496,10 @@ fn answered(fallback: &str, psf_sigma: f64) -> Vec<&'static str> {
 /// Each frame is answered once. Five frames in a row that are not trusted lead to the other stream, five trusted ones back.
 #[test]
 fn auto_reads_the_fallback_while_the_recovered_image_is_not_trusted() {
-    let fallen = |frame| if (15..25).contains(&frame) { "/saturated" } else { "/recovered" };
+    let fallen = |frame| if (15..25).contains(&frame) { "/saturated" } else { "/metered" };
     for (fallback, psf_sigma, falls) in [("saturated", 1.4, true), ("auto", 0.0, true), ("auto", 1.4, false)]
     {
-        let expected = (0..30).map(|frame| if falls { fallen(frame) } else { "/recovered" });
+        let expected = (0..30).map(|frame| if falls { fallen(frame) } else { "/metered" });
         let streams = answered(fallback, psf_sigma);
         assert!(streams.iter().copied().eq(expected), "{fallback} {psf_sigma} {streams:?}");
     }

@@ -7,7 +7,7 @@ use modulo_msgs::std_msgs::Header;
 use modulo_runtime::lockstep::Lockstep;
 use modulo_runtime::{Message, sensor_info};
 use modulo_unwrap::{UnwrapNode, UnwrapParameters};
-use ndarray::Array3;
+use ndarray::{Array3, Axis};
 
 use super::{DetectorInput, PipelineConfig, RecoveryQuality, Truth, node_name, stamp};
 use crate::GridError;
@@ -20,6 +20,8 @@ pub struct SuitePipeline<'a> {
     stream: Stream,
     camera: CameraParameters,
     unwrap: Option<Lockstep<'a>>,
+    /// The channels of the last frame, for which the sensor was described to the unwrapping node.
+    described: Option<usize>,
     truth: Truth,
 }
 
@@ -37,17 +39,11 @@ impl<'a> SuitePipeline<'a> {
             let topics = topics[..wanted].iter().map(|&topic| topic.to_owned()).collect();
             let mut chain = Lockstep::new(config.timer, topics);
             chain.add(Box::new(UnwrapNode::new(&with)?), &node_name("unwrap"))?;
-            // By its parameters alone, the node knows no perfect lens.
-            chain.feed(
-                "/sensor_info",
-                sensor_info::message(&Header::default(), sensor, "/modulo_camera"),
-                0,
-            )?;
             Ok::<_, GridError>(chain)
         });
         let truth = Truth::of(sensor.config()?)?;
         let camera = CameraParameters { sensor: sensor.clone(), ..CameraParameters::default() };
-        Ok(Self { config, stream: point.stream, camera, unwrap: unwrap.transpose()?, truth })
+        Ok(Self { config, stream: point.stream, camera, unwrap: unwrap.transpose()?, described: None, truth })
     }
 
     /// Processes frame `number`. The seed of its noise depends only on its number.
@@ -57,6 +53,7 @@ impl<'a> SuitePipeline<'a> {
         let seed = (self.config.seed.wrapping_add(number as u64) & i64::MAX as u64) as i64;
         let compared = self.config.compares && (self.unwrap.is_some() || self.stream == Stream::Saturated);
         let radiance = compared.then(|| frame.radiance.clone());
+        self.describe(frame.radiance.len_of(Axis(2)))?;
         let sensed = match self.stream {
             Stream::Ideal => "/ideal",
             Stream::Saturated => "/saturated",
@@ -84,6 +81,21 @@ impl<'a> SuitePipeline<'a> {
             })?;
         }
         Ok(passed)
+    }
+
+    /// Describes the sensor to the unwrapping node, as the camera does: by its parameters alone, the node knows no perfect lens.
+    fn describe(&mut self, channels: usize) -> Result<(), GridError> {
+        if let Some(unwrap) = &mut self.unwrap
+            && self.described.replace(channels) != Some(channels)
+        {
+            let sensor = self.camera.sensor.of_channels(channels);
+            unwrap.feed(
+                "/sensor_info",
+                sensor_info::message(&Header::default(), &sensor, "/modulo_camera"),
+                0,
+            )?;
+        }
+        Ok(())
     }
 
     /// Replaces the modulo image by the recovered one, and compares it with the true exposures of `scene` (radiance, seed).
