@@ -69,6 +69,12 @@ class Peer:
         self.held = []
         self.token("NN", "")
 
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.session.close()
+
     def token(self, kind, rest):
         key = f"@ros2_lv/{DOMAIN}/{self.zid}/0/{self.entity}/{kind}/%/%/python{rest}"
         self.held.append(self.session.liveliness().declare_token(key))
@@ -178,9 +184,9 @@ def until(what, done):
 class Suite:
     """A command of the shipped binary; ended with SIGINT."""
 
-    def __init__(self, binary, *arguments):
-        env = dict(os.environ, ROS_DOMAIN_ID=str(DOMAIN))
-        self.process = subprocess.Popen([binary, *arguments], env=env, cwd=ROOT)
+    def __init__(self, binary, *arguments, stdout=None, **environment):
+        env = dict(os.environ, ROS_DOMAIN_ID=str(DOMAIN), **environment)
+        self.process = subprocess.Popen([binary, *arguments], env=env, cwd=ROOT, stdout=stdout)
 
     def __enter__(self):
         return self
@@ -198,8 +204,7 @@ class Suite:
 def receives_and_switches(binary):
     """Our images and boxes arrive; the detector's input is switched by a call."""
     scene = "source:=scene://glare?seed=3&frames=100000"
-    with Suite(binary, "launch", "launch/recovered.launch.yaml", scene, "rate:=4", "engine:=rten"):
-        peer = Peer()
+    with Suite(binary, "launch", "launch/recovered.launch.yaml", scene, "rate:=4", "engine:=rten"), Peer() as peer:
         assert peer.key("/x", "sensor_msgs/msg/Image").endswith(IMAGE_HASH)
         assert peer.key("/x", "vision_msgs/msg/Detection2DArray").endswith(DETECTIONS_HASH)
         images = peer.hear("/recovered", "sensor_msgs/msg/Image", SENSOR_DATA)
@@ -222,14 +227,13 @@ def receives_and_switches(binary):
         result = peer.set_parameter("detector", "input", "sideways")
         assert not result.successful and "sideways" in result.reason and "recovered" in result.reason, result
         print("refused:", result.reason)
-        peer.session.close()
 
 
 def is_received(binary):
     """An image of ours on the modulo topic is recovered exactly, and detected."""
     sensor = ["--ros-args", "-p", "bits:=8", "-p", "alpha:=4.0"]
-    with Suite(binary, "run", "unwrap", *sensor), Suite(binary, "run", "detector", "--ros-args", "-p", "engine:=rten"):
-        peer = Peer()
+    detector = ["--ros-args", "-p", "engine:=rten"]
+    with Suite(binary, "run", "unwrap", *sensor), Suite(binary, "run", "detector", *detector), Peer() as peer:
         until("the nodes", lambda: {"unwrap", "detector"} <= {t[8] for t in peer.tokens() if t[5] == "NN"})
         hdr = peer.hear("/hdr", "sensor_msgs/msg/Image", SENSOR_DATA)
         boxes = peer.hear("/detector/detections", "vision_msgs/msg/Detection2DArray", "::,10:,:,:,,")
@@ -255,7 +259,6 @@ def is_received(binary):
         found = next_of(boxes, "boxes", lambda m: m.header.stamp.sec == 6)
         assert found.header == frame.header and len(found.detections) > 0, found
         print("detected", len(found.detections), "boxes on an image of Python's")
-        peer.session.close()
 
 
 def image_of(pixels, encoding, seconds):

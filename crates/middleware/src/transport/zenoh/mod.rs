@@ -25,7 +25,7 @@ use zenoh::{Session, Wait};
 pub use listen::TopicListener;
 pub use service::{RawAnswer, RawService};
 pub use session::meeting_port;
-pub use topic::{RawPublisher, gid};
+pub use topic::RawPublisher;
 
 use super::{Deliver, Enable, Guard, Incoming, NodeId, ParameterPort, Publisher, Transport, TransportError};
 
@@ -101,6 +101,7 @@ impl ZenohTransport {
             namespace: node.namespace.clone(),
             node: node.name.clone(),
             endpoint,
+            backends: String::new(),
         }
     }
 

@@ -33,7 +33,7 @@ impl ZenohTransport {
     ) -> Result<Vec<u8>, TransportError> {
         let endpoint = self.service_endpoint(service.to_owned(), ros_type)?;
         let failed = |why: &dyn std::fmt::Display| TransportError::new(format!("call of {service}"), why);
-        let attachment = Attachment { sequence: 1, stamp_ns: stamp(&*self.clock), gid: [0; 16] };
+        let attachment = Attachment { sequence: 1, stamp_ns: stamp(&*self.clock), gid: [0; 16], numbers: 1 };
         let replies = self
             .session
             .get(self.key(&endpoint))
