@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use modulo_msgs::cdr;
 use modulo_msgs::std_srvs::{SetBoolRequest, SetBoolResponse};
+use modulo_runtime::name::did_you_mean;
 use modulo_runtime::wire::attachment::Attachment;
 use modulo_runtime::wire::keys::{self, Endpoint, EntityKind};
 use modulo_runtime::{Clock, NodeName};
@@ -70,7 +71,11 @@ impl ZenohTransport {
                  request (access_control in the configuration of the router, docs/machines.md)"
                     .to_owned()
             }
-            None => "no such node is in the graph; is it running? modulo node list shows those that are".to_owned(),
+            None => {
+                let (known, node) = (graph.nodes(), asked.topic.rsplit_once('/').map_or("", |(node, _)| node));
+                let near = did_you_mean(node, known.iter().map(String::as_str));
+                format!("no such node is in the graph{near}; is it running? modulo node list shows those that are")
+            }
         }
     }
 
