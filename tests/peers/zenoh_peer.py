@@ -120,8 +120,8 @@ class Peer:
     def reads(self, node, topic):
         return any(t[5] == "MS" and t[8] == node and t[9] == topic.replace("/", "%") for t in self.tokens())
 
-    def set_parameter(self, node, name, text):
-        """rcl_interfaces/srv/SetParameters with one string; its result."""
+    def set_parameter(self, node, name, text, key="/".join(SET_PARAMETERS)):
+        """rcl_interfaces/srv/SetParameters with one string; its result, or the text of an error."""
         cls = {key: STORE.types[f"rcl_interfaces/msg/{key}"] for key in ("Parameter", "ParameterValue")}
         value = cls["ParameterValue"](
             type=4, bool_value=False, integer_value=0, double_value=0.0, string_value=text,
@@ -133,15 +133,17 @@ class Peer:
         sent = struct.pack("<qqB", 7, time.time_ns(), 16) + b"a-client-of-them"
         replies = list(
             self.session.get(
-                f"{DOMAIN}/{node}/set_parameters/{'/'.join(SET_PARAMETERS)}",
+                f"{DOMAIN}/{node}/set_parameters/{key}",
                 payload=bytes(STORE.serialize_cdr(request, "peer/msg/SetParametersRequest")),
                 attachment=sent,
-                target=zenoh.QueryTarget.ALL_COMPLETE,
+                target=zenoh.QueryTarget.ALL,
                 consolidation=zenoh.ConsolidationMode.NONE,
                 timeout=10.0,
             )
         )
-        assert len(replies) == 1 and replies[0].ok, replies
+        assert len(replies) == 1, replies
+        if not replies[0].ok:
+            return replies[0].err.payload.to_string()
         sample = replies[0].ok
         got = bytes(sample.attachment)
         assert len(got) == 33 and got[:8] == sent[:8] and got[17:] == sent[17:], got
@@ -227,6 +229,9 @@ def receives_and_switches(binary):
         result = peer.set_parameter("detector", "input", "sideways")
         assert not result.successful and "sideways" in result.reason and "recovered" in result.reason, result
         print("refused:", result.reason)
+        # A pattern would pass the rules of a router, which name keys.
+        result = peer.set_parameter("detector", "input", "recovered", key="*/*")
+        assert "pattern" in result, result
 
 
 def is_received(binary):

@@ -200,6 +200,13 @@ pub(super) fn enable_service(enable: Enable) -> RawService {
 
 /// Answers one service call. A call without payload or attachment is an error.
 fn reply(handler: &RawService, query: &Query, clock: &dyn Clock) -> Result<(), String> {
+    // A router that denies a service does so by the key: a pattern is another key to it, and would get through.
+    if query.key_expr().as_str().contains('*') {
+        return Err(format!(
+            "a request for the pattern {}; ask for the key of one service",
+            query.key_expr()
+        ));
+    }
     let attachment = query.attachment().map(|a| a.to_bytes());
     let caller = attachment.as_deref().and_then(Attachment::parse).ok_or("a request without attachment")?;
     let request = query.payload().ok_or("a request without payload")?.to_bytes();
