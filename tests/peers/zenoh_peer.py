@@ -217,7 +217,9 @@ def receives_and_switches(binary):
         assert len(image.data) == image.height * image.step
         one = found.detections[0]
         assert one.header == found.header and 0.0 < one.results[0].hypothesis.score <= 1.0
-        assert all(len(t) in (9, 13) and all(t) for t in peer.tokens()), peer.tokens()
+        # Readers of images name the buffers that they take, as since Lyrical.
+        odd = [t for t in peer.tokens() if not all(t) or len(t) not in (9, 13) and t[13:] != ["backends:cpu:"]]
+        assert not odd, odd
         print(f"received {image.width} x {image.height} {image.encoding}, {len(found.detections)} boxes,",
               one.results[0].hypothesis.class_id, round(one.results[0].hypothesis.score, 3))
 
