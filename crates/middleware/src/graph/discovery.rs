@@ -319,11 +319,15 @@ mod tests {
             "the second one came after a reader had left, the third one is of Jazzy"
         );
         for number in 0..2 * REMEMBERED {
-            graph.appear(&camera(&format!("s{number}")));
-            graph.appear(&key(&format!("r{number}"), "MS", "modulo", "/backends:cuda:0"));
+            graph.appear(&key(&format!("s{number}"), "MP", "other", "/backends:cpu:"));
         }
         assert_eq!(graph.met.len(), REMEMBERED);
-        assert!(graph.met.values().all(|(_, readers)| readers.len() <= REMEMBERED));
+        let many = key("many", "MP", "many", "/backends:cpu:");
+        graph.appear(&many);
+        for number in 0..2 * REMEMBERED {
+            graph.appear(&key(&format!("r{number}"), "MS", "many", "/backends:cuda:0"));
+        }
+        assert_eq!(graph.readers_apart(&gid(&many)), REMEMBERED as u32);
     }
 
     const IMAGE: &str = "sensor_msgs::msg::dds_::Image_";
