@@ -26,8 +26,8 @@ fn frames(file: &Path) -> usize {
 fn every_camera_is_scored_against_its_own_objects() {
     let bench = Bench::new();
     let alone = [FRONT, REAR].map(|source| {
-        eval(&bench, 0, &format!("{RECOVERED} source:={source}"));
-        (bench.json("out/recovered.json"), bench.json("out/scores.json")["recovered"].clone())
+        eval(&bench, 0, &format!("launch/suite.launch.yaml input:=metered engine:=rten source:={source}"));
+        (bench.json("out/metered.json"), bench.json("out/scores.json")["metered"].clone())
     });
     assert!(alone.iter().all(|(_, score)| score["ap50"].as_f64() > Some(0.5)), "{alone:?}");
     for shared in ["shared:=false", "shared:=true"] {

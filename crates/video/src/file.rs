@@ -210,6 +210,12 @@ fn input(path: &Path) -> Vec<OsString> {
     options.into_iter().chain([name]).collect()
 }
 
+/// Returns the value of `key` in a line of ffprobe, such as `stream|pix_fmt=gray`.
+fn value(line: &str, key: &str) -> Option<String> {
+    let found = line.split('|').find_map(|field| field.strip_prefix(key)?.strip_prefix('='));
+    found.filter(|value| *value != "N/A").map(str::to_owned)
+}
+
 impl FrameIndex {
     /// Lists the frames of the video at `path`. An error is a reason.
     fn read(path: &Path) -> Result<Self, String> {
@@ -238,12 +244,6 @@ impl FrameIndex {
 
     /// Reads the `compact` output of ffprobe.
     fn parse(text: &str, reports: Reports) -> Result<Self, String> {
-        let value = |line: &str, key: &str| {
-            let found = line
-                .split('|')
-                .find_map(|field| field.strip_prefix(key)?.strip_prefix('=').map(str::to_owned));
-            found.filter(|value| value != "N/A")
-        };
         let of = |section: &'static str| text.lines().filter(move |line| line.starts_with(section));
         let stream = of("stream|").next().ok_or("has no video stream, only sound or other data")?;
         let base = value(stream, "time_base").and_then(|base| TimeBase::parse(&base));
@@ -270,6 +270,11 @@ impl FrameIndex {
         let start = value(format, "start_time").and_then(|start| start.parse::<f64>().ok());
         let is_seekable = SEEKABLE.iter().any(|seekable| name.starts_with(seekable)) && !times.is_empty();
         let seek_from = start.filter(|_| is_seekable).map(|start| (start * 1e9).round() as i64);
+        Ok(Self { times, found, missing, seek_from, reports, ..Self::of_pixels(stream) })
+    }
+
+    /// Returns what the line of a stream says about its pixels.
+    fn of_pixels(stream: &str) -> Self {
         let hdr = match value(stream, "color_transfer").as_deref() {
             Some("smpte2084") => Some("PQ"),
             Some("arib-std-b67") => Some("HLG"),
@@ -279,8 +284,7 @@ impl FrameIndex {
         // Those of a restricted range are spread by ffmpeg only where it makes colours.
         let is_grey =
             pixels.starts_with("gray") && value(stream, "color_range").is_none_or(|range| range != "tv");
-        let is_mosaic = pixels.starts_with("bayer");
-        Ok(Self { times, found, missing, seek_from, reports, hdr, is_grey, is_mosaic })
+        Self { hdr, is_grey, is_mosaic: pixels.starts_with("bayer"), ..Self::default() }
     }
 
     /// Returns whether a decoded frame comes later than that of this number.

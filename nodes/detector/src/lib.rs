@@ -28,7 +28,7 @@ pub use engine::{
 };
 pub use measure::{ModelInfo, Speed, describe, measure};
 pub use model::{DEMO, embedded};
-pub use node::{Detector, outputs};
+pub use node::{Detector, TRUSTED, outputs};
 pub use parameter::DetectorParameters;
 
 /// The class map that the suite ships: COCO's names to KITTI's.

@@ -61,7 +61,7 @@ fn outputs_at(camera: usize) -> [usize; 2] {
 
 /// The stream that `input: auto` reads while the recovered image is trusted: that image, exposed after the capture. On no scene that was
 /// measured did a detector find less on it than on `recovered`, and on dark ones it finds far more.
-const TRUSTED: &str = "metered";
+pub const TRUSTED: &str = "metered";
 /// The stream that `input: auto` reads while the recovered image is not trusted and the lens has no blur.
 const SHARP_FALLBACK: &str = "saturated";
 

@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use modulo_detector::TRUSTED;
 use modulo_runtime::name::NameError;
 use modulo_runtime::topic::{RECOVERY_TOPIC, addresses};
 use modulo_runtime::{MessageKind, Node, NodeName};
@@ -154,7 +155,7 @@ fn streams(nodes: &[Ports]) -> Result<Vec<(usize, DetectorStream)>, String> {
         for (place, (images, detections)) in node.images_in.iter().zip(&node.boxes).enumerate() {
             let camera = camera_of(nodes, (&node.name, images))?;
             let maker = nodes.iter().find(|other| other.images_out.contains(images));
-            let auto = images.strip_suffix("recovered").filter(|_| node.is_auto);
+            let auto = images.strip_suffix(TRUSTED).filter(|_| node.is_auto);
             let name = auto.map_or_else(|| dotted(images), |namespace| dotted(&format!("{namespace}auto")));
             let stream = DetectorStream {
                 name,
