@@ -90,6 +90,7 @@ impl<'a> Street<'a> {
         let s = view.scale();
         let cloud = ramp(0.45, 0.85, noise(u / (70.0 * s) + 9.0, above / (16.0 * s), self.seed));
         let cloudy = match self.preset {
+            Preset::Sunset => self.streaks(sky, u, above),
             Preset::Night => add(sky, scaled([0.012, 0.010, 0.010], cloud)),
             Preset::Glare => add(sky, scaled([0.07, 0.05, 0.03], cloud)),
             _ => blend(sky, [0.44, 0.45, 0.46], cloud * ramp(0.0, 30.0 * s, above)),
@@ -112,9 +113,18 @@ impl<'a> Street<'a> {
         blend(plain, add(pane, self.lit(at, floor)), window)
     }
 
-    /// Returns the light behind a window, at night only.
+    /// Returns the sky with long thin clouds that the setting sun shines at from below.
+    fn streaks(&self, sky: Rgb, u: f32, above: f32) -> Rgb {
+        let s = self.view.scale();
+        let slow = noise(u / (120.0 * s) + 3.0, above / (15.0 * s), self.seed);
+        let fine = noise(u / (41.0 * s), above / (5.5 * s) + 5.0, self.seed ^ 3);
+        let cloud = ramp(0.38, 0.80, 0.72 * slow + 0.28 * fine) * ramp(0.0, 26.0 * s, above);
+        add(scaled(sky, 1.0 - 0.30 * cloud), scaled([0.105, 0.044, 0.030], cloud))
+    }
+
+    /// Returns the light behind a window, at night and at sunset.
     fn lit(&self, at: &Column, floor: f32) -> Rgb {
-        if self.preset != Preset::Night {
+        if !matches!(self.preset, Preset::Night | Preset::Sunset) {
             return [0.0; 3];
         }
         // Chance depends on house, floor and bay, so that a lit window stays lit in all frames.
@@ -128,7 +138,34 @@ impl<'a> Street<'a> {
         let pixel = z / self.view.focal;
         let albedo = road(x, z + self.driven, z * pixel / CAMERA_HEIGHT, pixel, [-8.4, 8.0], self.seed);
         let lit = self.light.shade(albedo, [0.0, 1.0, 0.0], z);
-        if self.preset == Preset::Glare { add(lit, self.glitter(u, z)) } else { lit }
+        match self.preset {
+            Preset::Glare => add(lit, self.glitter(u, z)),
+            Preset::Sunset => self.wet(lit, u, x, z),
+            _ => lit,
+        }
+    }
+
+    /// Returns the radiance of wet ground, which mirrors sky and houses by Schlick's approximation of Fresnel's equations.
+    fn wet(&self, lit: Rgb, u: f32, x: f32, z: f32) -> Rgb {
+        let along = z + self.driven;
+        let cosine = CAMERA_HEIGHT / (CAMERA_HEIGHT * CAMERA_HEIGHT + z * z).sqrt();
+        let graze = 1.0 - cosine;
+        let fresnel = 0.03 + 0.97 * graze * graze * graze * graze * graze;
+        let puddle = ramp(0.30, 0.62, noise(x * 0.55, along * 0.13, self.seed ^ 17));
+        let s = self.view.scale();
+        let ripple = (noise(x * 2.3, along * 0.9, self.seed ^ 19) - 0.5) * (1.0 - puddle) * 16.0 * s;
+        // The mirrored ray leaves the ground at the angle at which the ray of the pixel meets it.
+        let above = (self.view.focal * CAMERA_HEIGHT / z + ripple).max(1.0);
+        let at = &self.columns[(u as usize).min(self.columns.len() - 1)];
+        let up = above * at.z / self.view.focal - CAMERA_HEIGHT;
+        let sky = self.far(u, self.view.cy - above, at);
+        let mirrored = match at.z.min(400.0) {
+            wall if wall > z => blend(sky, self.wall(at, up.max(0.0)), ramp(-1.0, 1.0, at.high - up)),
+            _ => sky,
+        };
+        let share = fresnel * mix(0.45, 0.95, puddle);
+        // Wet asphalt is darker by itself.
+        blend(scaled(lit, 0.65), mirrored, share)
     }
 
     /// Returns the reflection of the low sun in the road.

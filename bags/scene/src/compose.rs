@@ -24,7 +24,7 @@ pub(super) fn render(scene: &Scene, frame: u32, height: usize, width: usize) -> 
     // Both halves of the seed count, and a constant keeps scenes apart from other users of the hash.
     let seed = hash(scene.seed as u32, (scene.seed >> 32) as u32, 0xB0A7);
     let view = CameraView::new(seed, frame, height, width);
-    let (exit, sun) = exit_and_sun(seed, frame, &view);
+    let (exit, sun) = exit_and_sun(scene.preset, seed, frame, &view);
     let light = Light::new(scene.preset, exit, sun, &view);
     let actors = actors(scene.preset, seed, frame, light.lamps());
     let mut radiance = background(scene.preset, seed, frame, exit, &view, &light);
@@ -41,20 +41,31 @@ pub(super) fn render(scene: &Scene, frame: u32, height: usize, width: usize) -> 
     // From far to near, each with its halos, so that a nearer actor also hides the lamps of a farther one.
     for p in &painted {
         cover(&mut radiance, &p.layer);
-        p.actor.solid.halos().for_each(|halo| shine(&mut radiance, halo, &view));
+        for halo in p.actor.solid.halos() {
+            shine(&mut radiance, halo, &view, 1.0);
+            if scene.preset == Preset::Sunset {
+                // The wet street draws the reflection of a lamp long.
+                let at = [halo.at[0], -halo.at[1], halo.at[2]];
+                shine(&mut radiance, &Halo { at, glow: scaled(halo.glow, 0.30), ..*halo }, &view, 2.5);
+            }
+        }
     }
     finish(&mut radiance, &light);
     Rendered { radiance, objects: truth(&painted, &view) }
 }
 
 /// Returns the distance of the tunnel's exit in m and the position of the low sun in px.
-fn exit_and_sun(seed: u32, frame: u32, view: &CameraView) -> (f32, [f32; 2]) {
+fn exit_and_sun(preset: Preset, seed: u32, frame: u32, view: &CameraView) -> (f32, [f32; 2]) {
     let mut random = Random::new(seed, 2);
     // The number wraps before it becomes a float, which would lose the small steps of a long drive.
     let time = (frame % 36_000) as f32;
     let exit = random.between(27.0, 33.0) + 6.0 * wave(time / 600.0 + random.unit());
     let s = view.scale();
-    let sun = [view.cx + s * random.between(-60.0, 60.0), view.cy - s * random.between(16.0, 34.0)];
+    let (across, up) = (random.between(-60.0, 60.0), random.between(16.0, 34.0));
+    let sun = match preset {
+        Preset::Sunset => [view.cx + 0.3 * s * across, view.cy - 0.7 * s * up],
+        _ => [view.cx + s * across, view.cy - s * up],
+    };
     (exit, sun)
 }
 
@@ -140,8 +151,8 @@ fn cover(image: &mut Array3<f32>, layer: &Layer) {
     }
 }
 
-/// Adds the halo of a lamp: A (1 - r^2 / 16)^2 / (1 + r^2), zero from r = 4 on.
-fn shine(image: &mut Array3<f32>, halo: &Halo, view: &CameraView) {
+/// Adds the halo of a lamp: A (1 - r^2 / 16)^2 / (1 + r^2), zero from r = 4 on, and `stretch` times as high as wide.
+fn shine(image: &mut Array3<f32>, halo: &Halo, view: &CameraView, stretch: f32) {
     // The size of a lamp in the image grows without bound towards the camera.
     if halo.at[2] < NEAR {
         return;
@@ -152,9 +163,10 @@ fn shine(image: &mut Array3<f32>, halo: &Halo, view: &CameraView) {
     // A lamp smaller than a pixel keeps its energy: it is drawn larger and darker.
     let glow = scaled(halo.glow, (size / radius + 0.25).min(1.0));
     let (height, width, _) = image.dim();
-    for row in span(v - 4.0 * radius, v + 4.0 * radius, height) {
+    let reach = 4.0 * radius * stretch;
+    for row in span(v - reach, v + reach, height) {
         for column in span(u - 4.0 * radius, u + 4.0 * radius, width) {
-            let (x, y) = ((column as f32 + 0.5 - u) / radius, (row as f32 + 0.5 - v) / radius);
+            let (x, y) = ((column as f32 + 0.5 - u) / radius, (row as f32 + 0.5 - v) / radius / stretch);
             let r2 = x * x + y * y;
             let rim = (1.0 - r2 / 16.0).max(0.0);
             let share = rim * rim / (1.0 + r2);

@@ -31,19 +31,22 @@ pub enum Preset {
     Tunnel,
     /// A street at night, with lamps on.
     Night,
+    /// A wet street towards the setting sun, with lamps on.
+    Sunset,
 }
 
 impl Preset {
     /// All presets.
-    pub const ALL: [Self; 4] = [Self::Day, Self::Glare, Self::Tunnel, Self::Night];
+    pub const ALL: [Self; 5] = [Self::Day, Self::Glare, Self::Tunnel, Self::Night, Self::Sunset];
 
-    /// Returns the name in the address of a scene: day, glare, tunnel or night.
+    /// Returns the name in the address of a scene: day, glare, tunnel, night or sunset.
     pub fn name(self) -> &'static str {
         match self {
             Self::Day => "day",
             Self::Glare => "glare",
             Self::Tunnel => "tunnel",
             Self::Night => "night",
+            Self::Sunset => "sunset",
         }
     }
 }
@@ -170,7 +173,9 @@ impl FromStr for SceneSpec {
         let (name, options) = rest.split_once('?').unwrap_or((rest, ""));
         let known = Preset::ALL.into_iter().find(|p| p.name() == name);
         let preset = known.ok_or_else(|| {
-            SpecError(format!("scene preset '{name}' is unknown, day, glare, tunnel and night are known"))
+            SpecError(format!(
+                "scene preset '{name}' is unknown, day, glare, tunnel, night and sunset are known"
+            ))
         })?;
         let mut spec = Self { preset, seed: 0, width: 640, height: 192, frames: 0 };
         for option in options.split('&').filter(|o| !o.is_empty()) {
@@ -245,8 +250,13 @@ mod tests {
     #[test]
     fn the_bytes_are_those_of_every_other_machine() {
         let sums = Preset::ALL.map(|preset| checksum(&Scene::new(preset, 42).render(17, 48, 160).radiance));
-        let known =
-            [0xEB5B_5A20_D8A9_427D, 0x59D4_309F_C11D_F22B, 0x268D_4500_3B4B_7705, 0x3286_DCC3_E48F_842A];
+        let known = [
+            0xEB5B_5A20_D8A9_427D,
+            0x59D4_309F_C11D_F22B,
+            0x268D_4500_3B4B_7705,
+            0x3286_DCC3_E48F_842A,
+            0xC2A8_AE1F_AAA3_A8E1,
+        ];
         assert_eq!(sums, known, "{sums:#x?}");
     }
 
@@ -298,7 +308,7 @@ mod tests {
 
         #[test]
         fn any_size_and_seed_is_a_sound_frame(
-            which in 0usize..4, seed: u64, frame in 0u32..4000, height in 0usize..80, width in 0usize..200,
+            which in 0usize..5, seed: u64, frame in 0u32..4000, height in 0usize..80, width in 0usize..200,
         ) {
             let found = Scene::new(Preset::ALL[which], seed).render(frame, height, width);
             let (h, w) = (height.max(1), width.max(1));
@@ -325,7 +335,10 @@ mod tests {
     #[test]
     fn errors_name_the_part_and_what_is_allowed() {
         let says = |text: &str| text.parse::<SceneSpec>().unwrap_err().to_string();
-        assert_eq!(says("fog"), "scene preset 'fog' is unknown, day, glare, tunnel and night are known");
+        assert_eq!(
+            says("fog"),
+            "scene preset 'fog' is unknown, day, glare, tunnel, night and sunset are known"
+        );
         assert_eq!(
             says("day?size=3"),
             "scene option 'size' is unknown, seed, width, height and frames are known"

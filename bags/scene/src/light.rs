@@ -84,6 +84,15 @@ const NIGHT: Sky = Sky {
     haze_at: 160.0,
 };
 
+/// What faces the camera has the light of the blue sky behind it.
+const SUNSET: Sky = Sky {
+    ambient: [0.085, 0.090, 0.115],
+    sun: [0.260, 0.140, 0.055],
+    towards: [0.05, 0.24, 0.97],
+    haze: [0.215, 0.112, 0.058],
+    haze_at: 150.0,
+};
+
 impl Light {
     /// Makes the light of a preset. `exit` is the distance of the tunnel's exit in m, which only
     /// [`Preset::Tunnel`] uses; `sun` is the position of the sun in px.
@@ -97,6 +106,7 @@ impl Light {
                 (EXIT, 0.22, [size * 7.5, size * 5.0], [0.36, 0.37, 0.37])
             }
             Preset::Night => (NIGHT, 0.26, [60.0 * s; 2], [0.0; 3]),
+            Preset::Sunset => (SUNSET, 0.03, [150.0 * s, 100.0 * s], [0.030, 0.019, 0.010]),
         };
         let glare = if preset == Preset::Tunnel { view.project([-0.7, 2.2, exit]) } else { sun };
         // With its exit at the camera, every place counts as outside of the tunnel.
@@ -104,7 +114,7 @@ impl Light {
         Self { preset, outside, own_lamps, exit, glare, spread, veil }
     }
 
-    /// Returns whether vehicles drive with their lamps on, as in the tunnel and at night.
+    /// Returns whether vehicles drive with their lamps on, as in the tunnel, at night and at sunset.
     pub(super) fn lamps(&self) -> bool {
         self.own_lamps > 0.0
     }
@@ -154,6 +164,7 @@ impl Light {
             Preset::Glare => self.sunny(u, v, view, t),
             Preset::Tunnel => blend([0.44, 0.45, 0.46], [0.39, 0.42, 0.46], t),
             Preset::Night => blend([0.020, 0.020, 0.026], [0.006, 0.008, 0.016], t),
+            Preset::Sunset => self.dusk(u, v, view, t),
         }
     }
 
@@ -165,6 +176,18 @@ impl Light {
         let aura = 0.30 / (1.0 + r2 / 1500.0);
         let disc = 1.0 - ramp(3.0, 15.0, r2.sqrt());
         add(base, [aura + 0.35 * disc, aura * 0.86 + 0.40 * disc, aura * 0.60 + 0.50 * disc])
+    }
+
+    /// Returns the sky around the setting sun: blue above, red along the horizon, and an aura of which each step of brightness is a ring.
+    fn dusk(&self, u: f32, v: f32, view: &CameraView, t: f32) -> Rgb {
+        let base = blend([0.190, 0.088, 0.046], [0.026, 0.043, 0.095], ramp(0.0, 1.0, 1.9 * t));
+        let s = view.scale();
+        // The aura is wider than it is high, since the haze is low.
+        let (x, y) = ((u - self.glare[0]) / s / 1.5, (v - self.glare[1]) / s);
+        let r2 = x * x + y * y;
+        let aura = 0.50 / (1.0 + r2 / 5200.0) + 0.30 / (1.0 + r2 / 420.0);
+        let disc = 0.45 * (1.0 - ramp(5.0, 11.0, r2.sqrt()));
+        add(base, [aura + disc, aura * 0.60 + disc * 0.9, aura * 0.27 + disc * 0.7])
     }
 
     /// Compresses everything above 0.85 smoothly below 1.0.

@@ -31,7 +31,7 @@ const SETTLING_FRAMES: usize = 40;
 pub struct ExposureControl {
     /// The pixels that decide.
     pub metering: Metering,
-    /// The goal of the mean, as a fraction of the largest code of the image, more than 0 and at most 1.
+    /// The goal of the mean radiance, as a fraction of that of the largest code, more than 0 and at most 1.
     pub target: f64,
     /// The frames after which a measured frame takes effect, at least 1.
     pub delay: usize,
@@ -128,9 +128,8 @@ impl AutoExposure {
         // The gain brightens whole codes.
         let codes = captured.saturated_radiance().mapv_into(|code| (gain * code).min(most));
         let levels = Levels::of(&codes, most, self.control.metering);
-        let goal = self.sensor.transfer.decode(self.control.target);
         // A black image asks for the longest time.
-        let asked = levels.ratio(goal).map_or(1.0, |ratio| exposure * ratio);
+        let asked = levels.ratio(self.control.target).map_or(1.0, |ratio| exposure * ratio);
         Ok((captured.clipped(&codes), asked))
     }
 }

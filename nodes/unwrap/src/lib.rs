@@ -267,8 +267,8 @@ impl UnwrapNode {
             cx.emit(RECOVERED, stamped(&modulo.header, frame));
         }
         if cx.wanted(METERED) {
-            let SensorModel { transfer, metering, metering_target, .. } = *model;
-            let range = cx.stage("meter", || exposed_anew(&x, *range, transfer, metering, metering_target));
+            let SensorModel { metering, metering_target, .. } = *model;
+            let range = cx.stage("meter", || exposed_anew(&x, *range, metering, metering_target));
             let frame = shown(cx, range)?;
             cx.emit(METERED, stamped(&modulo.header, frame));
         }

@@ -247,7 +247,8 @@ class Sensor:
         The pixels that decide the exposure of the images auto_exposed and metered: the mean of all of them, that of the centre, whose
         pixels count three times, or the highlights, of which 99.9 % shall not clip.
     metering_target : float, a finite number in 0.01 to 1
-        Goal of the mean and of the centre, divided by the largest code of these images.
+        Goal of the mean radiance and of that of the centre, divided by that of the largest code. 0.18 is the middle grey of
+        photography.
     exposure_delay : int, in 1 to 10
         Frames of the image auto_exposed after which a measured frame takes effect.
     exposure_step : float, a finite number in 1 to 64
@@ -299,7 +300,7 @@ class Sensor:
         optical_black: int = 0,
         black_level: float = -1.0,
         metering: str = "mean",
-        metering_target: float = 0.3,
+        metering_target: float = 0.18,
         exposure_delay: int = 2,
         exposure_step: float = 2.0,
         white: float = 0.0,

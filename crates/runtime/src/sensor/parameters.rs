@@ -86,8 +86,8 @@ crate::parameters! {
         /// The pixels that decide the exposure of the images auto_exposed and metered: the mean of all of them, that of the centre, whose pixels count three
         /// times, or the highlights, of which 99.9 % shall not clip.
         metering: Metering = Metering::Mean => Metering::WORDS,
-        /// Goal of the mean and of the centre, divided by the largest code of these images.
-        metering_target: f64 = 0.3 => 0.01..=1.0,
+        /// Goal of the mean radiance and of that of the centre, divided by that of the largest code. 0.18 is the middle grey of photography.
+        metering_target: f64 = 0.18 => 0.01..=1.0,
         /// Frames of the image auto_exposed after which a measured frame takes effect.
         exposure_delay: usize = 2 => 1..=10,
         /// Largest factor between the exposures of two frames of the image auto_exposed.
