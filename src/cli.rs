@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::LONG_VERSION;
-use crate::command::{bag, bench, eval, graph, images, launch, model, param, run, view};
+use crate::command::{bag, bench, demo, eval, graph, images, launch, model, param, run, view};
 
 /// Simulate a modulo camera, unwrap its images to high dynamic range and detect objects in them, as ROS 2-compatible
 /// nodes
@@ -21,6 +21,8 @@ pub struct Cli {
 /// What to do.
 #[derive(Subcommand)]
 pub enum Command {
+    /// Show what a modulo camera sees at a low sun: the suite on an embedded scene, on a web page or as one picture
+    Demo(demo::Demo),
     /// Start the nodes of a ROS 2 launch file and supervise them
     Launch(launch::Launch),
     /// Run one node: modulo_camera, unwrap or detector

@@ -11,6 +11,7 @@ macro_rules! say {
 pub mod bag;
 pub mod bench;
 mod camera_end;
+pub mod demo;
 #[cfg(test)]
 #[path = "tests/documents.rs"]
 mod documents;
@@ -52,6 +53,7 @@ const HASHES_VARIABLE: &str = "MODULO_TYPE_HASH";
 /// Runs the command of `cli`.
 pub fn dispatch(cli: Cli) -> Result<Ended, Failure> {
     match cli.command {
+        Command::Demo(args) => demo::demo(&args),
         Command::Launch(args) => launch::launch(&args),
         Command::Run(args) => run::run(&args),
         Command::Bag(args) => bag::bag(&args),

@@ -33,17 +33,40 @@ fn token(text: &str) -> Result<String, String> {
     if valid { Ok(text.to_owned()) } else { Err("must be at least 8 letters and digits".to_owned()) }
 }
 
+/// Where the viewer can be reached.
+#[cfg(not(feature = "viewer"))]
+pub struct ViewAddresses {
+    /// The page, with the token.
+    pub page: String,
+}
+#[cfg(feature = "viewer")]
+pub use modulo_viewer::ViewAddresses;
+
+/// Runs the command.
+pub fn view(args: &ViewCommand) -> Result<Ended, Failure> {
+    serve(args, |at| {
+        say!("open {} in a browser; SIGINT ends the viewer", at.page);
+        #[cfg(feature = "viewer")]
+        if let Some(address) = &at.foxglove {
+            say!(
+                "open {address} in Foxglove; set the parameter `token` there to {} to change others",
+                at.token
+            );
+        }
+    })
+}
+
 /// Refuses the command in a build without the feature `viewer`.
 #[cfg(not(feature = "viewer"))]
-pub fn view(_: &ViewCommand) -> Result<Ended, Failure> {
+pub fn serve(_: &ViewCommand, _: impl FnOnce(&ViewAddresses)) -> Result<Ended, Failure> {
     Err(anyhow::anyhow!("this build has no viewer: it lacks the feature `viewer`").into())
 }
 
-/// Runs the command.
+/// Runs the viewer until a signal; tells its addresses when it can be reached.
 #[cfg(feature = "viewer")]
-pub fn view(args: &ViewCommand) -> Result<Ended, Failure> {
+pub fn serve(args: &ViewCommand, open: impl FnOnce(&ViewAddresses)) -> Result<Ended, Failure> {
     use super::{open_session, start_log, stop_on_signals, usage};
-    use modulo_viewer::{ViewAddresses, ViewOptions};
+    use modulo_viewer::ViewOptions;
 
     args.record.iter().try_for_each(|file| modulo_runtime::output::prepare_file(file)).map_err(usage)?;
     start_log("info");
@@ -55,15 +78,6 @@ pub fn view(args: &ViewCommand) -> Result<Ended, Failure> {
         record: args.record.clone(),
     };
     let (clock, transport) = open_session()?;
-    let open = |at: &ViewAddresses| {
-        say!("open {} in a browser; SIGINT ends the viewer", at.page);
-        if let Some(address) = &at.foxglove {
-            say!(
-                "open {address} in Foxglove; set the parameter `token` there to {} to change others",
-                at.token
-            );
-        }
-    };
     let left_out = modulo_viewer::run(transport, clock, &options, &stop, open)?;
     if left_out > 0 {
         eprintln!("{left_out} moments are not in the recording: each of them alone is larger than it may be");

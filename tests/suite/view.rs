@@ -13,7 +13,7 @@ use tungstenite::client::IntoClientRequest as _;
 use tungstenite::stream::MaybeTlsStream;
 use tungstenite::{Message, WebSocket};
 
-use crate::harness::{Background, Bench, Peer, assert_has, wait_until};
+use crate::harness::{Background, Bench, Peer, assert_has, command_line, wait_until};
 
 /// A suite at 5 Hz without end.
 fn suite(bench: &Bench) -> Background {
@@ -385,4 +385,42 @@ fn foxglove_refuses_requests_when_too_many_wait_for_a_node() {
     let refused = client.warnings.iter().filter(|why| why.contains("too many requests")).count();
     assert_eq!((refused, client.warnings.len()), (REQUESTS - 8, REQUESTS), "{:?}", client.warnings);
     drop(give);
+}
+
+/// The demonstration as one picture: the normal camera clips the sky, and the recovered image shows it.
+#[test]
+fn the_demo_is_a_picture_of_three_images() {
+    let bench = Bench::new();
+    assert_has(&bench.says(0, "demo --image @/demo.png"), &["demo.png", "recovered"]);
+    let picture = image::open(bench.path("demo.png")).expect("a picture").to_rgb8();
+    let width = picture.width() / 3;
+    let white = |third: u32| {
+        let sky = (third * width + width / 4..third * width + 3 * width / 4)
+            .flat_map(|x| (40..160).map(move |y| (x, y)));
+        sky.filter(|&(x, y)| picture.get_pixel(x, y).0 == [255; 3]).count()
+    };
+    assert!(white(0) > 200 && white(2) < 20, "{} {}", white(0), white(2));
+    assert!(bench.says(2, "demo --image @/no/demo.png").contains("no/demo.png"));
+}
+
+/// The demonstration as a page, which ends with all its processes.
+#[test]
+fn the_demo_is_a_page_with_both_images() {
+    let bench = Bench::new();
+    let mut child = bench.modulo(&["demo", "--port", "0"]).stdout(Stdio::piped()).spawn().expect("it starts");
+    let lines = BufReader::new(child.stdout.take().expect("piped")).lines().map(|line| line.expect("UTF-8"));
+    let demo = Background(child);
+    let address = lines.flat_map(|line| line.split(' ').map(str::to_owned).collect::<Vec<_>>());
+    let address = address.into_iter().find(|word| word.starts_with("http://")).expect("an address");
+    let (address, choice) = address.split_once('&').expect("a token");
+    assert_eq!(choice, "layout=wipe&left=/saturated&right=/recovered");
+    let mut page = Page::open(address);
+    page.ask(&json!({ "watch": ["/saturated", "/recovered"] }));
+    for topic in ["/saturated", "/recovered"] {
+        page.event("image", |image| image["topic"] == topic && image["boxes"] != json!([]));
+    }
+    let launch = demo.children();
+    assert!(matches!(&launch[..], [(_, line)] if line.contains("launch demo.launch.yaml")), "{launch:?}");
+    assert_eq!(demo.interrupt(), Some(0));
+    assert_eq!(command_line(launch[0].0), "", "the suite has ended, too");
 }

@@ -228,19 +228,21 @@ const SHEET_TEXT: f32 = 15.0;
 /// Height of a line of text, px.
 const SHEET_LINE: u32 = 24;
 
-/// Draws images in two columns, row by row, each below its name, in places of the size of the largest one; the place of a missing
+/// Draws images in two columns, or three of them in one row, each below its name, in places of the size of the largest one; the place of a missing
 /// image is empty. A legend below them names the colours of `classes`; entries that have no room are left out. `None` without
 /// images, or if they are too large.
 pub fn sheet<S: AsRef<str>>(pictures: &[(S, Option<Picture>)], classes: &[&str]) -> Option<RgbImage> {
     let sizes = pictures.iter().filter_map(|(_, picture)| Some(picture.as_ref()?.size()));
     let (width, height) = sizes.reduce(|a, b| (a.0.max(b.0), a.1.max(b.1)))?;
-    let (columns, rows) = (pictures.len().min(2) as u32, pictures.len().div_ceil(2) as u32);
+    let count = pictures.len() as u32;
+    let columns = if count == 3 { 3 } else { count.min(2) };
+    let rows = count.div_ceil(columns);
     let total = (columns * (width + SHEET_GAP) - SHEET_GAP, rows * (SHEET_LINE + height) + SHEET_LINE);
     let mut sheet = Pixmap::new(total.0, total.1)?;
     sheet.fill(Color::WHITE);
     let text = Lettering { font: Font::new(), size: SHEET_TEXT };
     for (index, (name, picture)) in (0u32..).zip(pictures) {
-        let (left, top) = (index % 2 * (width + SHEET_GAP), index / 2 * (SHEET_LINE + height));
+        let (left, top) = (index % columns * (width + SHEET_GAP), index / columns * (SHEET_LINE + height));
         text.draw(&mut sheet, (left as f32 + 2.0, top as f32, (top + SHEET_LINE) as f32), name.as_ref(), INK);
         let Some(picture) = picture else { continue };
         let picture = picture.drawn(&picture.pixels, LEAST_LABEL).ok()?;

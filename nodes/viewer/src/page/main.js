@@ -9,13 +9,14 @@ import { Parameters } from "./parameters.js";
 import { Quick, Replay } from "./replay.js";
 import { openSocket, playRecording, recordingText } from "./source.js";
 import { Stage } from "./stage.js";
-import { find, hear, hearImages, momentOf, namespaceOf, newState, noticeOf, now, topicsOf } from "./state.js";
+import { addressOf, choiceOf, find, hear, hearImages, momentOf, namespaceOf, newState, noticeOf, now, topicsOf } from "./state.js";
 import { Timeline, nearest } from "./timeline.js";
 
 const TICK_MS = 500;
 const PLAYER_MS = 2000;
 const recording = recordingText();
 const state = newState(recording !== null);
+if (!state.recorded) Object.assign(state.choice, choiceOf(location.search));
 
 // ---- drawing ----
 
@@ -120,6 +121,7 @@ function takeImages(header, files) {
 const actions = {
   choose(change) {
     Object.assign(state.choice, change);
+    if (!state.recorded) history.replaceState(null, "", addressOf(location.search, state.choice));
     if ("together" in change) {
       state.newest.clear();
       ask({ together: state.choice.together });

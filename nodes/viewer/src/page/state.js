@@ -43,6 +43,21 @@ export function newState(recorded) {
   };
 }
 
+// The choices that the address of the page keeps.
+const KEPT = ["layout", "left", "right", "wipe", "curve", "topics"];
+
+export function choiceOf(search) {
+  const asked = new URLSearchParams(search);
+  const kept = KEPT.filter((name) => asked.has(name)).map((name) => [name, asked.get(name)]);
+  return Object.fromEntries(kept.map(([name, text]) => [name, { wipe: Number, topics: (all) => all.split(",") }[name]?.(text) ?? text]));
+}
+
+export function addressOf(search, choice) {
+  const address = new URLSearchParams(search);
+  KEPT.filter((name) => choice[name]).forEach((name) => address.set(name, choice[name]));
+  return `?${address}`;
+}
+
 export const stampKey = ([seconds, nanos]) => `${seconds}.${String(nanos).padStart(9, "0")}`;
 export const stampMs = ([seconds, nanos]) => seconds * 1000 + nanos / 1e6;
 export const namespaceOf = (topic) => topic.slice(0, topic.lastIndexOf("/"));

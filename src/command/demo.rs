@@ -1,0 +1,114 @@
+//! `modulo demo`: the suite on a scene that a normal camera clips, with nothing to download.
+
+use std::net::{IpAddr, Ipv4Addr};
+use std::os::unix::process::CommandExt as _;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+
+use anyhow::{Context, anyhow};
+use clap::Args;
+use modulo_runtime::output::prepare_file;
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+
+use super::usage;
+use super::view::{ViewCommand, serve};
+use crate::{Ended, Failure};
+
+/// The launch file of the scene and its detectors.
+const FILE: &str = "demo.launch.yaml";
+
+/// What the page shows first, as the parameters of its address.
+const VIEW: &str = "layout=wipe&left=/saturated&right=/recovered";
+
+#[derive(Args)]
+pub struct Demo {
+    /// Write one picture of the three images with their boxes to this PNG file, and end; no browser is needed
+    #[arg(long, value_name = "FILE")]
+    pub image: Option<PathBuf>,
+    /// Port of the page; 0 takes a free one
+    #[arg(long, default_value_t = 8088)]
+    pub port: u16,
+}
+
+/// Starts the suite and opens the page, or writes the picture.
+pub fn demo(args: &Demo) -> Result<Ended, Failure> {
+    match &args.image {
+        Some(file) => picture(file),
+        None => page(args.port),
+    }
+}
+
+/// Writes the picture of the first frame.
+fn picture(file: &Path) -> Result<Ended, Failure> {
+    prepare_file(file).map_err(usage)?;
+    let folder = tempfile::tempdir().context("temporary folder")?;
+    let mut eval = suite("eval", &["frames:=1", "--images", "-o"])?;
+    let status = eval.arg(folder.path()).status().context("modulo eval")?;
+    if !status.success() {
+        return Err(anyhow!("modulo eval {FILE} has failed: {status}").into());
+    }
+    std::fs::copy(folder.path().join("grid.png"), file).with_context(|| file.display().to_string())?;
+    say!(
+        "{}: a normal camera clips, a modulo camera wraps, and the recovered image has it all",
+        file.display()
+    );
+    Ok(Ended::Done)
+}
+
+/// Starts the suite beside the viewer. Both end together.
+fn page(port: u16) -> Result<Ended, Failure> {
+    // Ctrl-C reaches this process alone, which then ends the suite.
+    let mut running = Running(suite("launch", &[])?.process_group(0).spawn().context("modulo launch")?);
+    let address = IpAddr::V4(Ipv4Addr::LOCALHOST);
+    let with = ViewCommand { port, address, token: None, foxglove: None, record: None };
+    let ended = serve(&with, |at| {
+        let address = format!("{}&{VIEW}", at.page);
+        say!(
+            "A low sun over a wet street. Left of the wipe, a normal camera clips what is bright, and its detector misses it."
+        );
+        say!(
+            "Right of it, the same exposure of a modulo camera, unwrapped. Raise alpha on the page until it is no longer trusted."
+        );
+        say!("The page is {address} ; Ctrl-C ends the demo.");
+        open_browser(&address);
+    });
+    running.stop();
+    ended
+}
+
+/// Returns the command of this program that runs the launch file. Its counters are not shown.
+fn suite(command: &str, more: &[&str]) -> Result<Command, Failure> {
+    let mut program = Command::new(std::env::current_exe().context("this program")?);
+    program.args([command, FILE]).args(more).stdin(Stdio::null()).stdout(Stdio::null());
+    Ok(program)
+}
+
+/// Opens an address in the browser of the desktop, if there is one.
+fn open_browser(address: &str) {
+    let has_desktop = ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some());
+    if has_desktop {
+        // Where there is no such program, the address has been printed.
+        let _ = Command::new("xdg-open").arg(address).stdout(Stdio::null()).stderr(Stdio::null()).spawn();
+    }
+}
+
+/// The suite, which is ended when this is dropped.
+struct Running(Child);
+
+impl Running {
+    /// Asks the suite to end, and waits for it: `modulo launch` has time limits of its own.
+    fn stop(&mut self) {
+        // It is waited for once; before that, its number belongs to nobody else.
+        if let Ok(None) = self.0.try_wait() {
+            let _ = kill(Pid::from_raw(self.0.id().cast_signed()), Signal::SIGINT);
+            let _ = self.0.wait();
+        }
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}
