@@ -18,8 +18,7 @@ const MEASURED: [(bool, bool, [f64; LENSES.len()]); 4] = [
 /// Returns the largest alpha up to which a sensor behind `psf` is fit: at least 99.5 % of the counts of the samples that can wrap were
 /// found on real pictures without noise. A lens between two measured ones counts as the sharper one.
 pub fn fit_up_to(psf: Psf, has_mosaic: bool, has_two_gains: bool) -> f64 {
-    let row =
-        MEASURED.iter().find(|(mosaic, gains, _)| (*mosaic, *gains) == (has_mosaic, has_two_gains));
+    let row = MEASURED.iter().find(|(mosaic, gains, _)| (*mosaic, *gains) == (has_mosaic, has_two_gains));
     let (.., fit) = row.expect("the table has each kind of mosaic and gains");
     let softer = LENSES.iter().filter(|&&lens| lens <= psf.sigma()).count();
     fit[softer.saturating_sub(1)]
