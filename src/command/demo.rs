@@ -19,7 +19,7 @@ use crate::{Ended, Failure};
 const FILE: &str = "demo.launch.yaml";
 
 /// What the page shows first, as the parameters of its address.
-const VIEW: &str = "layout=wipe&left=/saturated&right=/recovered";
+const VIEW: &str = "layout=wipe&left=/saturated&right=/recovered&topics=/saturated,/modulo,/recovered";
 
 #[derive(Args)]
 pub struct Demo {

@@ -12,10 +12,10 @@ use modulo_middleware::graph::discovery::Twins;
 use modulo_middleware::transport::zenoh::ZenohTransport;
 use modulo_msgs::{dynamic, rihs, ros_name};
 use modulo_runtime::Clock;
-use modulo_runtime::name::{is_hidden, is_hidden_node};
+use modulo_runtime::name::{NOT_OVER_ZENOH, did_you_mean, is_hidden, is_hidden_node};
 use modulo_runtime::wire::keys::{EntityKind, Token};
 
-use super::{open_session, stop_on_signals};
+use super::{domain, open_session, stop_on_signals};
 use crate::{Ended, Failure};
 
 #[derive(Subcommand)]
@@ -84,6 +84,7 @@ pub fn topic(args: &TopicCommand) -> Result<Ended, Failure> {
                 let shown = if *show_types { format!(" [{}]", types.join(", ")) } else { String::new() };
                 say!("{topic}{shown}");
             }
+            tell_empty("topic", transport.graph().topics().is_empty())?;
         }
         TopicCommand::Info { topic, verbose } => {
             let topic = absolute(topic);
@@ -110,17 +111,33 @@ pub fn node(args: &NodeCommand) -> Result<Ended, Failure> {
                 );
             }
             shown.iter().for_each(|node| say!("{node}"));
+            tell_empty("node", nodes.is_empty())?;
         }
         NodeCommand::Info { node } => {
             let node = absolute(node);
             if !nodes.contains(&node) {
-                return Err(anyhow!("no node {node}; there are {}", nodes.join(", ")).into());
+                let near = did_you_mean(&node, nodes.iter().map(String::as_str));
+                return Err(match nodes.join(", ") {
+                    known if known.is_empty() => {
+                        anyhow!("no node {node}; there is no node at all; {NOT_OVER_ZENOH}")
+                    }
+                    known => anyhow!("no node {node}{near}; there are {known}"),
+                }
+                .into());
             }
             tell_namesakes(&graph, &node, "what follows is that of all of them");
             describe(&graph, &node);
         }
     }
     Ok(Ended::Done)
+}
+
+/// Says on standard error that the domain has nothing to list, which may mean that its nodes speak DDS.
+pub fn tell_empty(what: &str, empty: bool) -> Result<(), Failure> {
+    if empty {
+        eprintln!("there is no {what} in domain {}; {NOT_OVER_ZENOH}", domain()?);
+    }
+    Ok(())
 }
 
 /// Warns where several nodes are called `node`, an absolute name, with what that means for a command.

@@ -83,7 +83,9 @@ fn ask(args: &Param, transport: &ZenohTransport) -> Result<Ended, Failure> {
     match args {
         Param::List { node: Some(node), param_type } => print_names(&client(node), *param_type)?,
         Param::List { node: None, param_type } => {
-            for node in transport.graph().nodes_with_parameters() {
+            let nodes = transport.graph().nodes_with_parameters();
+            graph::tell_empty("node with parameters", nodes.is_empty())?;
+            for node in nodes {
                 say!("{node}:");
                 print_names(&client(&node), *param_type)?;
             }

@@ -69,6 +69,12 @@ class Peer:
         self.held = []
         self.token("NN", "")
 
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.session.close()
+
     def token(self, kind, rest):
         key = f"@ros2_lv/{DOMAIN}/{self.zid}/0/{self.entity}/{kind}/%/%/python{rest}"
         self.held.append(self.session.liveliness().declare_token(key))
@@ -114,8 +120,8 @@ class Peer:
     def reads(self, node, topic):
         return any(t[5] == "MS" and t[8] == node and t[9] == topic.replace("/", "%") for t in self.tokens())
 
-    def set_parameter(self, node, name, text):
-        """rcl_interfaces/srv/SetParameters with one string; its result."""
+    def set_parameter(self, node, name, text, key="/".join(SET_PARAMETERS)):
+        """rcl_interfaces/srv/SetParameters with one string; its result, or the text of an error."""
         cls = {key: STORE.types[f"rcl_interfaces/msg/{key}"] for key in ("Parameter", "ParameterValue")}
         value = cls["ParameterValue"](
             type=4, bool_value=False, integer_value=0, double_value=0.0, string_value=text,
@@ -127,15 +133,17 @@ class Peer:
         sent = struct.pack("<qqB", 7, time.time_ns(), 16) + b"a-client-of-them"
         replies = list(
             self.session.get(
-                f"{DOMAIN}/{node}/set_parameters/{'/'.join(SET_PARAMETERS)}",
+                f"{DOMAIN}/{node}/set_parameters/{key}",
                 payload=bytes(STORE.serialize_cdr(request, "peer/msg/SetParametersRequest")),
                 attachment=sent,
-                target=zenoh.QueryTarget.ALL_COMPLETE,
+                target=zenoh.QueryTarget.ALL,
                 consolidation=zenoh.ConsolidationMode.NONE,
                 timeout=10.0,
             )
         )
-        assert len(replies) == 1 and replies[0].ok, replies
+        assert len(replies) == 1, replies
+        if not replies[0].ok:
+            return replies[0].err.payload.to_string()
         sample = replies[0].ok
         got = bytes(sample.attachment)
         assert len(got) == 33 and got[:8] == sent[:8] and got[17:] == sent[17:], got
@@ -178,9 +186,9 @@ def until(what, done):
 class Suite:
     """A command of the shipped binary; ended with SIGINT."""
 
-    def __init__(self, binary, *arguments):
-        env = dict(os.environ, ROS_DOMAIN_ID=str(DOMAIN))
-        self.process = subprocess.Popen([binary, *arguments], env=env, cwd=ROOT)
+    def __init__(self, binary, *arguments, stdout=None, **environment):
+        env = dict(os.environ, ROS_DOMAIN_ID=str(DOMAIN), **environment)
+        self.process = subprocess.Popen([binary, *arguments], env=env, cwd=ROOT, stdout=stdout)
 
     def __enter__(self):
         return self
@@ -198,8 +206,7 @@ class Suite:
 def receives_and_switches(binary):
     """Our images and boxes arrive; the detector's input is switched by a call."""
     scene = "source:=scene://glare?seed=3&frames=100000"
-    with Suite(binary, "launch", "launch/recovered.launch.yaml", scene, "rate:=4", "engine:=rten"):
-        peer = Peer()
+    with Suite(binary, "launch", "launch/recovered.launch.yaml", scene, "rate:=4", "engine:=rten"), Peer() as peer:
         assert peer.key("/x", "sensor_msgs/msg/Image").endswith(IMAGE_HASH)
         assert peer.key("/x", "vision_msgs/msg/Detection2DArray").endswith(DETECTIONS_HASH)
         images = peer.hear("/recovered", "sensor_msgs/msg/Image", SENSOR_DATA)
@@ -210,7 +217,9 @@ def receives_and_switches(binary):
         assert len(image.data) == image.height * image.step
         one = found.detections[0]
         assert one.header == found.header and 0.0 < one.results[0].hypothesis.score <= 1.0
-        assert all(len(t) in (9, 13) and all(t) for t in peer.tokens()), peer.tokens()
+        # Readers of images name the buffers that they take, as since Lyrical.
+        odd = [t for t in peer.tokens() if not all(t) or len(t) not in (9, 13) and t[13:] != ["backends:cpu:"]]
+        assert not odd, odd
         print(f"received {image.width} x {image.height} {image.encoding}, {len(found.detections)} boxes,",
               one.results[0].hypothesis.class_id, round(one.results[0].hypothesis.score, 3))
 
@@ -222,14 +231,16 @@ def receives_and_switches(binary):
         result = peer.set_parameter("detector", "input", "sideways")
         assert not result.successful and "sideways" in result.reason and "recovered" in result.reason, result
         print("refused:", result.reason)
-        peer.session.close()
+        # A pattern would pass the rules of a router, which name keys.
+        result = peer.set_parameter("detector", "input", "recovered", key="*/*")
+        assert "pattern" in result, result
 
 
 def is_received(binary):
     """An image of ours on the modulo topic is recovered exactly, and detected."""
     sensor = ["--ros-args", "-p", "bits:=8", "-p", "alpha:=4.0"]
-    with Suite(binary, "run", "unwrap", *sensor), Suite(binary, "run", "detector", "--ros-args", "-p", "engine:=rten"):
-        peer = Peer()
+    detector = ["--ros-args", "-p", "engine:=rten"]
+    with Suite(binary, "run", "unwrap", *sensor), Suite(binary, "run", "detector", *detector), Peer() as peer:
         until("the nodes", lambda: {"unwrap", "detector"} <= {t[8] for t in peer.tokens() if t[5] == "NN"})
         hdr = peer.hear("/hdr", "sensor_msgs/msg/Image", SENSOR_DATA)
         boxes = peer.hear("/detector/detections", "vision_msgs/msg/Detection2DArray", "::,10:,:,:,,")
@@ -255,7 +266,6 @@ def is_received(binary):
         found = next_of(boxes, "boxes", lambda m: m.header.stamp.sec == 6)
         assert found.header == frame.header and len(found.detections) > 0, found
         print("detected", len(found.detections), "boxes on an image of Python's")
-        peer.session.close()
 
 
 def image_of(pixels, encoding, seconds):

@@ -5,13 +5,13 @@ use std::cell::RefCell;
 use std::path::Path;
 use std::process::Stdio;
 use std::sync::mpsc::RecvTimeoutError;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use modulo_middleware::graph::type_description;
 use modulo_middleware::transport::zenoh::RawService;
 use modulo_middleware::transport::{Publisher as _, Transport};
 use modulo_runtime::wire::keys::{Endpoint, EntityKind, Hashes, NO_HASH, SERVICE_QOS};
-use modulo_runtime::{Message, MessageKind, StampedFrame};
+use modulo_runtime::{Message, MessageKind, Qos, StampedFrame};
 
 use crate::harness::{Background, Bench, Peer, assert_has, signal, text, wait_until};
 use modulo_bags::bag::{BagReader, Selection};
@@ -42,6 +42,62 @@ fn log(message: Message) -> Log {
         Message::Log(log) => Log::clone(&log),
         other => panic!("a log line, not {other:?}"),
     }
+}
+
+/// An empty domain and a misspelt name look alike to someone whose nodes speak DDS: both are told with the remedy.
+#[test]
+fn what_is_not_there_is_told_with_the_remedy() {
+    let bench = Bench::new();
+    for (command, what) in [("node", "node"), ("topic", "topic"), ("param", "node with parameters")] {
+        let output = bench.run(&[command, "list"]);
+        assert!(output.status.success() && output.stdout.is_empty(), "{}", text(&output));
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert_has(
+            &told,
+            &[
+                &format!("there is no {what} in domain"),
+                "RMW_IMPLEMENTATION=rmw_zenoh_cpp",
+                "dds.launch.yaml",
+            ],
+        );
+    }
+    let _unwrap = bench.start(&["run", "unwrap"]);
+    let peer = Peer::new(&bench);
+    wait_until("the node", || peer.transport.is_ready("/unwrap"));
+    for (command, near) in [
+        (vec!["topic", "echo", "--once", "/recoverd"], "'/recovered'"),
+        (vec!["param", "get", "/unwarp", "alpha"], "'/unwrap'"),
+        (vec!["node", "info", "/car/unwrap"], "'/unwrap'"),
+    ] {
+        let output = bench.run(&command);
+        assert_eq!(output.status.code(), Some(1));
+        assert_has(&text(&output), &[&format!("did you mean {near}?")]);
+    }
+    assert!(bench.run(&["node", "list"]).stderr.is_empty());
+}
+
+/// A camera waits for images of ROS 2 that do not come: one warning names the cause, and the nodes behind it are silent.
+#[test]
+fn a_topic_without_images_is_told_once() {
+    let bench = Bench::new();
+    let peer = Peer::new(&bench);
+    let heard = peer.hear_as("/rosout", MessageKind::Log, Qos::Logs);
+    let sensor = "-p bits:=8 -p alpha:=4.0";
+    let _unwrap = bench.starts(&format!("run unwrap --ros-args {sensor}"));
+    let _camera =
+        bench.starts(&format!("run modulo_camera --ros-args -p source:=topic:/camera/image_raw {sensor}"));
+    let warning = |message: &Message| log(message.clone()).msg.contains("no image has come on");
+    let first = log(heard.until("a warning", warning));
+    assert_eq!(first.name, "modulo_camera");
+    assert_has(
+        &first.msg,
+        &["/camera/image_raw", "no node publishes it", "RMW_IMPLEMENTATION=rmw_zenoh_cpp", "dds.launch.yaml"],
+    );
+    let (mut more, since) = (0, Instant::now());
+    while since.elapsed() < Duration::from_secs(4) {
+        more += u32::from(heard.next(Duration::from_millis(100)).is_some_and(|message| warning(&message)));
+    }
+    assert_eq!(more, 0);
 }
 
 /// Whoever reads `/rosout` late gets what was said before.

@@ -1,5 +1,29 @@
 //! ROS names: resolving relative and private topics, remapping.
 
+/// Likeness in `[0, 1]` from which on a name is taken for a misspelling of another one.
+const NEAR: f64 = 0.6;
+
+/// Returns the one of `known` that `name` is most likely a misspelling of: the most similar one, or one that only has another
+/// namespace.
+pub fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let last = |name: &str| name.rsplit_once('/').map(|(_, last)| last.to_owned());
+    let likeness = |known: &'a str| {
+        let moved = last(name).is_some_and(|last_part| last(known) == Some(last_part));
+        (strsim::normalized_damerau_levenshtein(known, name).max(if moved { NEAR } else { 0.0 }), known)
+    };
+    let near = known.into_iter().map(likeness).filter(|(likeness, _)| *likeness >= NEAR);
+    near.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, known)| known)
+}
+
+/// Returns the end of an error about the unknown `name`, which asks whether the nearest of `known` is meant; empty without one.
+pub fn did_you_mean<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
+    nearest(name, known).map(|near| format!(", did you mean '{near}'?")).unwrap_or_default()
+}
+
+/// What to do where a node or topic of ROS 2 is missing.
+pub const NOT_OVER_ZENOH: &str = "nodes on DDS are not seen here: start them with RMW_IMPLEMENTATION=rmw_zenoh_cpp and a router, or use \
+                                  dds.launch.yaml; all need the same ROS_DOMAIN_ID";
+
 /// The name of a node, its namespace and its remapping rules.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct NodeName {
@@ -96,6 +120,21 @@ fn check_token(token: &str, name: &str) -> Result<(), NameError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_misspelt_or_moved_name_has_a_nearest_one() {
+        let known = ["/camera/image_raw", "/modulo", "/detector/detections", "/recovered"];
+        for (name, near) in [
+            ("/camera/imageraw", ", did you mean '/camera/image_raw'?"),
+            ("/front/camera/image_raw", ", did you mean '/camera/image_raw'?"),
+            ("/detections", ", did you mean '/detector/detections'?"),
+            ("/recoverd", ", did you mean '/recovered'?"),
+            ("/x", ""),
+            ("", ""),
+        ] {
+            assert_eq!(did_you_mean(name, known), near, "{name}");
+        }
+    }
 
     #[test]
     fn resolves_as_ros_does() {

@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use super::scope::{Scope, argument_value, included};
+use modulo_runtime::name::did_you_mean;
+
 use crate::action::{self, Action, ActionKind, DeclaredArgument};
 use crate::{LaunchError, Mistakes, listed};
 
@@ -30,11 +32,12 @@ pub(super) fn declared(
     Ok(collector.found)
 }
 
-/// Names the declared arguments for an error.
-pub(super) fn known(declared: &[DeclaredArgument]) -> String {
+/// Names the declared arguments for the end of an error about the argument `name`.
+pub(super) fn known(name: &str, declared: &[DeclaredArgument]) -> String {
+    let near = did_you_mean(name, declared.iter().map(|d| d.name.as_str()));
     match declared {
-        [] => "it declares no arguments".to_owned(),
-        some => format!("declared are {}", listed(some.iter().map(|d| &d.name), "")),
+        [] => ", it declares no arguments".to_owned(),
+        some => format!("{near}, declared are {}", listed(some.iter().map(|d| &d.name), "")),
     }
 }
 

@@ -43,8 +43,8 @@ pub fn check(file: &Path, arguments: &[(String, String)]) -> Result<Plan, Mistak
     // An unknown argument is most often misspelt: the default would be used without a word.
     let unknown = arguments.iter().filter(|(name, _)| declared.iter().all(|d| d.name != *name));
     Mistakes::gather(unknown.map(|(name, _)| {
-        let known = arguments::known(&declared);
-        Err::<(), _>(LaunchError::Other(format!("unknown launch argument '{name}', {known}")).into())
+        let known = arguments::known(name, &declared);
+        Err::<(), _>(LaunchError::Other(format!("unknown launch argument '{name}'{known}")).into())
     }))?;
     let launch_file = action::read_file(file)?;
     let mut resolver =
@@ -160,9 +160,9 @@ impl Resolver {
         let declared = arguments::declared(&launch_file.path, &[])?;
         for ((name, _), (text, _)) in arguments.iter().zip(&include.arguments) {
             if declared.iter().all(|d| d.name != *name) {
-                let known = arguments::known(&declared);
+                let known = arguments::known(name, &declared);
                 let path = launch_file.path.display();
-                let why = format!("include: {path} declares no argument '{name}', {known}");
+                let why = format!("include: {path} declares no argument '{name}'{known}");
                 return Err(view.refuse(text, why).into());
             }
         }

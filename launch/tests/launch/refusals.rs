@@ -199,7 +199,7 @@ fn a_mistake_has_the_line_of_its_own_file() {
         (
             "launch:\n  - include:\n      file: $(dirname)/b.launch.yaml\n      arg:\n        - { name: inptu, value: x }\n",
             "launch:\n  - arg: { name: input, default: '' }\n",
-            "main.launch.yaml:5: include: b.launch.yaml declares no argument 'inptu', declared are input",
+            "main.launch.yaml:5: include: b.launch.yaml declares no argument 'inptu', did you mean 'input'?, declared are input",
         ),
     ] {
         let refusal = Files::new(main).with("b.launch.yaml", included).refusal(&[]);
@@ -215,8 +215,8 @@ fn an_unknown_argument_is_refused_with_the_declared_ones() {
     let files = Files::new(include).with("b.launch.yaml", inner);
     assert!(files.resolve(&[("inner", "1"), ("outer", "2")]).is_ok());
     // An argument that an include fixes would be accepted and ignored.
-    for name in ["outre", "fixed"] {
-        let expected = format!("unknown launch argument '{name}', declared are outer, inner");
+    for (name, near) in [("outre", ", did you mean 'outer'?"), ("fixed", "")] {
+        let expected = format!("unknown launch argument '{name}'{near}, declared are outer, inner");
         assert_eq!(files.refusal(&[(name, "1")]), expected);
     }
 }

@@ -5,5 +5,6 @@ mod data;
 mod definitions;
 mod golden;
 mod images;
+mod peer;
 mod wire;
 mod yuv;

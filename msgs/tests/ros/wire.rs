@@ -15,7 +15,7 @@ pub struct Golden {
     #[serde(rename = "type")]
     pub type_name: String,
     #[serde(rename = "cdr")]
-    hex: String,
+    pub hex: String,
 }
 
 impl Golden {

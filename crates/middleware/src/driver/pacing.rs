@@ -16,7 +16,7 @@ const READER_LIMIT_NS: u64 = 60_000_000_000;
 const SHARED_LIMIT_NS: u64 = 300_000_000;
 
 /// Where nodes acknowledge the frames that they have taken; `ros2 topic list` hides it, as every name with a leading underscore.
-const TOPIC: &str = "/_modulo/taken";
+pub(super) const TOPIC: &str = "/_modulo/taken";
 
 /// Returns the topic, as publishers and subscribers declare it.
 pub fn ack_topic() -> Topic {

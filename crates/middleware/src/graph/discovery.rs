@@ -9,19 +9,56 @@ use modulo_runtime::MessageKind;
 use modulo_runtime::name::is_hidden;
 use modulo_runtime::topic::{Durability, Profile, Reliability};
 use modulo_runtime::wire::keys::{Endpoint, EntityKind, NO_HASH, Token};
+use xxhash_rust::xxh3::xxh3_128;
+
+/// Returns the global id of the endpoint with this token: XXH3-128 of its key, low half first.
+pub fn gid(key: &str) -> [u8; 16] {
+    xxh3_128(key.as_bytes()).to_le_bytes()
+}
+
+/// Most publishers of buffers, and most readers apart of one of them, that are remembered.
+const REMEMBERED: usize = 256;
 
 /// Every entity that is alive now.
 #[derive(Clone, Debug, Default)]
 pub struct Graph {
     tokens: BTreeMap<String, Token>,
+    /// The topic of each publisher of buffers, by its global id, with the tokens of the readers apart that it has met. Such a
+    /// publisher goes on using a number for a reader that has left (rmw_zenoh_cpp 0.10.5), and outlives a cut of the link.
+    met: BTreeMap<[u8; 16], (String, BTreeSet<String>)>,
 }
 
 impl Graph {
     /// Adds the token of `key`. A key that is not a token is ignored.
     pub fn appear(&mut self, key: &str) {
-        if let Some(token) = Token::parse(key) {
-            self.tokens.insert(key.to_owned(), token);
+        let Some(token) = Token::parse(key) else { return };
+        if let Some(Endpoint { topic, .. }) = token.endpoint.as_ref().filter(|_| !token.backends.is_empty()) {
+            self.meet(key, &token, topic);
         }
+        self.tokens.insert(key.to_owned(), token);
+    }
+
+    fn meet(&mut self, key: &str, token: &Token, topic: &str) {
+        if token.reads_apart() {
+            let publishers = self.met.values_mut().filter(|(published, _)| published == topic);
+            for (_, readers) in publishers.filter(|(_, readers)| readers.len() < REMEMBERED) {
+                readers.insert(key.to_owned());
+            }
+        } else if token.kind == EntityKind::Publisher && !self.met.contains_key(&gid(key)) {
+            if self.met.len() >= REMEMBERED {
+                self.met.pop_first();
+            }
+            let reads =
+                |other: &Token| other.endpoint.as_ref().is_some_and(|endpoint| endpoint.topic == topic);
+            let readers = self.tokens.iter().filter(|(_, other)| other.reads_apart() && reads(other));
+            let readers = readers.map(|(key, _)| key.clone()).take(REMEMBERED).collect();
+            self.met.insert(gid(key), (topic.to_owned(), readers));
+        }
+    }
+
+    /// Returns how many readers the publisher with this global id sends samples of their own.
+    pub fn readers_apart(&self, publisher: &[u8; 16]) -> u32 {
+        self.met.get(publisher).map_or(0, |(_, readers)| u32::try_from(readers.len()).unwrap_or(u32::MAX))
     }
 
     /// Returns the endpoints that do not fit `token`, each with the conflict in words.
@@ -255,7 +292,42 @@ mod tests {
             namespace: "/".into(),
             node: node.into(),
             endpoint: Some(endpoint),
+            backends: String::new(),
         }
+    }
+
+    /// A publisher of Lyrical sends each reader with a buffer of its own a sample with a number of its own, also after it left.
+    #[test]
+    fn readers_apart_are_those_that_the_publisher_has_met() {
+        let key = |session: &str, kind: &str, topic: &str, backends: &str| {
+            format!("@ros2_lv/0/{session}/0/1/{kind}/%/%/n/%{topic}/{IMAGE}/RIHS01_0/2::,5:,:,:,,{backends}")
+        };
+        let reader =
+            |session: &str, buffers: &str| key(session, "MS", "modulo", &format!("/backends:{buffers}"));
+        let (early, gone, cpu) = (reader("a", "cuda:0"), reader("b", "cuda:0"), reader("c", "cpu:"));
+        let camera = |session: &str| key(session, "MP", "modulo", "/backends:cpu:");
+        let (p, q, jazzy) = (camera("p"), camera("q"), key("j", "MP", "modulo", ""));
+        let elsewhere = key("d", "MS", "other", "/backends:cuda:0");
+        let mut graph = Graph::default();
+        [&early, &cpu, &p, &gone, &gone, &elsewhere].into_iter().for_each(|key| graph.appear(key));
+        [&gone, &p].into_iter().for_each(|key| graph.disappear(key));
+        [&p, &q, &jazzy].into_iter().for_each(|key| graph.appear(key));
+        let apart = [&p, &q, &jazzy].map(|key| graph.readers_apart(&gid(key)));
+        assert_eq!(
+            apart,
+            [2, 1, 0],
+            "the second one came after a reader had left, the third one is of Jazzy"
+        );
+        for number in 0..2 * REMEMBERED {
+            graph.appear(&key(&format!("s{number}"), "MP", "other", "/backends:cpu:"));
+        }
+        assert_eq!(graph.met.len(), REMEMBERED);
+        let many = key("many", "MP", "many", "/backends:cpu:");
+        graph.appear(&many);
+        for number in 0..2 * REMEMBERED {
+            graph.appear(&key(&format!("r{number}"), "MS", "many", "/backends:cuda:0"));
+        }
+        assert_eq!(graph.readers_apart(&gid(&many)), REMEMBERED as u32);
     }
 
     const IMAGE: &str = "sensor_msgs::msg::dds_::Image_";

@@ -27,6 +27,7 @@ struct LocalGraph {
 
 struct Subscriber {
     id: u64,
+    kind: MessageKind,
     node: String,
     deliver: Deliver,
 }
@@ -89,7 +90,7 @@ impl Transport for LocalTransport {
         // A node may subscribe to one topic twice, so its name does not identify a subscription.
         let id = graph.next_id;
         graph.next_id += 1;
-        let subscriber = Subscriber { id, node: node.fully_qualified(), deliver };
+        let subscriber = Subscriber { id, kind: address.kind, node: node.fully_qualified(), deliver };
         graph.subscribers.entry(address.topic.clone()).or_default().push(subscriber);
         let (transport, topic) = (self.clone(), address.topic.clone());
         Ok(Box::new(OnDrop(move || {
@@ -136,10 +137,19 @@ impl Transport for LocalTransport {
         self.graph().nodes.iter().any(|n| n == node)
     }
 
-    fn published(&self, kind: MessageKind) -> Vec<(String, String)> {
+    fn users(&self, end: EntityKind, kind: MessageKind) -> Vec<(String, String)> {
         let graph = self.graph();
-        let of_kind = graph.publishers.iter().filter(|(_, on, _)| *on == kind);
-        of_kind.map(|(topic, _, node)| (topic.clone(), node.clone())).collect()
+        let publishers = graph.publishers.iter().map(|(topic, on, node)| (topic, *on, node));
+        let subscribers = graph
+            .subscribers
+            .iter()
+            .flat_map(|(topic, all)| all.iter().map(move |s| (topic, s.kind, &s.node)));
+        let ends: Box<dyn Iterator<Item = _>> = match end {
+            EntityKind::Publisher => Box::new(publishers),
+            EntityKind::Subscription => Box::new(subscribers),
+            EntityKind::Node | EntityKind::Server | EntityKind::Client => Box::new(std::iter::empty()),
+        };
+        ends.filter(|(_, on, _)| *on == kind).map(|(topic, _, node)| (topic.clone(), node.clone())).collect()
     }
 
     fn settling(&self) -> Duration {

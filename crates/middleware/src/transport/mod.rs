@@ -215,8 +215,8 @@ pub trait Transport: Send + Sync {
         self.endpoints(EntityKind::Publisher, topic).into_iter().map(|node| node.name).collect()
     }
 
-    /// Returns (topic, node) of each publisher of messages of `kind` now.
-    fn published(&self, kind: MessageKind) -> Vec<(String, String)>;
+    /// Returns (topic, node) of each publisher, or each subscription, of messages of `kind` now.
+    fn users(&self, end: EntityKind, kind: MessageKind) -> Vec<(String, String)>;
 
     /// Returns the fully qualified names of the nodes that subscribe to `topic` now.
     fn subscribers(&self, topic: &str) -> Vec<String> {

@@ -283,8 +283,8 @@ impl Transport for Offered {
     fn endpoints(&self, kind: EntityKind, topic: &str) -> Vec<NodeId> {
         self.local.endpoints(kind, topic)
     }
-    fn published(&self, kind: MessageKind) -> Vec<(String, String)> {
-        self.local.published(kind)
+    fn users(&self, end: EntityKind, kind: MessageKind) -> Vec<(String, String)> {
+        self.local.users(end, kind)
     }
     fn settling(&self) -> Duration {
         self.local.settling()

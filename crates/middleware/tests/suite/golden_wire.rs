@@ -1,8 +1,8 @@
 //! Tokens, keys, hashes and samples against those of a real ROS 2 Jazzy node `/odmi/golden` under rmw_zenoh_cpp 0.2.10.
 
+use modulo_middleware::graph::discovery::gid;
 use modulo_middleware::graph::type_description;
 use modulo_middleware::parameter::service::Service;
-use modulo_middleware::transport::zenoh::gid;
 use modulo_msgs::sensor_msgs::Image;
 use modulo_msgs::{cdr, ros_name, type_hash};
 use modulo_runtime::wire::attachment::Attachment;
@@ -96,7 +96,7 @@ fn every_sample_is_read_and_written() {
         assert_eq!(sample["key"], key);
         let bytes = hex(&sample["attachment"]);
         let attachment = Attachment::parse(&bytes).expect("an attachment");
-        assert_eq!((attachment.sequence, attachment.gid), (number, gid(&publisher)));
+        assert_eq!((attachment.sequence, attachment.gid), (number, gid(&publisher.to_key())));
         assert_eq!(attachment.to_bytes().as_slice(), bytes);
         let image: Image = cdr::from_slice(&hex(&sample["payload"])).expect("an image");
         assert_eq!((image.width, image.height, image.encoding.as_str()), (3, 2, "rgb8"));

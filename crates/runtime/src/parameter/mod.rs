@@ -20,10 +20,8 @@ pub mod ros {
 pub use typed::ParameterSet;
 pub use value::Value;
 
+use crate::name::{did_you_mean, nearest};
 use crate::secret::without_secrets;
-
-/// Likeness in `[0, 1]` from which on a name is taken for a misspelling of another one.
-const NEAR: f64 = 0.6;
 
 /// The allowed values of a parameter.
 #[derive(Clone, Debug, PartialEq)]
@@ -219,14 +217,12 @@ impl Parameters {
 
     /// Returns the declared name that `name` is most likely a misspelling of.
     pub fn near(&self, name: &str) -> Option<&'static str> {
-        let likeness = |d: &Descriptor| (strsim::normalized_damerau_levenshtein(d.name, name), d.name);
-        let near = self.declared.iter().map(likeness).filter(|(likeness, _)| *likeness >= NEAR);
-        near.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, name)| name)
+        nearest(name, self.declared.iter().map(|descriptor| descriptor.name))
     }
 
     fn unknown(&self, name: &str, value: impl fmt::Display) -> ParameterError {
         let known: Vec<_> = self.declared.iter().map(|d| d.name).collect();
-        let near = self.near(name).map(|near| format!(", did you mean '{near}'?")).unwrap_or_default();
+        let near = did_you_mean(name, known.iter().copied());
         ParameterError::new(name, value, format!("unknown parameter{near}, known are {}", known.join(", ")))
     }
 }

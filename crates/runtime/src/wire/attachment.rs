@@ -6,12 +6,15 @@ use std::collections::BTreeMap;
 /// The attachment of a sample; readers drop samples without one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Attachment {
-    /// Counts from 1 per publisher; a gap is a loss.
+    /// Counts from 1 per publisher.
     pub sequence: i64,
     /// Source time, nanoseconds since the epoch.
     pub stamp_ns: i64,
     /// Global id of the publisher.
     pub gid: [u8; 16],
+    /// The sequence numbers that the publisher uses for a message like this one, at least 1. It is not on the wire, but known from
+    /// the graph: more than 1 where some readers are sent samples of their own.
+    pub numbers: u32,
 }
 
 impl Attachment {
@@ -38,6 +41,7 @@ impl Attachment {
             sequence: i64::from_le_bytes(*sequence),
             stamp_ns: i64::from_le_bytes(*stamp),
             gid: (length == 16).then_some(gid)?.try_into().ok()?,
+            numbers: 1,
         })
     }
 }
@@ -48,7 +52,8 @@ const PUBLISHERS: usize = 1024;
 /// Counts the holes in the sequence numbers of each publisher.
 #[derive(Debug, Default)]
 pub struct Gaps {
-    greatest: BTreeMap<[u8; 16], i64>,
+    /// The greatest number so far, and the numbers that its message has used.
+    greatest: BTreeMap<[u8; 16], (i64, i64)>,
 }
 
 impl Gaps {
@@ -56,15 +61,17 @@ impl Gaps {
     /// count: earlier ones were not for this reader. A number below the greatest one is a sample that came late or
     /// twice, and counts as no gap. A publisher that restarts has another gid.
     pub fn step(&mut self, attachment: &Attachment) -> u64 {
-        let Attachment { gid, sequence, .. } = *attachment;
+        let Attachment { gid, sequence, numbers, .. } = *attachment;
         if self.greatest.len() >= PUBLISHERS && !self.greatest.contains_key(&gid) {
             // Any entry may go: a publisher that still sends starts its count anew.
             self.greatest.pop_first();
         }
-        let greatest = self.greatest.entry(gid).or_insert(sequence);
-        // The numbers come from the wire and may be anything.
-        let missing = sequence.saturating_sub(*greatest).saturating_sub(1);
-        *greatest = sequence.max(*greatest);
+        let used = i64::from(numbers.max(1));
+        let greatest = self.greatest.entry(gid).or_insert((sequence, used));
+        // The numbers come from the wire and may be anything. A reader that comes is known here a little earlier or later than
+        // the publisher begins to count it.
+        let missing = (sequence.saturating_sub(greatest.0) / greatest.1.max(used)).saturating_sub(1);
+        *greatest = (sequence, used).max(*greatest);
         u64::try_from(missing).unwrap_or(0)
     }
 }
@@ -158,8 +165,9 @@ mod tests {
     #[test]
     fn counts_holes_of_each_publisher_from_its_first_sample_on() {
         let mut gaps = Gaps::default();
-        let mut step =
-            |publisher, sequence| gaps.step(&Attachment { sequence, stamp_ns: 0, gid: [publisher; 16] });
+        let mut step = |publisher, sequence| {
+            gaps.step(&Attachment { sequence, stamp_ns: 0, gid: [publisher; 16], numbers: 1 })
+        };
         assert_eq!(
             [step(1, 40), step(1, 41), step(1, 44), step(2, 7), step(1, 45), step(2, 9)],
             [0, 0, 2, 0, 0, 1]
@@ -167,6 +175,25 @@ mod tests {
         // A late sample, the one after the greatest, and the extremes.
         assert_eq!([step(1, 3), step(1, 46), step(1, i64::MIN), step(1, 47)], [0, 0, 0, 0]);
         assert_eq!(step(1, i64::MAX), i64::MAX as u64 - 48);
+    }
+
+    /// A publisher of Lyrical uses one number more for each message from the moment on at which a reader with a buffer of its
+    /// own comes.
+    #[test]
+    fn numbers_of_other_readers_are_no_losses() {
+        let mut gaps = Gaps::default();
+        let mut step =
+            |sequence, numbers| gaps.step(&Attachment { sequence, stamp_ns: 0, gid: [1; 16], numbers });
+        assert_eq!(
+            [(1, 1), (2, 1), (4, 2), (6, 2), (8, 2), (12, 2)].map(|(n, numbers)| step(n, numbers)),
+            [0, 0, 0, 0, 0, 1]
+        );
+        // The reader is known here two messages late, and later all readers are served on the base key.
+        assert_eq!(
+            [(15, 3), (18, 3), (19, 1), (20, 1), (22, 1)].map(|(n, numbers)| step(n, numbers)),
+            [0, 0, 0, 0, 1]
+        );
+        assert_eq!(step(i64::MAX, u32::MAX), (i64::MAX - 22) as u64 / u64::from(u32::MAX) - 1);
     }
 
     #[test]
@@ -198,7 +225,7 @@ mod tests {
         let mut gaps = Gaps::default();
         for publisher in 0..2 * PUBLISHERS as u128 {
             let gid = publisher.to_be_bytes();
-            assert_eq!(gaps.step(&Attachment { sequence: 9, stamp_ns: 0, gid }), 0);
+            assert_eq!(gaps.step(&Attachment { sequence: 9, stamp_ns: 0, gid, numbers: 1 }), 0);
         }
         assert_eq!(gaps.greatest.len(), PUBLISHERS);
     }

@@ -2,6 +2,9 @@
 //!
 //! Source: rmw_zenoh_cpp 0.2.10 (ROS 2 Jazzy), checked against bytes that a real node sent.
 
+use modulo_msgs::dds_name;
+
+use crate::message::MessageKind;
 use crate::topic::Qos;
 
 /// The kinds of entities in the graph.
@@ -69,6 +72,8 @@ pub struct Token {
     pub node: String,
     /// Present on everything but nodes.
     pub endpoint: Option<Endpoint>,
+    /// The buffers that an endpoint takes part in since ROS 2 Lyrical, such as [`CPU_BUFFERS`]; empty for none.
+    pub backends: String,
 }
 
 /// Returns the key expression of all tokens of a domain.
@@ -85,10 +90,13 @@ impl Token {
         if let Some(Endpoint { topic, dds_type, type_hash, qos }) = &self.endpoint {
             key += &format!("/{}/{}/{type_hash}/{qos}", mangle(topic), mangle(dds_type));
         }
+        if !self.backends.is_empty() {
+            key += &format!("/{}", self.backends);
+        }
         key
     }
 
-    /// Reads the key of a token; `None` when it is not one. A 14th component of later ROS releases is ignored.
+    /// Reads the key of a token; `None` when it is not one.
     pub fn parse(key: &str) -> Option<Self> {
         let parts: Vec<&str> = key.split('/').collect();
         // The enclave between kind and namespace is ignored: the suite has no secure communication.
@@ -117,8 +125,15 @@ impl Token {
             kind,
             namespace: demangle(namespace),
             node: demangle(node),
+            backends: endpoint.as_ref().and(rest.get(4)).map_or("", |part| part).to_owned(),
             endpoint,
         })
+    }
+
+    /// Returns whether a publisher of buffers sends this subscription samples of its own: where it takes other buffers than
+    /// those of the CPU, which all readers share.
+    pub fn reads_apart(&self) -> bool {
+        self.kind == EntityKind::Subscription && !self.backends.is_empty() && self.backends != CPU_BUFFERS
     }
 
     /// Returns `/namespace/node`.
@@ -158,6 +173,22 @@ pub const NO_HASH: &str = "TypeHashNotSupported";
 pub fn data_key(domain: u32, name: &str, dds_type: &str, type_hash: &str) -> String {
     // A key of zenoh must not begin with a slash or contain two in a row.
     format!("{domain}/{}/{dds_type}/{type_hash}", name.trim_matches('/'))
+}
+
+/// The buffers of a reader that takes ordinary CDR, as its token names them.
+pub const CPU_BUFFERS: &str = "backends:cpu:";
+
+/// Returns the key on which a publisher of rmw_zenoh_cpp 0.10.5 or later (ROS 2 Lyrical) sends the samples of the topic `key` in
+/// place of `key`, when each reader that it knows of names buffers in its token.
+pub fn buffers_key(key: &str) -> String {
+    format!("{key}/_buf_cpu")
+}
+
+/// Returns whether messages of a DDS type may have an `uint8[]`, which is what makes a publisher use buffers. An unknown type may.
+pub fn may_use_buffers(dds_type: &str) -> bool {
+    let with_bytes = [MessageKind::Image, MessageKind::CompressedImage];
+    let kind = MessageKind::ALL.iter().find(|kind| dds_name(kind.type_name()) == dds_type);
+    kind.is_none_or(|kind| with_bytes.contains(kind))
 }
 
 /// Returns the QoS as tokens carry it; fields equal to the default stay empty.
@@ -231,6 +262,7 @@ mod tests {
                 type_hash: HASH.into(),
                 qos: qos_string(qos).into(),
             }),
+            backends: String::new(),
         }
     }
 
@@ -264,7 +296,16 @@ mod tests {
     #[test]
     fn a_later_field_is_ignored_and_a_missing_one_refused() {
         let [_, sensor, _] = golden_tokens();
-        assert_eq!(Token::parse(&format!("{sensor}/cpu:buffer:")), Token::parse(&sensor));
+        let buffers = |kind: &str, backends: &str| {
+            let key = format!("{}/{backends}", sensor.replace("/MP/", kind));
+            let token = Token::parse(&key).expect("a token of Lyrical");
+            assert_eq!((token.backends.as_str(), token.to_key()), (backends, key));
+            assert_eq!(Token::parse(&format!("{}/later", token.to_key())), Some(token.clone()));
+            token.reads_apart()
+        };
+        assert_eq!(["backends:cpu:", "backends:cuda:0;cpu:"].map(|b| buffers("/MS/", b)), [false, true]);
+        assert!(!buffers("/MP/", "backends:cuda:0"), "a publisher");
+        assert!(!Token::parse(&sensor.replace("/MP/", "/MS/")).expect("a token of Jazzy").reads_apart());
         assert_eq!(Token::parse(sensor.rsplit_once('/').expect("has parts").0), None);
     }
 

@@ -5,7 +5,10 @@ use std::time::Duration;
 
 use modulo_runtime::MessageKind;
 use modulo_runtime::clock::nanos;
+use modulo_runtime::name::{NOT_OVER_ZENOH, did_you_mean};
+use modulo_runtime::wire::keys::EntityKind;
 
+use crate::driver::pacing::TOPIC as TAKEN;
 use crate::transport::Transport;
 
 /// A node that waits for an image for so long warns.
@@ -64,14 +67,36 @@ impl Silence {
         let (topic, wait) = self.waits.iter_mut().find(|(_, wait)| is_due(wait))?;
         let publishers = transport.publishers(topic);
         // A node announces itself when it is ready: a camera may wait for a detector that loads its model.
-        if !publishers.is_empty() && !publishers.iter().any(|publisher| transport.is_ready(publisher)) {
+        let starts =
+            !publishers.is_empty() && !publishers.iter().any(|publisher| transport.is_ready(publisher));
+        if starts || is_told_upstream(topic, transport) {
             wait.since = now;
             return None;
         }
-        let images = transport.published(MessageKind::Image).into_iter().filter(|(_, by)| by != node);
+        let images = transport.users(EntityKind::Publisher, MessageKind::Image);
+        let images = images.into_iter().filter(|(_, by)| by != node);
         let images: BTreeSet<String> = images.map(|(topic, _)| topic).collect();
         Some(wait.warning.insert(warning_of(topic, &publishers, &images, seconds(now, wait.since))))
     }
+}
+
+/// Returns whether a node of the suite before this one waits for an image topic that no node publishes, and so warns of the
+/// cause itself.
+fn is_told_upstream(topic: &str, transport: &dyn Transport) -> bool {
+    let suite = transport.publishers(TAKEN);
+    let read = transport.users(EntityKind::Subscription, MessageKind::Image);
+    let (mut topics, mut seen) = (vec![topic.to_owned()], BTreeSet::new());
+    while let Some(topic) = topics.pop() {
+        let mut before = transport.publishers(&topic);
+        before.retain(|node| suite.contains(node) && seen.insert(node.clone()));
+        for (input, _) in read.iter().filter(|(_, node)| before.contains(node)) {
+            if transport.publishers(input).is_empty() {
+                return true;
+            }
+            topics.push(input.clone());
+        }
+    }
+    false
 }
 
 fn seconds(now: u64, since: u64) -> u64 {
@@ -79,8 +104,9 @@ fn seconds(now: u64, since: u64) -> u64 {
 }
 
 fn warning_of(topic: &str, publishers: &[String], images: &BTreeSet<String>, seconds: u64) -> String {
+    let near = did_you_mean(topic, images.iter().map(String::as_str));
     let cause = match publishers {
-        [] => "no node publishes it".to_owned(),
+        [] => format!("no node publishes it{near}"),
         publishers => format!("{} publishes it, but sends nothing", publishers.join(", ")),
     };
     let kind = MessageKind::Image.type_name();
@@ -88,7 +114,9 @@ fn warning_of(topic: &str, publishers: &[String], images: &BTreeSet<String>, sec
         images if images.is_empty() => format!("no topic of the type {kind} is published now"),
         images => format!("the published topics of the type {kind} are {}", images.join(", ")),
     };
-    format!("no image has come on {topic} for {seconds} s: {cause}; {others}")
+    let remedy =
+        if publishers.is_empty() && near.is_empty() { format!("; {NOT_OVER_ZENOH}") } else { String::new() };
+    format!("no image has come on {topic} for {seconds} s: {cause}; {others}{remedy}")
 }
 
 /// Shortest time between two warnings about one topic.
@@ -153,6 +181,10 @@ mod tests {
         assert_eq!([0, 2 * S - 1].map(|now| look(&mut silence, &["/modulo"], now)), [None, None]);
         let text = look(&mut silence, &["/modulo"], 2 * S).expect("a warning");
         assert!(text.contains("no node publishes it; no topic of the type"), "{text}");
+        assert!(
+            text.contains("RMW_IMPLEMENTATION=rmw_zenoh_cpp") && text.contains("dds.launch.yaml"),
+            "{text}"
+        );
         assert_eq!((look(&mut silence, &["/modulo"], 9 * S), silence.warning()), (None, Some(text.as_str())));
         let ended = silence.end("/modulo", 9 * S, 10 * S);
         assert_eq!(ended.as_deref(), Some("an image has come on /modulo after 10 s"));
@@ -168,6 +200,10 @@ mod tests {
             "{text}"
         );
         assert_eq!(look(&mut silence, &["/other"], 16 * S), None, "another input");
+        let text =
+            look(&mut silence, &["/modulu"], 18 * S).or_else(|| look(&mut silence, &["/modulu"], 20 * S));
+        let text = text.expect("a warning");
+        assert!(text.contains("did you mean '/modulo'?") && !text.contains("DDS"), "{text}");
 
         let both = ["/a", "/b"];
         assert_eq!(look(&mut silence, &both, 20 * S), None);
@@ -178,6 +214,41 @@ mod tests {
         let text = look(&mut silence, &both, 25 * S).expect("a warning");
         assert!(text.contains("no image has come on /b for 2 s"), "{text}");
         drop((own, camera, ready));
+    }
+
+    /// Behind a camera whose source sends nothing, the camera alone tells the cause.
+    #[test]
+    fn the_first_node_without_images_tells_the_cause() {
+        const S: u64 = 1_000_000_000;
+        let transport = LocalTransport::default();
+        let node = |name: &str| NodeName::new(name, "/", &[]).expect("a name");
+        let image = |topic: &str| {
+            Address::resolve(&node("n"), &Topic::new(topic, MessageKind::Image)).expect("a name")
+        };
+        let chain = [("camera", "/camera/image_raw", "/modulo"), ("unwrap", "/modulo", "/recovered")];
+        let guards = chain.map(|(name, input, output)| {
+            let reads = transport.subscribe(&node(name), &image(input), Box::new(|_| {})).expect("local");
+            let writes =
+                [output, TAKEN].map(|topic| transport.advertise(&node(name), &image(topic)).expect("local"));
+            (reads, writes, transport.announce(&node(name)).expect("local"))
+        });
+        let warns = |topic: &'static str, name: &str| {
+            let mut silence = Silence::default();
+            let mut look = |now| silence.look([topic].into_iter(), name, &transport, now).is_some();
+            [look(0), look(3 * S)] == [false, true]
+        };
+        let who = || {
+            [("/camera/image_raw", "/camera"), ("/modulo", "/unwrap"), ("/recovered", "/detector")]
+                .map(|(t, n)| warns(t, n))
+        };
+        assert_eq!(who(), [true, false, false]);
+        let driver = transport.advertise(&node("driver"), &image("/camera/image_raw")).expect("local");
+        assert_eq!(
+            who(),
+            [false, true, true],
+            "a node that is not ready publishes it, so that the cause is unknown"
+        );
+        drop((guards, driver));
     }
 
     #[test]

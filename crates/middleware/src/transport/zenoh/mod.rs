@@ -25,7 +25,7 @@ use zenoh::{Session, Wait};
 pub use listen::TopicListener;
 pub use service::{RawAnswer, RawService};
 pub use session::meeting_port;
-pub use topic::{RawPublisher, gid};
+pub use topic::RawPublisher;
 
 use super::{Deliver, Enable, Guard, Incoming, NodeId, ParameterPort, Publisher, Transport, TransportError};
 
@@ -101,6 +101,7 @@ impl ZenohTransport {
             namespace: node.namespace.clone(),
             node: node.name.clone(),
             endpoint,
+            backends: String::new(),
         }
     }
 
@@ -193,11 +194,10 @@ impl Transport for ZenohTransport {
         lock(&self.graph).has_node(node)
     }
 
-    fn published(&self, kind: MessageKind) -> Vec<(String, String)> {
+    fn users(&self, end: EntityKind, kind: MessageKind) -> Vec<(String, String)> {
         let dds_type = modulo_msgs::dds_name(kind.type_name());
         let graph = lock(&self.graph);
-        let publishers = graph.tokens().filter(|token| token.kind == EntityKind::Publisher);
-        let of_kind = publishers.filter_map(|token| {
+        let of_kind = graph.tokens().filter(|token| token.kind == end).filter_map(|token| {
             let endpoint = token.endpoint.as_ref().filter(|endpoint| endpoint.dds_type == dds_type)?;
             Some((endpoint.topic.clone(), token.node_name()))
         });

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use modulo_msgs::cdr;
 use modulo_msgs::std_srvs::{SetBoolRequest, SetBoolResponse};
+use modulo_runtime::name::did_you_mean;
 use modulo_runtime::wire::attachment::Attachment;
 use modulo_runtime::wire::keys::{self, Endpoint, EntityKind};
 use modulo_runtime::{Clock, NodeName};
@@ -33,7 +34,7 @@ impl ZenohTransport {
     ) -> Result<Vec<u8>, TransportError> {
         let endpoint = self.service_endpoint(service.to_owned(), ros_type)?;
         let failed = |why: &dyn std::fmt::Display| TransportError::new(format!("call of {service}"), why);
-        let attachment = Attachment { sequence: 1, stamp_ns: stamp(&*self.clock), gid: [0; 16] };
+        let attachment = Attachment { sequence: 1, stamp_ns: stamp(&*self.clock), gid: [0; 16], numbers: 1 };
         let replies = self
             .session
             .get(self.key(&endpoint))
@@ -70,7 +71,11 @@ impl ZenohTransport {
                  request (access_control in the configuration of the router, docs/how-to/two-machines.md)"
                     .to_owned()
             }
-            None => "no such node is in the graph; is it running? modulo node list shows those that are".to_owned(),
+            None => {
+                let (known, node) = (graph.nodes(), asked.topic.rsplit_once('/').map_or("", |(node, _)| node));
+                let near = did_you_mean(node, known.iter().map(String::as_str));
+                format!("no such node is in the graph{near}; is it running? modulo node list shows those that are")
+            }
         }
     }
 
@@ -195,6 +200,13 @@ pub(super) fn enable_service(enable: Enable) -> RawService {
 
 /// Answers one service call. A call without payload or attachment is an error.
 fn reply(handler: &RawService, query: &Query, clock: &dyn Clock) -> Result<(), String> {
+    // A router that denies a service does so by the key: a pattern is another key to it, and would get through.
+    if query.key_expr().as_str().contains('*') {
+        return Err(format!(
+            "a request for the pattern {}; ask for the key of one service",
+            query.key_expr()
+        ));
+    }
     let attachment = query.attachment().map(|a| a.to_bytes());
     let caller = attachment.as_deref().and_then(Attachment::parse).ok_or("a request without attachment")?;
     let request = query.payload().ok_or("a request without payload")?.to_bytes();

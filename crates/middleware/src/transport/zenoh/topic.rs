@@ -7,9 +7,8 @@ use std::time::Duration;
 
 use modulo_runtime::topic::{self, Durability, Profile};
 use modulo_runtime::wire::attachment::Attachment;
-use modulo_runtime::wire::keys::{Endpoint, EntityKind, Token};
+use modulo_runtime::wire::keys::{self, Endpoint, EntityKind};
 use modulo_runtime::{Clock, Message, NodeName};
-use xxhash_rust::xxh3::xxh3_128;
 use zenoh::Wait;
 use zenoh::bytes::ZBytes;
 use zenoh::liveliness::LivelinessToken;
@@ -20,16 +19,12 @@ use zenoh_ext::{
     MissDetectionConfig, RecoveryConfig,
 };
 
-use super::{ZenohTransport, stamp};
+use super::{ZenohTransport, lock, stamp};
+use crate::graph::discovery::gid;
 use crate::transport::{Guard, Payload, Publisher, RawSample, TransportError};
 
 /// Interval at which a publisher for late readers sends the number of its last sample.
 const HEARTBEAT: Duration = Duration::from_secs(1);
-
-/// Returns the global id of an endpoint: XXH3-128 of its key, low half first.
-pub fn gid(token: &Token) -> [u8; 16] {
-    xxh3_128(token.to_key().as_bytes()).to_le_bytes()
-}
 
 /// A publisher of ready-made CDR. Dropping it takes it out of the graph.
 pub struct RawPublisher {
@@ -57,7 +52,7 @@ impl ZenohTransport {
         Ok(RawPublisher {
             publisher,
             clock: self.clock.clone(),
-            gid: gid(&token),
+            gid: gid(&token.to_key()),
             sequence: AtomicI64::new(1),
             _token: self.declare(&token)?,
         })
@@ -70,20 +65,26 @@ impl ZenohTransport {
         endpoint: &Endpoint,
         take: impl Fn(RawSample) + Send + Sync + 'static,
     ) -> Result<Guard, TransportError> {
-        let take = move |sample: Sample| {
-            // Samples without an attachment come from programs outside of ROS and are still passed on.
-            let attachment = sample.attachment().map(|a| a.to_bytes());
-            take(RawSample {
-                payload: payload(sample.payload()),
-                attachment: attachment.as_deref().and_then(Attachment::parse),
-            });
-        };
-        let subscriber = self
-            .subscriber(self.key(endpoint), Profile::parse(&endpoint.qos), take)
-            .map_err(|why| TransportError::new(format!("subscription of {}", endpoint.topic), why))?;
+        let (take, profile, key) = (Arc::new(take), Profile::parse(&endpoint.qos), self.key(endpoint));
+        let failed = |why| TransportError::new(format!("subscription of {}", endpoint.topic), why);
+        let mut token = self.token(node, EntityKind::Subscription, Some(endpoint.clone()));
+        let mut subscribers = Vec::with_capacity(2);
+        // Samples from before this reader are on the key of the topic alone.
+        if profile.durability == Durability::Volatile && keys::may_use_buffers(&endpoint.dds_type) {
+            token.backends = keys::CPU_BUFFERS.to_owned();
+            let (take, graph) = (take.clone(), self.graph.clone());
+            let with_numbers = move |mut sample: RawSample| {
+                if let Some(attachment) = &mut sample.attachment {
+                    attachment.numbers += lock(&graph).readers_apart(&attachment.gid);
+                }
+                take(sample);
+            };
+            subscribers
+                .push(self.subscriber(keys::buffers_key(&key), profile, with_numbers).map_err(failed)?);
+        }
+        subscribers.push(self.subscriber(key, profile, move |sample| take(sample)).map_err(failed)?);
         // The token comes last: a publisher that sees it may send at once.
-        let token = self.declare(&self.token(node, EntityKind::Subscription, Some(endpoint.clone())))?;
-        Ok(Box::new((subscriber, token)))
+        Ok(Box::new((subscribers, self.declare(&token)?)))
     }
 
     /// Declares a publisher as rmw_zenoh does: it never waits for a reader, and may keep samples for late readers.
@@ -117,8 +118,16 @@ impl ZenohTransport {
         &self,
         key: String,
         profile: Profile,
-        take: impl Fn(Sample) + Send + Sync + 'static,
+        take: impl Fn(RawSample) + Send + Sync + 'static,
     ) -> zenoh::Result<Guard> {
+        let take = move |sample: Sample| {
+            // Samples without an attachment come from programs outside of ROS and are still passed on.
+            let attachment = sample.attachment().map(|a| a.to_bytes());
+            take(RawSample {
+                payload: payload(sample.payload()),
+                attachment: attachment.as_deref().and_then(Attachment::parse),
+            });
+        };
         let subscriber = self.session.declare_subscriber(key).callback(take);
         if profile.durability == Durability::Volatile {
             return Ok(Box::new(subscriber.wait()?));
@@ -161,6 +170,7 @@ impl RawPublisher {
             sequence: self.sequence.fetch_add(1, Ordering::Relaxed),
             stamp_ns: stamp(&*self.clock),
             gid: self.gid,
+            numbers: 1,
         };
         let put = self.publisher.put(payload).attachment(attachment.to_bytes().as_slice());
         put.wait().map_err(|why| TransportError::new(format!("put on {}", self.publisher.key_expr()), why))
