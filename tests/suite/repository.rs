@@ -84,7 +84,7 @@ fn arrows_point_downward() {
 #[test]
 fn what_needs_no_transport_links_none() {
     let mut all = packages("Cargo.toml");
-    for outside in ["python/Cargo.toml", "fuzz/Cargo.toml"] {
+    for outside in ["python/Cargo.toml", "fuzz/Cargo.toml", "web/Cargo.toml"] {
         all.extend(packages(outside));
     }
     // From the floor of the transport upward: a crate links it with the first dependency that does.
@@ -139,9 +139,9 @@ fn a_parameter_of_the_sensor_is_named_in_few_files() {
     }
 }
 
-/// Examples compare, measure and show: they may name what the product must not.
+/// Examples and the page of `web/` compare, measure and show: they may name what the product must not.
 fn is_example(path: &Path) -> bool {
-    path.iter().any(|part| part == "examples" || part == "benches")
+    path.starts_with("web") || path.iter().any(|part| part == "examples" || part == "benches")
 }
 
 #[test]

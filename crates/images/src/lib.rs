@@ -3,6 +3,8 @@
 //! PNG, JPEG and TIFF give integer codes, OpenEXR and Radiance HDR give linear radiance as floats of any scale. Alpha is
 //! dropped, and an image is turned as its EXIF orientation says. Only [`White`] changes values. This crate knows no
 //! source, stream or message.
+//!
+//! Features, both by default: `exr` reads OpenEXR, and `tiff` TIFF.
 
 mod jpeg;
 mod knees;
@@ -13,6 +15,7 @@ use std::fs::File;
 use std::io::{self, BufRead, Cursor, Read, Seek};
 use std::path::{Path, PathBuf};
 
+#[cfg(feature = "exr")]
 use exr::meta::MetaData;
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
@@ -277,6 +280,7 @@ fn check_container(format: Option<ImageFormat>, bytes: &[u8]) -> Result<(), Stri
             )),
             _ => Ok(()),
         },
+        #[cfg(feature = "exr")]
         Some(ImageFormat::OpenExr) => exr_channels(bytes),
         Some(ImageFormat::Tiff) => match has_one_image(bytes) {
             Some(true) => Ok(()),
@@ -316,6 +320,7 @@ fn has_one_image(bytes: &[u8]) -> Option<bool> {
 }
 
 /// Refuses an OpenEXR file without a layer of red, green and blue, such as one of luminance and chroma (Y, RY, BY).
+#[cfg(feature = "exr")]
 fn exr_channels(bytes: &[u8]) -> Result<(), String> {
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|why| why.to_string())?;
     let layers = meta.headers.iter().map(|header| {

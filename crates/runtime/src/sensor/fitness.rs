@@ -1,57 +1,24 @@
-//! Up to which alpha a sensor is fit for its task: nearly all counts of real pictures can be found.
+//! Warns of a sensor whose alpha is too large for its lens.
 
 use std::sync::{Mutex, PoisonError};
 
-use modulo_core::Psf;
-use modulo_core::unwrap::Sharpness;
+use modulo_core::unwrap::{Sharpness, fit_up_to};
 
 use super::parameters::{BlurShape, SensorModel};
-
-/// The widths of the lenses of [`MEASURED`], in px.
-const LENSES: [f64; 6] = [0.0, 0.5, 0.8, 1.0, 1.4, 2.0];
-
-/// The width of the Gaussian that is nearest to the paper's 7 taps, in px.
-const PAPER7: f64 = 1.4;
-
-/// The largest alpha of 1, 1.5, 2, 3, 4, 6 and 8 at which `auto` finds at least 99.5 % of the counts behind each of [`LENSES`]: by
-/// whether the sensor has a colour mosaic, and by whether it has two gains. Source: docs/research/sensors.md.
-const MEASURED: [(bool, bool, [f64; LENSES.len()]); 4] = [
-    (false, false, [1.5, 2.0, 3.0, 4.0, 6.0, 8.0]),
-    (false, true, [2.0, 4.0, 8.0, 8.0, 8.0, 8.0]),
-    (true, false, [1.0, 1.5, 2.0, 3.0, 4.0, 6.0]),
-    (true, true, [2.0, 2.0, 4.0, 6.0, 8.0, 8.0]),
-];
 
 /// The sensors that were reported; more of them are not.
 static REPORTED: Mutex<Vec<String>> = Mutex::new(Vec::new());
 const MOST_REPORTED: usize = 16;
 
 impl SensorModel {
-    /// Returns the largest alpha up to which such a sensor is fit: at least 99.5 % of the counts of the samples that can wrap were found on
-    /// real pictures without noise. A lens between two measured ones counts as the sharper one; `None` if it is unknown.
+    /// Returns the largest alpha up to which such a sensor is fit, see [`fit_up_to`]; `None` if its lens is unknown.
     pub fn fit_up_to(&self) -> Option<f64> {
-        if self.psf == BlurShape::Unknown {
-            return None;
-        }
-        let kind = (self.mosaic.is_some(), self.gains);
-        let row = MEASURED.iter().find(|(mosaic, gains, _)| (*mosaic, *gains) == kind);
-        let (.., fit) = row.expect("the table has each kind of mosaic and gains");
-        let sigma = match self.psf() {
-            Psf::None => 0.0,
-            Psf::Gaussian { sigma } => sigma,
-            Psf::Paper7 => PAPER7,
-        };
-        let softer = LENSES.iter().filter(|&&lens| lens <= sigma).count();
-        Some(fit[softer.saturating_sub(1)])
+        (self.psf != BlurShape::Unknown).then(|| fit_up_to(self.psf(), self.mosaic.is_some(), self.gains))
     }
 
     /// Returns what the lens and the fitness say about the edges of the images.
     pub fn sharpness(&self) -> Sharpness {
-        match self.fit_up_to() {
-            None => Sharpness::Unknown,
-            Some(most) if self.alpha > most => Sharpness::Unfit,
-            Some(_) => Sharpness::UpTo(self.alpha * self.psf().bend()),
-        }
+        self.fit_up_to().map_or(Sharpness::Unknown, |fit| Sharpness::behind(self.psf(), self.alpha, fit))
     }
 
     /// Returns what is to be expected of this sensor, if its alpha is too large for it.
