@@ -19,7 +19,7 @@ mod trace;
 
 use std::path::{Path, PathBuf};
 
-pub use package::{FoundFile, SUITE, launch_file, launch_files};
+pub use package::{FoundFile, SUITE, copy, launch_file, launch_files};
 pub use plan::{
     ComposedNode, DeclaredArgument, NodeParameter, NodePlan, Plan, check, compose, declared_arguments,
     resolve, ros_arguments,

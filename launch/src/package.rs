@@ -1,16 +1,23 @@
-//! Where packages lie, and the launch files that can be found: the suite itself lies in its checkout or beside its binary,
-//! all other packages where ROS 2 installed them.
+//! Where packages lie, and the launch files that can be found: the suite itself lies in its checkout, beside its binary, or in the binary;
+//! all other packages lie where ROS 2 installed them.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use modulo_runtime::embedded;
 use modulo_runtime::input::{LARGEST_TEXT, read_text};
+
+use crate::LaunchError;
 
 /// The name of the package of this suite.
 pub const SUITE: &str = "modulo";
 
 /// A file by which the share folder of the suite is recognised.
 const MARKER: &str = "launch/suite.launch.yaml";
+
+/// The folder of launch files, and the ending of their names.
+const FOLDER: &str = "launch";
+const ENDING: &str = ".launch.yaml";
 
 /// The variable `name` of a process whose `environment` is added to that of the launcher; `None` when it is not text.
 pub(crate) fn variable(environment: &BTreeMap<String, String>, name: &str) -> Option<String> {
@@ -35,7 +42,10 @@ pub(crate) fn share(
     {
         return Ok(root);
     }
-    Ok(installed(package, environment)?.join("share").join(package))
+    match installed(package, environment) {
+        Err(_) if package == SUITE => embedded::folder().map_err(|why| why.to_string()),
+        found => Ok(found?.join("share").join(package)),
+    }
 }
 
 /// The prefix under which a package is installed; for the suite in a checkout the checkout.
@@ -70,14 +80,11 @@ fn installed(package: &str, environment: &BTreeMap<String, String>) -> Result<Pa
     if let (Some(prefix), false) = (found, package.is_empty() || package.contains('/')) {
         return Ok(prefix.clone());
     }
-    let places = match (prefixes.is_empty(), package == SUITE) {
-        (true, true) => "looked beside the launch file, above the binary and in AMENT_PREFIX_PATH".to_owned(),
-        (true, false) => "looked in AMENT_PREFIX_PATH, which is empty".to_owned(),
-        (false, _) => {
-            let place = |prefix: &PathBuf| format!("{}/share/{package}", prefix.display());
-            let places: Vec<String> = prefixes.iter().map(place).collect();
-            format!("looked at {}", places.join(", "))
-        }
+    let place = |prefix: &PathBuf| format!("{}/share/{package}", prefix.display());
+    let places: Vec<String> = prefixes.iter().map(place).collect();
+    let places = match &places[..] {
+        [] => "looked in AMENT_PREFIX_PATH, which is empty".to_owned(),
+        places => format!("looked at {}", places.join(", ")),
     };
     Err(format!("package '{package}' is not found, {places}"))
 }
@@ -85,40 +92,99 @@ fn installed(package: &str, environment: &BTreeMap<String, String>) -> Result<Pa
 /// A launch file that was found.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FoundFile {
+    /// Its name without `.launch.yaml`, which [`launch_file`] takes.
+    pub name: String,
     /// Its path.
     pub path: PathBuf,
     /// The first line of its leading comment; empty without a comment.
     pub about: String,
 }
 
-/// Returns the launch files in the folder `launch` of the current folder, and then those in
-/// `$(find-pkg-share modulo)/launch`, each in the order of their names.
-pub fn launch_files() -> Vec<FoundFile> {
-    let here = PathBuf::from("launch");
-    let suite = share(SUITE, &here.join("any.launch.yaml"), &BTreeMap::new());
-    // Within a checkout both folders are the same, and its files are listed once.
-    let mut folders = vec![here.clone()];
-    folders.extend(suite.ok().map(|share| share.join("launch")).filter(|folder| *folder != here));
-    folders.iter().flat_map(|folder| files_in(folder)).collect()
+/// Returns the launch files in the folder `launch` of the current folder, and then those in `$(find-pkg-share modulo)/launch` that have
+/// other names, each in the order of their names.
+///
+/// # Errors
+/// [`LaunchError::Other`] when the files of the suite are neither found nor written from the program.
+pub fn launch_files() -> Result<Vec<FoundFile>, LaunchError> {
+    let here = PathBuf::from(FOLDER);
+    let suite = share(SUITE, &here.join("any.launch.yaml"), &BTreeMap::new()).map_err(LaunchError::Other)?;
+    let mut files = files_in(&here);
+    for file in files_in(&suite.join(FOLDER)) {
+        if files.iter().all(|other| other.name != file.name) {
+            files.push(file);
+        }
+    }
+    Ok(files)
 }
 
-/// Returns the launch file that `file` means: `file` itself where it exists or none has this name, else the first of [`launch_files`].
-pub fn launch_file(file: &Path) -> PathBuf {
-    let is_name = file.components().count() == 1 && !file.exists();
-    let found = launch_files().into_iter().find(|found| is_name && found.path.ends_with(file));
-    found.map_or_else(|| file.to_owned(), |found| found.path)
+/// Returns the launch file that `file` means: `file` itself where it exists or is no name, else the one of [`launch_files`] with this
+/// name, such as `raw`, `raw.launch.yaml` or `launch/raw.launch.yaml`.
+///
+/// # Errors
+/// The same as those of [`launch_files`].
+pub fn launch_file(file: &Path) -> Result<PathBuf, LaunchError> {
+    // A folder with the name of a launch file, such as one of results, is no launch file.
+    let (Some(name), false) = (name_of(file), file.exists() && !file.is_dir()) else {
+        return Ok(file.to_owned());
+    };
+    let found = launch_files()?.into_iter().find(|found| found.name == name);
+    Ok(found.map_or_else(|| file.to_owned(), |found| found.path))
+}
+
+/// Returns the name of a launch file without folder and ending; `None` for a path to another folder.
+fn name_of(file: &Path) -> Option<String> {
+    let folder = file.parent().filter(|folder| [Path::new(""), Path::new(FOLDER)].contains(folder));
+    let name = folder.and(file.file_name())?.to_string_lossy();
+    Some(name.strip_suffix(ENDING).unwrap_or(&name).to_owned())
+}
+
+/// Writes the launch file of the suite with this name into the folder `launch` below `folder`, together with the files of the suite that it
+/// refers to and those by which the copy is found. Returns each path, and whether the file was written: an included one that is there
+/// already is kept.
+///
+/// # Errors
+/// [`LaunchError`] when the suite has no such file, when it exists below `folder`, or when a file cannot be written.
+pub fn copy(file: &Path, folder: &Path) -> Result<Vec<(PathBuf, bool)>, LaunchError> {
+    let first = name_of(file).map(|name| format!("{FOLDER}/{name}{ENDING}"));
+    let first = first.filter(|path| embedded::text(path).is_some()).ok_or_else(|| {
+        let why = "the suite has no launch file of this name to copy; modulo launch lists the launch files";
+        LaunchError::file(file, why)
+    })?;
+    if folder.join(&first).exists() {
+        let why = "exists already and is not overwritten; move it away, or run the command in another folder";
+        return Err(LaunchError::file(&folder.join(&first), why));
+    }
+    let (mut paths, mut copied) = (vec![first, MARKER.to_owned()], Vec::new());
+    while let Some(path) = paths.get(copied.len()).cloned() {
+        let (text, target) = (embedded::text(&path).unwrap_or_default(), folder.join(path));
+        let is_new = !target.exists();
+        if is_new {
+            let made = target.parent().map_or(Ok(()), std::fs::create_dir_all);
+            made.and_then(|()| std::fs::write(&target, text))
+                .map_err(|why| LaunchError::file(&target, why))?;
+        }
+        copied.push((target, is_new));
+        let named = text.split("$(find-pkg-share modulo)/").skip(1).filter_map(|rest| rest.split('"').next());
+        for path in named.filter(|path| embedded::text(path).is_some()) {
+            if !paths.iter().any(|other| other == path) {
+                paths.push(path.to_owned());
+            }
+        }
+    }
+    Ok(copied)
 }
 
 fn files_in(folder: &Path) -> Vec<FoundFile> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
-    let is_launch_file = |path: &PathBuf| {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        path.is_file() && ["launch.yaml", "launch.yml"].iter().any(|ending| name.ends_with(ending))
+    let found = |path: PathBuf| {
+        let file = path.file_name()?.to_string_lossy().into_owned();
+        let is_launch_file =
+            path.is_file() && ["launch.yaml", "launch.yml"].iter().any(|ending| file.ends_with(ending));
+        is_launch_file.then_some(FoundFile { name: name_of(file.as_ref())?, about: about(&path), path })
     };
-    let mut paths: Vec<PathBuf> = entries.filter(is_launch_file).collect();
-    paths.sort();
-    let found = |path: PathBuf| FoundFile { about: about(&path), path };
-    paths.into_iter().map(found).collect()
+    let mut files: Vec<FoundFile> = entries.filter_map(found).collect();
+    files.sort_by(|one, other| one.path.cmp(&other.path));
+    files
 }
 
 fn about(file: &Path) -> String {

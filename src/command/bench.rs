@@ -75,7 +75,7 @@ fn bench_pipeline(request: &pipeline::PipelineRequest) -> Result<Ended, Failure>
         let speeds = speeds.map_err(|why| BenchError::Run(why.to_string()))?;
         Ok(speeds[0].durations_ns.iter().map(|&ns| ns as f64 / 1e6).collect())
     };
-    let launch_file = &launch_file("recovered.launch.yaml".as_ref());
+    let launch_file = &launch_file("recovered".as_ref()).map_err(usage)?;
     let (program, now_ns) = (&this_program()?, monotonic_ns);
     let mut bench = pipeline::PipelineBench { program, launch_file, now_ns, bare: &mut bare };
     let bar = progress_bar(STEPS);
@@ -111,7 +111,7 @@ fn print_pipeline(rows: &[pipeline::PipelineRow]) {
 }
 
 /// Returns the path of this program, which a benchmark runs.
-fn this_program() -> Result<PathBuf, Failure> {
+pub(super) fn this_program() -> Result<PathBuf, Failure> {
     Ok(std::env::current_exe().context("this program")?)
 }
 

@@ -78,7 +78,7 @@ pub fn eval(args: &Eval) -> Result<Ended, Failure> {
     }
     let out = args.out.as_deref().context("--out is needed").map_err(usage)?;
     match &args.file {
-        Some(file) => launch_file(args, &modulo_launch::launch_file(file), out),
+        Some(file) => launch_file(args, &modulo_launch::launch_file(file).map_err(usage)?, out),
         None => grid::grid(&args.grid, &args.source, out),
     }
 }

@@ -65,6 +65,10 @@ pub struct Launch {
     /// Check the file, print each error with its line, and exit
     #[arg(long, conflicts_with_all = ["compose", "summary", "print", "show_args"])]
     pub check: bool,
+    /// Copy a launch file of the suite, and the files that it includes, into the folders launch and sensors below the current folder, where
+    /// they can be changed; existing files are kept
+    #[arg(long, conflicts_with_all = ["arguments", "compose", "summary", "print", "check", "show_args"])]
+    pub copy: bool,
     /// List the file's arguments, and end
     #[arg(long, short = 's', conflicts_with_all = ["compose", "summary", "print"])]
     pub show_args: bool,
@@ -81,12 +85,13 @@ struct LaunchResult {
 /// Starts what the file says and prints the summary at the end.
 pub fn launch(args: &Launch) -> Result<Ended, Failure> {
     start_log(if args.verbose { "debug" } else { "warn" });
-    let file = &launch_file(args.file.as_deref().ok_or_else(no_file)?);
-    if args.show_args {
-        return show_args(file);
-    }
-    if args.check {
-        return check(file, &args.arguments);
+    let named = args.file.as_deref().ok_or_else(no_file)?;
+    let file = &launch_file(named).map_err(usage)?;
+    match args {
+        Launch { copy: true, .. } => return copy(named),
+        Launch { show_args: true, .. } => return show_args(file),
+        Launch { check: true, .. } => return check(file, &args.arguments),
+        _ => {}
     }
     let plan = modulo_launch::resolve(file, &pairs(&args.arguments)?).map_err(usage)?;
     if args.print {
@@ -107,7 +112,7 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
     }
     tell_slower_engine(&summary);
     if evaluable && completed && failure.is_none() && summary.frames > 0 && !summary.detections.is_empty() {
-        tell_pictures(file, &args.arguments);
+        tell_pictures(named, &args.arguments);
     }
     summary.with_loss.iter().for_each(|why| eprintln!("[launch] {why}"));
     match failure {
@@ -147,21 +152,27 @@ pub(super) fn quoted(word: &str) -> String {
 
 /// Refuses a command line without a launch file, and lists the files that can be launched.
 fn no_file() -> Failure {
-    let files = launch_files();
-    let name = |path: &PathBuf| path.display().to_string();
-    // The descriptions begin in one column.
-    let width = files.iter().map(|file| name(&file.path).chars().count()).max().unwrap_or(0);
-    let lines: String =
-        files.iter().map(|file| format!("  {:width$}  {}\n", name(&file.path), file.about)).collect();
-    let found = if files.is_empty() {
-        "none was found in ./launch or in the package modulo\n"
-    } else {
-        "these were found:\n"
+    let files = match launch_files() {
+        Ok(files) => files,
+        Err(why) => return usage(why),
     };
+    // The descriptions begin in one column.
+    let width = files.iter().map(|file| file.name.chars().count()).max().unwrap_or(0);
+    let lines: String =
+        files.iter().map(|file| format!("  {:width$}  {}\n", file.name, file.about)).collect();
     usage(anyhow!(
-        "no launch file is given; {found}{lines}\
-         Usage: modulo launch FILE [NAME:=VALUE ...]; modulo launch --show-args FILE lists the arguments of a file"
+        "no launch file is given; these were found:\n{lines}\
+         Usage: modulo launch FILE [NAME:=VALUE ...]; modulo launch --show-args FILE lists the arguments of a file, and modulo launch \
+         --copy FILE makes a copy to be changed"
     ))
+}
+
+/// Copies a launch file of the suite into the current folder.
+fn copy(named: &Path) -> Result<Ended, Failure> {
+    for (path, is_new) in modulo_launch::copy(named, Path::new("")).map_err(usage)? {
+        say!("{}{}", path.display(), if is_new { "" } else { " (was there already, and is kept)" });
+    }
+    Ok(Ended::Done)
 }
 
 fn show_args(file: &Path) -> Result<Ended, Failure> {

@@ -1,4 +1,4 @@
-//! `modulo model`: fetch an official export, check any model. `modulo doctor`: the engine, ffmpeg, the transport and the environment on
+//! `modulo model`: fetch an official export or ONNX Runtime, check any model. `modulo doctor`: the engine, ffmpeg, the transport and the environment on
 //! this machine; it changes nothing, and ends with exit code 0, since a person judges the result, unless it cannot read the sensor file.
 
 use std::net::TcpListener;
@@ -6,6 +6,7 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use anyhow::Context;
 use clap::{Args, Subcommand};
 use indicatif::ProgressBar;
 use modulo_camera::CameraParameters;
@@ -17,12 +18,14 @@ use modulo_detector::{
 };
 use modulo_eval::grid::words;
 use modulo_middleware::transport::zenoh::meeting_port;
-use modulo_models::{FetchRequest, Fetched, LICENCE, fetch, official};
+use modulo_models::{FetchError, FetchRequest, Fetched, LICENCE, Wheel, fetch, official};
+use modulo_runtime::output::prepare_folder;
 use modulo_runtime::{Clock as _, SystemClock};
 use modulo_unwrap::UnwrapParameters;
 use ndarray::Array3;
 
-use super::bench::style;
+use super::bench::{style, this_program};
+use super::launch::quoted;
 use super::{domain, start_log, usage};
 use crate::{Ended, Failure};
 
@@ -36,6 +39,8 @@ const SHOWN: usize = 8;
 pub enum Model {
     /// Download an official YOLOv10 export, checked by sha256 (weights: AGPL-3.0)
     Fetch(ModelFetch),
+    /// Download ONNX Runtime, the faster inference engine, checked by sha256, and put its library where this program finds it
+    Runtime(ModelRuntime),
     /// Print the input, output, engine and speed of a model
     Check(ModelCheck),
 }
@@ -56,6 +61,20 @@ pub struct ModelFetch {
 }
 
 #[derive(Args)]
+pub struct ModelRuntime {
+    /// What ONNX Runtime computes with: the processor (cpu), also OpenVINO's kernels for it (openvino), or also CUDA and TensorRT (gpu), whose
+    /// own libraries must be there already
+    #[arg(long, default_value = "cpu", value_parser = ["cpu", "openvino", "gpu"])]
+    pub build: String,
+    /// Folder for the libraries; without it the folder of this program
+    #[arg(short, long, value_name = "FOLDER")]
+    pub out: Option<PathBuf>,
+    /// Another URL of the wheel, such as that of a mirror
+    #[arg(long)]
+    pub url: Option<String>,
+}
+
+#[derive(Args)]
 pub struct ModelCheck {
     /// Path of the ONNX file
     pub file: PathBuf,
@@ -72,6 +91,7 @@ pub fn model(args: &Model) -> Result<Ended, Failure> {
     start_log("warn");
     match args {
         Model::Fetch(args) => fetch_official(args),
+        Model::Runtime(args) => fetch_runtime(args),
         Model::Check(args) => check(args),
     }
 }
@@ -82,7 +102,37 @@ fn fetch_official(args: &ModelFetch) -> Result<Ended, Failure> {
     let url = args.url.clone().unwrap_or_else(|| model.url());
     let file = args.out.join(model.file_name());
     eprintln!("{}: the weights are licensed {LICENCE} by their authors, not as this program", model.name);
-    // Shown on a terminal only.
+    match download(&FetchRequest { url: &url, file: &file, sha256, bytes })? {
+        Fetched::Downloaded => say!("{}", file.display()),
+        Fetched::AlreadyThere => say!("{} (was there already)", file.display()),
+    }
+    Ok(Ended::Done)
+}
+
+/// Puts the libraries of ONNX Runtime into a folder.
+fn fetch_runtime(args: &ModelRuntime) -> Result<Ended, Failure> {
+    let wheel = Wheel::find(&args.build, std::env::consts::ARCH).map_err(usage)?;
+    let folder = match &args.out {
+        Some(folder) => folder.clone(),
+        None => this_program()?.parent().context("the program lies in no folder")?.to_owned(),
+    };
+    prepare_folder(&folder).context("--out FOLDER names another folder").map_err(usage)?;
+    let (file, url) = (folder.join(wheel.file_name()), args.url.as_deref().unwrap_or(wheel.url));
+    let fetched = download(&FetchRequest { url, file: &file, sha256: wheel.sha256, bytes: None })?;
+    let library = wheel.unpack(&file, &folder)?.canonicalize().context("the new library")?;
+    // A wheel that the user has copied here belongs to the user.
+    if fetched == Fetched::Downloaded {
+        std::fs::remove_file(&file).context(file.display().to_string())?;
+    }
+    match args.out {
+        Some(_) => say!("export ORT_DYLIB_PATH={}", quoted(&library.display().to_string())),
+        None => say!("{}", library.display()),
+    }
+    Ok(Ended::Done)
+}
+
+/// Fetches a file with a bar that shows how far it is, on a terminal only.
+fn download(request: &FetchRequest<'_>) -> Result<Fetched, FetchError> {
     let bar = ProgressBar::no_length();
     bar.set_style(style("{wide_bar} {bytes}/{total_bytes} {bytes_per_sec} {eta}"));
     let progress = |got, total: Option<u64>| {
@@ -91,13 +141,9 @@ fn fetch_official(args: &ModelFetch) -> Result<Ended, Failure> {
         }
         bar.set_position(got);
     };
-    let fetched = fetch(&FetchRequest { url: &url, file: &file, sha256, bytes }, &progress);
+    let fetched = fetch(request, &progress);
     bar.finish_and_clear();
-    match fetched? {
-        Fetched::Downloaded => say!("{}", file.display()),
-        Fetched::AlreadyThere => say!("{} (was there already)", file.display()),
-    }
-    Ok(Ended::Done)
+    fetched
 }
 
 fn check(args: &ModelCheck) -> Result<Ended, Failure> {
@@ -194,7 +240,7 @@ fn engine() {
         say!("         {} ({found})", place.display());
     }
     if library.is_err() {
-        say!("faster   python tools/install_onnxruntime.py, then the export line that it prints");
+        say!("faster   modulo model runtime fetches this library");
     }
 }
 

@@ -1,16 +1,20 @@
-"""Installs what `tools/release` has built, each into an empty place, and runs the main job from it.
+"""Installs what `tools/release` has built, each into an empty place, and runs the main job and the command lines of README.md from it.
 
     tools/release FOLDER && python3 tests/peers/release.py FOLDER
 
 The tarball is unpacked into an empty root folder, the Debian package with its files alone into another one. With the libraries that the
-binary names and nothing else of this machine, `modulo launch recovered.launch.yaml` must end well in each, in a folder that has
-neither launch files nor sensors. The wheel is installed into an empty environment, and must unwrap an array. Prints the seconds
-of each, from nothing to the first box or the first array. Needs root; without it the roots are not entered, and their checks are
-skipped.
+binary names and nothing else of this machine, `modulo launch recovered.launch.yaml` and each line of the `sh` blocks of README.md
+must end well in each, in a folder that has neither launch files nor sensors. A command that has not ended after LIMIT seconds gets Ctrl-C.
+Lines with placeholders in capitals, live cameras, ROS 2, other programs, or models and videos that are not there are skipped, and printed
+with the reason. The wheel is installed into an empty environment, and must unwrap an array. Prints the seconds of each, from nothing to
+the first box or the first array. Needs root; without it the roots are not entered, and their checks are skipped.
 """
 
 import os
+import re
+import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -18,6 +22,9 @@ import time
 from pathlib import Path
 
 FRAMES = 20
+LIMIT = 180
+README = Path(__file__).resolve().parents[2] / "README.md"
+ENVIRONMENT = {"PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "HOME": "/home", "ROS_DOMAIN_ID": "97"}
 ARRAY = """
 import numpy as np, modulo
 y, *_, wraps = modulo.Sensor(bits=8, alpha=4).expose(np.tile(np.linspace(0, 1, 640, dtype=np.float32), (480, 1)))
@@ -48,22 +55,69 @@ def add_libraries(root, binary):
                 shutil.copy(word, place)
 
 
-def main_job(root, binary, launch):
-    """Runs the main job in `root`; returns the seconds until the first boxes."""
+def start(root, *command):
+    """Starts a command in the root folder `root`."""
     for folder in ("tmp", "dev", "proc", "home"):
         (root / folder).mkdir(parents=True, exist_ok=True)
     script = 'mount -t proc proc "$0/proc" && mount --rbind /dev "$0/dev" && exec chroot "$0" "$@"'
+    command = ["unshare", "--mount", "sh", "-c", script, str(root), *command]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=ENVIRONMENT)
+
+
+def commands():
+    """Returns the words of each command in the `sh` blocks of README.md, without comments."""
+    for block in re.findall(r"```sh\n(.*?)```", README.read_text(), re.S):
+        for line in block.replace("\\\n", " ").splitlines():
+            for command in re.split(r"\s&&\s", line):
+                if words := shlex.split(command, comments=True):
+                    yield words
+
+
+def why_skipped(words, root):
+    """Returns why a command of README.md cannot run in `root`; None for one that must run."""
+    line = shlex.join(words)
+    if found := re.search(r"(?<![\w$])[A-Z]{4,}(?![\w=])", line):
+        return f"{found[0]} is a placeholder"
+    if "rtsp://" in line or words[0] == "ros2":
+        return "needs a camera or ROS 2"
+    if words[0] != "modulo" and not words[0].endswith("bin/modulo"):
+        return f"{words[0]} is no program of the release"
+    files = [word.split(":=")[-1] for word in words if word.endswith((".onnx", ".mp4")) or word.startswith("source:=")]
+    return next((f"there is no {file}" for file in files if "://" not in file and not (root / file).exists()), None)
+
+
+def readme(root, binary):
+    """Runs each command of README.md in `root`."""
+    # A download needs the names of the network.
+    (root / "etc").mkdir(exist_ok=True)
+    for name in ("resolv.conf", "hosts"):
+        shutil.copy(f"/etc/{name}", root / "etc")
+    for words in commands():
+        line, why = shlex.join(words), why_skipped(words, root)
+        if why is None:
+            with start(root, binary, *words[1:]) as program:
+                try:
+                    text, _ = program.communicate(timeout=LIMIT)
+                except subprocess.TimeoutExpired:
+                    program.send_signal(signal.SIGINT)
+                    text, _ = program.communicate(timeout=LIMIT)
+            why = "there is no network" if program.returncode == 1 and "cannot reach http" in text else None
+            assert program.returncode == 0 or why, f"{line} ended with {program.returncode}: {text}"
+        print(f"skipped: {line} ({why})" if why else f"ok: {line}", flush=True)
+
+
+def main_job(root, binary, launch):
+    """Runs the main job in `root`, and then README.md; returns the seconds until the first boxes."""
     job = [binary, "launch", launch, f"source:=scene://tunnel?seed=3&frames={FRAMES}", "--verbose"]
-    environment = {"PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "HOME": "/home", "ROS_DOMAIN_ID": "97"}
-    command = ["unshare", "--mount", "sh", "-c", script, str(root), *job]
     begin, first, lines = time.monotonic(), None, []
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment) as suite:
+    with start(root, *job) as suite:
         for line in suite.stdout:
             lines.append(line)
             if first is None and " boxes: " in line:
                 first = time.monotonic() - begin
     assert suite.returncode == 0, "".join(lines)
     assert any(line.startswith(f"frames {FRAMES},") for line in lines), "".join(lines)
+    readme(root, binary)
     return first
 
 

@@ -2,6 +2,7 @@
 //! the project, and real frames where the shared test data is at hand.
 
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -49,6 +50,55 @@ fn a_sensor_file_describes_the_sensor_everywhere() {
     let figures = ["psf_sigma", "read_noise", "full_well_electrons", "prnu", "hot_pixels"];
     let figures = figures.map(|name| cell[name].as_f64().expect("a number"));
     assert_eq!(figures, [0.0, 0.06, 10_000.0, 0.005, 1e-5], "{cell}");
+}
+
+/// A program that lies alone in a folder, as after an installation, and a command line that is run in an empty folder.
+#[test]
+fn the_files_of_the_suite_are_in_the_program() {
+    let bench = Bench::new();
+    let (program, empty, cache) = (bench.path("bin/modulo"), bench.path("empty"), bench.path("cache"));
+    [&bench.path("bin"), &empty].iter().for_each(|folder| std::fs::create_dir(folder).expect("writable"));
+    let here = env!("CARGO_BIN_EXE_modulo");
+    std::fs::hard_link(here, &program)
+        .or_else(|_| std::fs::copy(here, &program).map(drop))
+        .expect("a program");
+    let says_with = |cache: &Path, code: i32, line: &str| {
+        let mut command = Command::new(&program);
+        command.args(line.split(' ')).current_dir(&empty).env("ROS_DOMAIN_ID", bench.domain.id.to_string());
+        command.env("XDG_CACHE_HOME", cache).env_remove("AMENT_PREFIX_PATH").env_remove("RUST_LOG");
+        let output = command.output().expect("the program starts");
+        assert_eq!(output.status.code(), Some(code), "modulo {line}\n{}", text(&output));
+        text(&output)
+    };
+    let says = |code: i32, line: &str| says_with(&cache, code, line);
+    let plans = ["recovered", "recovered.launch.yaml", "launch/recovered.launch.yaml"]
+        .map(|name| says(0, &format!("launch --print {name} sensor:=sensors/mosaic.yaml")));
+    assert!(
+        plans[0].contains("sensors/mosaic.yaml") && plans.iter().all(|plan| *plan == plans[0]),
+        "{plans:?}"
+    );
+    assert_has(
+        &says(0, "launch recovered frames:=2 engine:=rten sensor:=sensors/mosaic.yaml"),
+        &["frames 2,"],
+    );
+    let replayed = says(0, "launch replay bag:=bags/samples/tunnel play_rate:=0 engine:=rten");
+    assert_has(&replayed, &["/unwrap used", "trusted 12 of 12 frames"]);
+    assert_has(&says(0, "bag info bags/samples/tunnel"), &["/modulo"]);
+    says(0, "eval launch/raw.launch.yaml frames:=1 engine:=rten -o out");
+    assert_has(&says(2, "launch"), &["  recovered "]);
+
+    // The copy is what runs from then on, with the files that it includes.
+    assert_has(&says(0, "launch --copy recovered"), &["launch/sensor.launch.yaml", "sensors/arguments.yaml"]);
+    let file = empty.join("launch/sensor.launch.yaml");
+    let changed = std::fs::read_to_string(&file).expect("a copy").replace("camera) 4.0", "camera) 3.0");
+    std::fs::write(&file, changed).expect("writable");
+    assert_has(&says(0, "launch --print launch/recovered.launch.yaml"), &["alpha = 3.0"]);
+    assert_has(&says(2, "launch --copy recovered"), &["launch/recovered.launch.yaml", "exists already"]);
+    assert_has(&says(0, "launch --copy compare"), &["sensor.launch.yaml (was there already, and is kept)"]);
+    assert_has(&says(2, "launch --copy none"), &["none: the suite has no launch file of this name"]);
+    // The sample is no copy, and a file is no folder.
+    let why = says_with(&program, 1, "bag info bags/samples/tunnel");
+    assert_has(&why, &["cannot be written from the program", "set XDG_CACHE_HOME"]);
 }
 
 #[test]

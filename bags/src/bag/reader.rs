@@ -6,10 +6,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use modulo_runtime::clock::utc;
+use modulo_runtime::embedded::locate;
 
 use super::metadata::{self, Metadata};
 use super::storage::{self, Merge, MergeInput, Storage};
 use super::{BagError, BagWarning, RawMessage, Selection, TopicCount};
+use crate::FileError;
 
 /// An open bag: its index is known, and no message has been read yet.
 ///
@@ -39,11 +41,13 @@ pub struct BagReader {
 
 impl BagReader {
     /// Opens a file (MCAP, rosbag2's SQLite), or a folder with `metadata.yaml` or with such files. An MCAP file
-    /// without a summary, such as a truncated one, is scanned. A file of a folder that cannot be read is left out.
+    /// without a summary, such as a truncated one, is scanned. A file of a folder that cannot be read is left out. `bags/samples/tunnel`
+    /// is the sample of the suite where nothing lies there.
     ///
     /// # Errors
     /// [`BagError`] when there is no bag, or one in a form that is not read.
     pub fn open(path: &Path) -> Result<Self, BagError> {
+        let path = &locate(path).map_err(|why| FileError::new(path, why))?;
         let mut warnings = Vec::new();
         let metadata = metadata_of(path, &mut warnings)?;
         let paths = match &metadata {

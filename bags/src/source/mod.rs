@@ -20,6 +20,7 @@ use modulo_images::{Coding, ImageError};
 use modulo_msgs::sensor_msgs::CameraInfo;
 use modulo_msgs::std_msgs::Header;
 use modulo_msgs::vision_msgs::{Detection2D, Detection2DArray};
+use modulo_runtime::embedded::locate;
 use modulo_runtime::secret::without_secrets;
 use modulo_video::{LiveAddress, VideoAddress, VideoError};
 use ndarray::Array3;
@@ -191,7 +192,8 @@ pub fn open(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, Sour
 }
 
 fn open_unlit(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, SourceError> {
-    let is_bag = || !spec.contains("://") && crate::bag::is_bag(Path::new(spec));
+    let path = &locate(Path::new(spec)).map_err(|why| FileError::new(Path::new(spec), why))?;
+    let is_bag = || !spec.contains("://") && crate::bag::is_bag(path);
     if let Some(topic) = options.topic.clone().filter(|_| !is_bag()) {
         let why = "is no bag and has no topics; leave source_topic empty";
         let spec = without_secrets(spec);
@@ -208,7 +210,6 @@ fn open_unlit(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, So
         }
         None => {}
     }
-    let path = Path::new(spec);
     if !path.exists() {
         return Err(SourceError::of(path, &format!("no such path; possible are {POSSIBLE}")));
     }

@@ -40,7 +40,7 @@ pub enum Fetched {
 /// Error: the file could not be fetched. The text says why, with a remedy where there is one.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
-pub struct FetchError(String);
+pub struct FetchError(pub(crate) String);
 
 /// Downloads a file, or finds that it exists already. `progress` is called with the bytes received so far and, if it is
 /// known, the length of the file.

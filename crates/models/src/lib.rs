@@ -1,11 +1,13 @@
-//! Detection models: the embedded demonstration detector, and the official YOLOv10 exports with the means to fetch them.
+//! Detection models: the embedded demonstration detector, and the official YOLOv10 exports and ONNX Runtime with the means to fetch them.
 //!
 //! A model is fetched only when its name is given, and kept only when its sha256 is right. An export whose hash is not
 //! known is not fetched without a hash from the user. Models are files here: no model is run.
 
 mod fetch;
+mod runtime;
 
 pub use fetch::{FetchError, FetchRequest, Fetched, LIMIT, fetch, hex};
+pub use runtime::Wheel;
 
 /// The embedded demonstration detector, ONNX, trained by this project on its own scenes only. Its card is
 /// `crates/models/README.md`.

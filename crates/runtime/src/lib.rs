@@ -5,6 +5,7 @@
 //! signal; `modulo-middleware` runs the same steps over a transport. Only `clock.rs` reads the clock of the machine.
 
 pub mod clock;
+pub mod embedded;
 pub mod input;
 pub mod launcher;
 pub mod lockstep;

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use modulo_runtime::NodeName;
+use modulo_runtime::embedded::locate;
 
 use super::scope::{Scope, View, parameter_value};
 use super::{ExecutablePlan, NodeParameter, NodePlan, ProcessPlan, Respawn};
@@ -74,6 +75,7 @@ fn own_parameters(own: &[Parameter], site: &DeclarationSite<'_>) -> Result<Vec<N
         Ok(match parameter {
             Parameter::File(text) => {
                 let path = PathBuf::from(site.view.string(text)?);
+                let path = locate(&path).map_err(|why| site.view.refuse(text, why))?;
                 if !path.is_file() {
                     let why = format!("param: from: {} is no file", path.display());
                     return Err(site.view.refuse(text, why));

@@ -88,10 +88,11 @@ fn texts(of: &ArgMatches, name: &str) -> Vec<String> {
 
 /// Launch files that the documents name must exist, and take the arguments.
 fn launch_fault(of: &ArgMatches) -> Option<String> {
-    let file =
-        of.get_one::<PathBuf>("file").filter(|file| file.to_string_lossy().ends_with(".launch.yaml"))?;
+    let file = of.get_one::<PathBuf>("file").filter(|file| !is_placeholder(&file.to_string_lossy()))?;
     // In a workspace of colcon, the checkout is in its folder `src`.
-    let file = modulo_launch::launch_file(file.strip_prefix("src/modulo").unwrap_or(file));
+    let file = file.strip_prefix("src/modulo").unwrap_or(file);
+    let file = modulo_launch::launch_file(file).map_err(|why| why.to_string());
+    let Ok(file) = file else { return file.err() };
     let plan = modulo_launch::resolve(&file, &pairs(&texts(of, "arguments")).ok()?);
     match plan.map(|plan| refuse(&plan)) {
         Err(why) => Some(why.to_string()),
@@ -181,9 +182,8 @@ fn describe(command: &clap::Command, called: &str, page: &mut String) {
 fn launch_arguments() -> String {
     let (mut page, mut rows) =
         ("\n| file | content |\n|---|---|\n".to_owned(), Vec::<([String; 3], Vec<String>)>::new());
-    for file in modulo_launch::launch_files() {
-        let name = file.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        page.push_str(&row(&[&format!("`{name}`"), &file.about]));
+    for file in modulo_launch::launch_files().expect("those of the suite") {
+        page.push_str(&row(&[&format!("`{}`", file.name), &file.about]));
         for argument in modulo_launch::declared_arguments(&file.path).expect("a launch file of the suite") {
             let default = argument.default.map_or("required".to_owned(), |text| format!("`'{text}'`"));
             let mut help = argument.description.unwrap_or_default();
@@ -191,10 +191,9 @@ fn launch_arguments() -> String {
                 let _ = write!(help, ". One of `{}`", argument.choices.join("`, `"));
             }
             let cells = [format!("`{}`", argument.name), default, help];
-            let short = name.trim_end_matches(".launch.yaml").to_owned();
             match rows.iter_mut().find(|(other, _)| *other == cells) {
-                Some((_, files)) => files.push(short),
-                None => rows.push((cells, vec![short])),
+                Some((_, files)) => files.push(file.name.clone()),
+                None => rows.push((cells, vec![file.name.clone()])),
             }
         }
     }

@@ -15,6 +15,7 @@ use std::path::Path;
 
 use modulo_msgs::rcl_interfaces::ParameterValue;
 
+use crate::embedded::locate;
 use crate::input::{LARGEST_TEXT, read_text};
 use crate::name::NodeName;
 use crate::parameter::value::{Yaml, from_ros};
@@ -45,7 +46,7 @@ impl RosArgs {
     }
 }
 
-/// Returns the parameters in the file at `path` for the node `node_name`, as (name, text), in order.
+/// Returns the parameters in the file at `path`, which may be a sensor file of the suite, for the node `node_name`, as (name, text), in order.
 ///
 /// # Errors
 /// [`ArgsError::File`] when it cannot be read or is no parameter file.
@@ -59,7 +60,8 @@ pub fn read(path: &Path, node_name: &NodeName) -> Result<Vec<(String, String)>, 
 /// The same as those of [`read`].
 pub fn entries(path: &Path, node_name: &NodeName) -> Result<Vec<Entry>, ArgsError> {
     let wrong = |why: String| ArgsError::File(path.display().to_string(), why);
-    let text = read_text(path, LARGEST_TEXT).map_err(|why| wrong(why.to_string()))?;
+    let text =
+        locate(path).and_then(|path| read_text(&path, LARGEST_TEXT)).map_err(|why| wrong(why.to_string()))?;
     parse(&text, node_name).map_err(wrong)
 }
 

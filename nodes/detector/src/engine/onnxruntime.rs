@@ -51,7 +51,7 @@ pub fn library() -> Result<Library, EngineError> {
             Err(why) => looked.push(format!("{} ({why})", place.display())),
         }
     }
-    let remedy = "install one (pip install onnxruntime) and set ORT_DYLIB_PATH to its libonnxruntime.so, or set engine to rten";
+    let remedy = "fetch one with modulo model runtime, set ORT_DYLIB_PATH to a libonnxruntime.so, or set engine to rten";
     let looked = looked.join(", ");
     Err(EngineError(format!("engine 'ort': no ONNX Runtime library found; looked at {looked}; {remedy}")))
 }
@@ -165,8 +165,7 @@ fn with_provider(
         }
     };
     let (engine, device, library) = (provider.engine(), provider.device(), &library.place);
-    let remedy =
-        "install one that can (tools/install_onnxruntime.py --help), or set engine to ort and device to cpu";
+    let remedy = "fetch one that can (modulo model runtime --build openvino or gpu), or set engine to ort and device to cpu";
     let failed = |why| {
         let what = format!("engine {engine} on {device} is not possible with the library {library}");
         EngineError(format!("{what}: {why}; {remedy}"))
