@@ -16,6 +16,7 @@ const FILES: &[(&str, &[u8])] = contents![
     "launch/cameras.launch.yaml"
     "launch/compare.launch.yaml"
     "launch/dds.launch.yaml"
+    "launch/demo.launch.yaml"
     "launch/detector.launch.yaml"
     "launch/raw.launch.yaml"
     "launch/recovered.launch.yaml"
