@@ -101,7 +101,8 @@ mod tests {
             found.extend(names.filter(|name| name.ends_with(".yaml") || name.ends_with(".mcap")));
         }
         let mut contained: Vec<_> = FILES.iter().map(|(name, _)| (*name).to_owned()).collect();
-        (found.sort(), contained.sort());
+        found.sort();
+        contained.sort();
         assert_eq!(contained, found, "FILES lists these files");
     }
 
