@@ -6,8 +6,9 @@ use std::thread;
 use anyhow::Context as _;
 use futures::StreamExt as _;
 use futures::executor::block_on;
+use modulo_middleware::graph::discovery::gid as gid_of;
 use modulo_middleware::transport::queue::{Keep, Lane, Limit, Next, Queue};
-use modulo_middleware::transport::zenoh::{ZenohTransport, gid as gid_of};
+use modulo_middleware::transport::zenoh::ZenohTransport;
 use modulo_middleware::transport::{Guard, Payload, RawSample};
 use modulo_runtime::wire::keys::{EntityKind, Token};
 use modulo_runtime::{NodeName, Qos, SystemClock};
@@ -132,7 +133,10 @@ impl ForwardQueue {
 fn publisher_of(sample: &RawSample, topic: &str, transport: &ZenohTransport) -> Option<String> {
     let gid = sample.attachment.as_ref()?.gid;
     let graph = transport.graph();
-    graph.endpoints(EntityKind::Publisher, topic).find(|token| gid_of(token) == gid).map(Token::node_name)
+    graph
+        .endpoints(EntityKind::Publisher, topic)
+        .find(|token| gid_of(&token.to_key()) == gid)
+        .map(Token::node_name)
 }
 
 /// The reliability of a subscription that all present publishers serve.
