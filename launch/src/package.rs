@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use modulo_runtime::embedded;
 use modulo_runtime::input::{LARGEST_TEXT, read_text};
+use modulo_runtime::name::did_you_mean;
 
 use crate::LaunchError;
 
@@ -107,7 +108,7 @@ pub struct FoundFile {
 /// [`LaunchError::Other`] when the files of the suite are neither found nor written from the program.
 pub fn launch_files() -> Result<Vec<FoundFile>, LaunchError> {
     let here = PathBuf::from(FOLDER);
-    let suite = share(SUITE, &here.join("any.launch.yaml"), &BTreeMap::new()).map_err(LaunchError::Other)?;
+    let suite = share(SUITE, Path::new(""), &BTreeMap::new()).map_err(LaunchError::Other)?;
     let mut files = files_in(&here);
     for file in files_in(&suite.join(FOLDER)) {
         if files.iter().all(|other| other.name != file.name) {
@@ -121,14 +122,21 @@ pub fn launch_files() -> Result<Vec<FoundFile>, LaunchError> {
 /// name, such as `raw`, `raw.launch.yaml` or `launch/raw.launch.yaml`.
 ///
 /// # Errors
-/// The same as those of [`launch_files`].
+/// Those of [`launch_files`], and [`LaunchError::File`] where none has this name.
 pub fn launch_file(file: &Path) -> Result<PathBuf, LaunchError> {
     // A folder with the name of a launch file, such as one of results, is no launch file.
     let (Some(name), false) = (name_of(file), file.exists() && !file.is_dir()) else {
         return Ok(file.to_owned());
     };
-    let found = launch_files()?.into_iter().find(|found| found.name == name);
-    Ok(found.map_or_else(|| file.to_owned(), |found| found.path))
+    let files = launch_files()?;
+    let found = files.iter().find(|found| found.name == name).map(|found| found.path.clone());
+    found.ok_or_else(|| {
+        let near = did_you_mean(&name, files.iter().map(|file| file.name.as_str()));
+        LaunchError::file(
+            file,
+            format!("no such launch file (modulo launch lists those that are found){near}"),
+        )
+    })
 }
 
 /// Returns the name of a launch file without folder and ending; `None` for a path to another folder.

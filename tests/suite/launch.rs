@@ -94,8 +94,10 @@ fn the_files_of_the_suite_are_in_the_program() {
     std::fs::write(&file, changed).expect("writable");
     assert_has(&says(0, "launch --print launch/recovered.launch.yaml"), &["alpha = 3.0"]);
     assert_has(&says(2, "launch --copy recovered"), &["launch/recovered.launch.yaml", "exists already"]);
+    assert_has(&says(0, "launch --print compare"), &["alpha = 4.0"]);
     assert_has(&says(0, "launch --copy compare"), &["sensor.launch.yaml (was there already, and is kept)"]);
-    assert_has(&says(2, "launch --copy none"), &["none: the suite has no launch file of this name"]);
+    assert_has(&says(2, "launch recoverd"), &["are found), did you mean 'recovered'?"]);
+    assert_has(&says(2, "launch --copy none"), &["none: no such launch file"]);
     // The sample is no copy, and a file is no folder.
     let why = says_with(&program, 1, "bag info bags/samples/tunnel");
     assert_has(&why, &["cannot be written from the program", "set XDG_CACHE_HOME"]);
