@@ -299,9 +299,9 @@ mod tests {
     fn images_of_other_sizes_and_missing_ones_have_places_of_one_size() {
         let pictures = [("one", Some(plain(1, 3))), ("two", None), ("three", Some(plain(3, 4)))];
         let sheet = sheet(&pictures, &[]).expect("a sheet");
-        assert_eq!(sheet.dimensions(), (4 + SHEET_GAP + 4, 3 * SHEET_LINE + 4));
-        let at = |x, y| sheet.get_pixel(x, y).0[0];
-        assert_eq!((at(0, SHEET_LINE), at(3, SHEET_LINE), at(0, 2 * SHEET_LINE + 2)), (1, 255, 3));
+        assert_eq!(sheet.dimensions(), (3 * 4 + 2 * SHEET_GAP, 2 * SHEET_LINE + 2), "three are one row");
+        let at = |x| sheet.get_pixel(x, SHEET_LINE).0[0];
+        assert_eq!([at(0), at(3), at(4 + SHEET_GAP), at(2 * (4 + SHEET_GAP))], [1, 255, 255, 3]);
         assert_eq!(super::sheet::<&str>(&[], &[]), None);
     }
 }
