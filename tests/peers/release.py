@@ -23,7 +23,7 @@ import time
 from pathlib import Path
 
 FRAMES = 20
-LIMIT = 60
+LIMIT = 30
 README = Path(__file__).resolve().parents[2] / "README.md"
 ENVIRONMENT = {"PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "HOME": "/home", "ROS_DOMAIN_ID": "97"}
 ARRAY = """
