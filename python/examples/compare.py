@@ -60,7 +60,7 @@ def overhead(binary: Path, folder: Path, frames: list[modulo.Exposure], options:
     python, rust = [], []
     for _ in range(options.rounds):
         with tempfile.TemporaryDirectory() as out:
-            command: list[str | Path] = [binary, "simulate", folder, "--out", out, "--method", "auto"]
+            command: list[str | Path] = [binary, "simulate", folder, "--out", out, "--method", "auto", "--optical-black", "0"]
             for name in ("alpha", "headroom", "psf_sigma", "repeats"):
                 command += ["--" + name.replace("_", "-"), str(getattr(options, name))]
             subprocess.run(command, check=True, capture_output=True)

@@ -1,7 +1,7 @@
 //! The parameters of the nodes as arguments of the functions: the declarations of the nodes give names, ranges and messages.
 
 use modulo_camera::CameraParameters;
-use modulo_runtime::{Descriptor, ParameterError, ParameterSet as _, Parameters, Value};
+use modulo_runtime::{Descriptor, ParameterError, ParameterSet as _, Parameters, SensorModel, Value};
 use modulo_unwrap::UnwrapParameters;
 use pyo3::IntoPyObjectExt as _;
 use pyo3::prelude::*;
@@ -10,9 +10,15 @@ use pyo3::types::PyDict;
 use crate::image::value_error;
 
 /// Returns the declarations of the nodes `modulo_camera` and `unwrap`. What both have is declared as in the camera: in Python there
-/// is no sensor description that a value could be taken from.
+/// is no sensor description that a value could be taken from. An array may be no image of a camera, and smaller than its black
+/// columns: without a lens and such columns, nothing is assumed of it.
 fn descriptors() -> Vec<Descriptor> {
     let mut all = CameraParameters::descriptors();
+    for (declared, value) in SensorModel::unknown().declared() {
+        all.iter_mut()
+            .filter(|other| other.name == declared.name)
+            .for_each(|other| other.default = value.clone());
+    }
     let names: Vec<_> = all.iter().map(|descriptor| descriptor.name).collect();
     all.extend(UnwrapParameters::descriptors().into_iter().filter(|other| !names.contains(&other.name)));
     all

@@ -26,7 +26,7 @@ def compare(binary: Path, out: Path, pictures: list[Path], methods: tuple[str, .
     options = ["--mosaic", mosaic, "--gains", gains, "--alpha", "4"]
     if gains == "none":
         options += ["--method", ",".join(methods)]
-    noise = ["--psf-sigma", "1.4", "--read-noise", "1.5", "--shot-noise", "0.1", "--seed", "7"]
+    noise = ["--psf-sigma", "1.4", "--optical-black", "0", "--read-noise", "1.5", "--shot-noise", "0.1", "--seed", "7"]
     subprocess.run([binary, "simulate", *pictures, *options, *noise, "--out", out], check=True, capture_output=True)
     rows = json.loads((out / "results.json").read_text())
     sensor = modulo.Sensor(8, 4, psf_sigma=1.4, read_noise=1.5, shot_noise=0.1, mosaic=mosaic, gains=gains, seed=7)

@@ -19,7 +19,7 @@ def test_a_bag_has_its_codes_stamps_and_labels() -> None:
     frames = list(modulo.read_bag(SAMPLE, source_topic="/modulo"))
     assert len(frames) == 12
     rendered = modulo.read_source("scene://tunnel?seed=3&frames=12")
-    sensor = modulo.Sensor(8, 4, psf_sigma=1, optical_black=32)
+    sensor = modulo.Sensor(8, 4, psf_sigma=1.4, optical_black=32)
     for frame, scene in zip(frames, rendered, strict=True):
         # The camera of this recording had no noise, so that its codes come again.
         assert np.array_equal(frame.image, sensor.expose(scene.image).modulo)

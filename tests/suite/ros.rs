@@ -336,7 +336,7 @@ fn the_calibration_of_a_camera_is_beside_each_stream() {
         let namespace = format!("__ns:={namespace}");
         bench.start(&[&["run", node, "--ros-args", "-r", &namespace][..], more].concat())
     };
-    let source = ["-p", "source:=topic:/front/image_raw"];
+    let source = ["-p", "source:=topic:/front/image_raw", "-p", "optical_black:=0"];
     let _nodes = [
         start("modulo_camera", "/suite", &source),
         start("unwrap", "/suite", &[]),

@@ -21,6 +21,11 @@ impl SensorCommand for OneSensor {
     // Its noise is the only thing that unwrapping need not know.
     const WITHOUT: &'static [&'static str] =
         &["read_noise", "shot_noise", "full_well_electrons", "prnu", "hot_pixels"];
+
+    // The images are of a sensor that somebody else has built.
+    fn defaults() -> SensorModel {
+        SensorModel::unknown()
+    }
 }
 
 /// The images and their sensor, as options of a command line.

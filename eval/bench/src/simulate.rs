@@ -30,7 +30,6 @@ impl SensorCommand for EveryParameter {
 /// The settings of a simulation, as options of a command line. The images of two gains have a method of their own; the modulo and
 /// saturated images of a mosaic are mosaics, the recovered ones have three colours.
 #[derive(Clone, Debug, PartialEq, Parser)]
-#[command(mut_arg("psf_sigma", |option| option.default_value("1.4")))]
 pub struct SimulationRequest {
     /// Images (PNG or JPEG of 8 or 16 bits, OpenEXR, Radiance HDR), folders of images, and videos, of which each frame is an image
     /// NAME_NUMBER

@@ -29,8 +29,10 @@ const ALL: [bool; 4] = [true; 4];
 const AUTO_EXPOSED: usize = 6;
 const ONLY_AUTO_EXPOSED: [bool; 7] = [false, false, false, false, false, false, true];
 
+/// The parameters with these changes, without a lens and black columns where the changes have none: the images are small.
 fn parameters(changes: &[(&str, &str)]) -> CameraParameters {
-    CameraParameters::from_text(changes).expect("possible")
+    let bare = [("psf_sigma", "0"), ("optical_black", "0")];
+    CameraParameters::from_text(&[&bare, changes].concat()).expect("possible")
 }
 
 fn camera(changes: &[(&str, &str)]) -> ModuloCamera {
@@ -288,7 +290,8 @@ fn folder_of(count: u8) -> tempfile::TempDir {
 fn the_source_is_exchanged_or_refused() {
     let (one, two) = (folder_of(3), folder_of(5));
     let declared = Parameters::declare(CameraParameters::descriptors());
-    let with = |source: &str| declared.with_text(&[("source", source)]).expect("possible");
+    let with =
+        |source: &str| declared.with_text(&[("source", source), ("optical_black", "0")]).expect("possible");
     let [one, two] = [&one, &two].map(|folder| folder.path().display().to_string());
     let mut node = camera(&[("source", &one)]);
     let mean = |node: &mut ModuloCamera| {

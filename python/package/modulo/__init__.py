@@ -193,7 +193,8 @@ class AveragePrecision(NamedTuple):
 
 
 class Sensor:
-    """A simulated modulo sensor behind a lens, with the noise of a camera. `parameters` has its arguments by name.
+    """A simulated modulo sensor behind a lens, with the noise of a camera. `parameters` has its arguments by name. Unlike those of the
+    camera node, the defaults have neither a lens nor black columns, since an array may be smaller than these columns.
 
     Parameters
     ----------

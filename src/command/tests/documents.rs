@@ -272,3 +272,35 @@ fn every_command_in_the_documents_can_be_run() {
     assert!(faults.is_empty(), "{}", faults.join("\n"));
     assert!(count > 150, "only {count} commands were found");
 }
+
+/// The node, the launch files, `modulo simulate` and `modulo eval` simulate one sensor where nothing is set.
+#[test]
+fn the_sensor_is_the_same_by_default_everywhere() {
+    let file = modulo_launch::launch_file("recovered".as_ref()).expect("a launch file");
+    let plan = modulo_launch::resolve(&file, &[]).expect("possible");
+    let node = plan.nodes.iter().find(|node| node.executable == "modulo_camera").expect("the camera");
+    let (ros, _) = RosArgs::parse(&modulo_launch::ros_arguments(node)).expect("possible");
+    let launched = ros.parameters_for(&ros.node_name("modulo_camera").expect("a name")).expect("readable");
+    let number = |text: &str| text.parse::<f64>().expect("a number");
+    let cli = Cli::command();
+    let option = |command: &str, name: &str| {
+        let command = cli.find_subcommand(command).expect("a command");
+        let option = command.get_arguments().find(|option| option.get_id() == name).expect("an option");
+        number(&option.get_default_values().first().expect("a default").to_string_lossy())
+    };
+    let parameters = kind_of("modulo_camera").expect("a node").parameters();
+    for (name, commands) in [
+        ("alpha", &["simulate"][..]),
+        ("headroom", &["simulate", "eval"]),
+        ("optical_black", &["simulate", "eval"]),
+        ("psf_sigma", &["simulate", "eval"]),
+    ] {
+        let default = number(&parameters.get(name).expect("declared").plain());
+        let (_, text) =
+            launched.iter().rfind(|(other, _)| other == name).expect("an argument of the launch file");
+        assert_eq!(number(text), default, "{name} of the launch file");
+        commands.iter().for_each(|command| assert_eq!(option(command, name), default, "{name} of {command}"));
+    }
+    // Images of a sensor that somebody else has built have no such columns and no such lens.
+    assert_eq!(["optical_black", "psf_sigma"].map(|name| option("unwrap", name)), [0.0; 2]);
+}

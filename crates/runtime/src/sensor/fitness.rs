@@ -73,10 +73,10 @@ mod tests {
         assert_eq!(sensor(&[("alpha", "4"), ("psf_sigma", "1.4")]).unfit(), None);
         assert_eq!(sensor(&[("alpha", "4"), ("psf", "paper7")]).unfit(), None);
         assert_eq!(sensor(&[("alpha", "1")]).unfit(), None, "nothing wraps");
-        let raw = sensor(&[("alpha", "4"), ("mosaic", "grbg")]);
+        let raw = sensor(&[("alpha", "4"), ("mosaic", "grbg"), ("psf_sigma", "0")]);
         assert!(raw.unfit().is_some() && raw.of_channels(3).unfit().is_some());
         assert_eq!((raw.of_channels(1).unfit(), raw.of_channels(1).sharpness()), (None, Sharpness::Unknown));
-        let why = sensor(&[("alpha", "4")]).unfit().expect("a sharp lens");
+        let why = sensor(&[("alpha", "4"), ("psf_sigma", "0")]).unfit().expect("a sharp lens");
         assert!(why.contains("alpha 4") && why.contains("gains"), "{why}");
     }
 }

@@ -66,8 +66,9 @@ fn read(message: &DiagnosticArray) -> Result<SensorModel, ParameterError> {
             return Err(ParameterError::new(name, "missing", "the sensor description must contain it"));
         }
     }
-    // Cameras that do not describe their headroom, such as those of older bags, have none.
-    pairs.insert(0, ("headroom", "1"));
+    // What a camera does not describe, such as that of an older bag, it does not have.
+    let unknown = SensorModel { headroom: 1.0, ..SensorModel::unknown() }.to_text();
+    pairs.splice(0..0, unknown.iter().map(|(name, text)| (*name, text.as_str())));
     SensorModel::from_text(&pairs)
 }
 
@@ -179,10 +180,11 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_that_does_not_describe_its_headroom_has_none() {
+    fn a_camera_that_does_not_describe_its_headroom_black_columns_or_lens_has_none() {
         let mut array = description(1, &SensorModel::default());
-        array.status[0].values.retain(|value| value.key != "headroom");
-        assert_eq!(read(&array), Ok(SensorModel { headroom: 1.0, ..SensorModel::default() }));
+        let older = |key: &str| !["headroom", "optical_black", "psf_sigma"].contains(&key);
+        array.status[0].values.retain(|value| older(&value.key));
+        assert_eq!(read(&array), Ok(SensorModel { headroom: 1.0, ..SensorModel::unknown() }));
     }
 
     #[test]

@@ -18,6 +18,11 @@ pub trait SensorCommand {
     /// The parameters that are no options. They have their default, or the value of a sensor file.
     const WITHOUT: &'static [&'static str] = &[];
 
+    /// Returns the sensor whose parameters are the defaults.
+    fn defaults() -> SensorModel {
+        SensorModel::default()
+    }
+
     /// Returns whether this option takes several values.
     fn varies(_parameter: &str) -> bool {
         false
@@ -90,10 +95,10 @@ impl CodingOptions {
     }
 }
 
-fn option<C: SensorCommand>(parameter: Descriptor) -> Arg {
+fn option<C: SensorCommand>((parameter, default): (Descriptor, Value)) -> Arg {
     let Descriptor { name, description, .. } = parameter;
     let help = description.trim_end_matches('.');
-    let default = parameter.default.plain();
+    let default = default.plain();
     let (help, parser) = match &parameter.allowed {
         Allowed::Words(words) => {
             let words = PossibleValuesParser::new(words.clone()).map(Value::String);
@@ -114,8 +119,8 @@ fn option<C: SensorCommand>(parameter: Descriptor) -> Arg {
 
 impl<C: SensorCommand> Args for SensorOptions<C> {
     fn augment_args(command: Command) -> Command {
-        let mut parameters = SensorModel::descriptors();
-        parameters.retain(|parameter| !C::WITHOUT.contains(&parameter.name));
+        let mut parameters = C::defaults().declared();
+        parameters.retain(|(parameter, _)| !C::WITHOUT.contains(&parameter.name));
         let chip = SensorModel::of_chip().into_iter().filter(|name| !C::WITHOUT.contains(name));
         let chip = ArgGroup::new(CHIP).multiple(true).args(chip);
         command.args(parameters.into_iter().map(option::<C>)).group(chip)
@@ -128,11 +133,11 @@ impl<C: SensorCommand> Args for SensorOptions<C> {
 
 impl<C: SensorCommand> FromArgMatches for SensorOptions<C> {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
-        let values = |Descriptor { name, default, .. }| {
+        let values = |(Descriptor { name, .. }, default)| {
             let given = if C::WITHOUT.contains(&name) { None } else { matches.get_many::<Value>(name) };
             (name, given.map_or_else(|| vec![default], |given| given.cloned().collect()))
         };
-        let values = SensorModel::descriptors().into_iter().map(values).collect();
+        let values = C::defaults().declared().into_iter().map(values).collect();
         Ok(Self { values, command: PhantomData })
     }
 

@@ -53,7 +53,7 @@ crate::parameters! {
         /// Columns at the left border that a field stop in front of the lens shades: the radiance is 0 in the first quarter of
         /// them, at least in one column, and rises linearly over the others. They show where the radiance is 0. 32 columns keep
         /// neighbouring samples within half a peak up to an alpha of 8.
-        optical_black: usize = 0 => 0..=MAX_OPTICAL_BLACK,
+        optical_black: usize = 32 => 0..=MAX_OPTICAL_BLACK,
         /// Radiance in code units that you promise the darkest pixels of each frame to have, as the pedestal of a data sheet, to 1/32 of
         /// 2^bits. It shows unwrap the absolute level of a frame in which some pixels have it. -1: no promise.
         black_level: f64 = -1.0 => -1.0..=65536.0,
@@ -61,7 +61,7 @@ crate::parameters! {
         /// images that have the blur of a real lens. Images of raw mosaics always have the latter.
         psf: BlurShape = BlurShape::Gaussian => BlurShape::WORDS,
         /// Standard deviation of the gaussian lens blur in px. 0 is a perfect lens. paper7 does not use it.
-        psf_sigma: f64 = 0.0 => 0.0..=MAX_SIGMA,
+        psf_sigma: f64 = 1.4 => 0.0..=MAX_SIGMA,
         /// Pixels with a lower gain, which do not wrap: none, or every second one, as on a checkerboard.
         gains: bool = false => Gains::WORDS,
         /// The lower gain divided by the full one, at most 1 / alpha. 0: 1 / alpha.
@@ -105,6 +105,11 @@ impl SensorModel {
 
     /// Those of an exposure that follows the frames before.
     pub const FOLLOWING: [&str; 2] = ["exposure_delay", "exposure_step"];
+
+    /// Returns the sensor of images of which nothing is known: no columns are taken for black, and no lens is assumed.
+    pub fn unknown() -> Self {
+        Self { optical_black: 0, psf_sigma: 0.0, ..Self::default() }
+    }
 
     /// Returns the names of the parameters that describe the chip or the lens.
     pub fn of_chip() -> Vec<&'static str> {
@@ -272,7 +277,7 @@ impl SensorOverride {
         };
         let bits = Some(self.bits).filter(|&bits| bits > 0).or_else(|| Some(camera?.bits));
         let alpha = Some(self.alpha).filter(|&alpha| alpha > 0.0).or_else(|| Some(camera?.alpha));
-        let mut model = camera.cloned().unwrap_or_default();
+        let mut model = camera.cloned().unwrap_or_else(SensorModel::unknown);
         model.bits = bits.ok_or_else(|| missing("bits"))?;
         model.alpha = alpha.ok_or_else(|| missing("alpha"))?;
         // A perfect lens cannot be told from one that is not set, so a sigma of 0 takes the camera's.
@@ -329,8 +334,8 @@ mod tests {
     #[test]
     fn the_lens_is_the_requested_one() {
         for (pairs, psf) in [
-            (&[][..], Psf::None),
-            (&[("psf_sigma", "1.4")], Psf::Gaussian { sigma: 1.4 }),
+            (&[][..], Psf::Gaussian { sigma: 1.4 }),
+            (&[("psf_sigma", "0")], Psf::None),
             (&[("psf", "paper7")], Psf::Paper7),
         ] {
             assert_eq!(SensorModel::from_text(pairs).expect("possible").psf(), psf);
@@ -354,6 +359,12 @@ mod tests {
         let unset = SensorOverride::default();
         assert_eq!(unset.over(Some(&camera)), Ok(camera.clone()));
         assert_eq!(unset.over(None).expect_err("nothing is known").name, "bits");
+        let complete = SensorOverride { bits: 8, alpha: 4.0, ..SensorOverride::default() };
+        assert_eq!(
+            complete.over(None),
+            Ok(SensorModel::unknown()),
+            "no black columns and no lens are assumed"
+        );
         let transfer = Transfer::Srgb;
         let set = SensorOverride {
             alpha: 2.0,
@@ -403,7 +414,7 @@ mod tests {
     #[test]
     fn both_ends_of_each_range_are_a_sensor_and_nothing_beyond_is() {
         let model =
-            |bits, alpha, headroom| SensorModel { bits, alpha, headroom, ..SensorModel::default() }.range();
+            |bits, alpha, headroom| SensorModel { bits, alpha, headroom, ..SensorModel::unknown() }.range();
         for (bits, alpha, headroom) in [(1, 1e-3, 1e-3), (16, 256.0, 1.0)] {
             let range = Range::new(bits, alpha).and_then(|range| range.with_headroom(headroom));
             assert_eq!(model(bits, alpha, headroom), Ok(range.expect("possible")));

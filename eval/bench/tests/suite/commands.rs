@@ -49,7 +49,11 @@ fn a_picture_returns_from_the_sensor_whatever_its_headroom() {
     save_png(&file, &Frame::from_u8(codes.clone()).expect("an image")).expect("a writable folder");
     for headroom in ["1", "0.97", "0.6"] {
         let [simulated, out] = ["simulated", "out"].map(|name| folder.path().join(name).join(headroom));
-        let with = request_with(&format!("--psf-sigma 0 --headroom {headroom}"), &simulated, &[&file]);
+        let with = request_with(
+            &format!("--psf-sigma 0 --optical-black 0 --headroom {headroom}"),
+            &simulated,
+            &[&file],
+        );
         let rows = simulate::simulate(&with, &mut |_| {}).unwrap().rows;
         assert!(truth(&rows[0]).exact_k == 1.0, "headroom {headroom}: {rows:?}");
         let modulo = simulated.join("slope_alpha4_modulo.png");

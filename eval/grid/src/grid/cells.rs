@@ -37,7 +37,6 @@ impl SensorCommand for VariedParameters {
 /// The values that the cells combine. A value may be listed twice; its cells are in the grid once.
 #[derive(Clone, Debug, PartialEq, Parser)]
 #[command(mut_arg("alpha", |option| option.default_value("1.5,2,3,4")))]
-#[command(mut_arg("psf_sigma", |option| option.default_value("1.4")))]
 pub struct Axes {
     /// Images that the detector gets
     #[arg(long, value_delimiter = ',', default_value = "ideal,saturated,modulo,recovered")]
@@ -100,8 +99,9 @@ impl Axes {
         let inputs = or_default(&self.input, &[if protocol == Protocol::Paper { "640x640" } else { "auto" }]);
         let (mut sensors, images) = (self.sensors(), self.images(protocol));
         if protocol == Protocol::Paper {
-            // The scripts of the paper scale an image in [0, 1] by alpha.
-            sensors.iter_mut().for_each(|sensor| sensor.headroom = 1.0);
+            // The scripts of the paper scale an image in [0, 1] by alpha, and shade nothing.
+            let of_paper = |alpha| SensorModel { alpha, headroom: 1.0, ..paper_lens() };
+            sensors.iter_mut().for_each(|sensor| *sensor = of_paper(sensor.alpha));
         }
         // The order of the loops is the order of work: a model and its input size are loaded once for all their cells.
         let mut points = Vec::new();
@@ -220,13 +220,14 @@ impl Axes {
         let mut all = all.flat_map(|sensor| {
             self.lenses().into_iter().map(move |psf_sigma| SensorModel { psf_sigma, ..sensor.clone() })
         });
-        let plain = SensorModel { psf_sigma: 1.4, ..SensorModel::default() };
+        let plain = SensorModel::default();
         let is_plain = |sensor: &SensorModel| {
-            // A headroom that is not given has its default, for which the paper has 1.
-            [plain.headroom, 1.0].contains(&sensor.headroom) && sensor.reset(&["alpha", "headroom"]) == plain
+            // What is not given has its default, for which the paper has a headroom of 1 and no black columns.
+            [plain.headroom, 1.0].contains(&sensor.headroom)
+                && [&plain, &paper_lens()].contains(&&sensor.reset(&["alpha", "headroom"]))
         };
         let Some(other) = all.find(|sensor| !is_plain(sensor)) else { return Ok(()) };
-        let possible = "that of the paper: blur 1.4 px (7 taps), headroom 1, no noise, one gain, no mosaic";
+        let possible = "that of the paper: blur 1.4 px (7 taps), headroom 1, no black columns, no noise, one gain, no mosaic";
         Err(GridError::value("the sensor", labels::sensor(&other, &[]), possible))
     }
 
@@ -243,6 +244,11 @@ impl Axes {
         }
         Ok(())
     }
+}
+
+/// The sensor of the paper behind a Gaussian of about its lens.
+fn paper_lens() -> SensorModel {
+    SensorModel { psf_sigma: SensorModel::default().psf_sigma, ..SensorModel::unknown() }
 }
 
 /// The images that this sensor has of those of a sensor with one gain and no mosaic.
@@ -354,8 +360,13 @@ mod tests {
     fn the_paper_has_four_streams_two_forms_of_spud_and_640() {
         let points = Axes::default().points(Protocol::Paper).expect("possible");
         assert_eq!(points.len(), 4 * 5);
-        assert!(points.iter().all(|p| p.input == "640x640" && !p.deblur && p.sensor.headroom == 1.0));
-        assert_eq!(axes("--headroom 1").points(Protocol::Paper).expect("possible"), points);
+        assert!(points.iter().all(|p| p.input == "640x640"
+            && !p.deblur
+            && p.sensor.headroom == 1.0
+            && p.sensor.optical_black == 0));
+        for same in ["--headroom 1", "--optical-black 0"] {
+            assert_eq!(axes(same).points(Protocol::Paper).expect("possible"), points);
+        }
         assert!(
             points.iter().filter_map(|p| p.method.as_deref()).all(|method| PAPER_METHODS.contains(&method))
         );

@@ -205,7 +205,7 @@ fn a_picture_returns_from_linear_light() {
     let path = folder.path().join("picture.png");
     save_png(&path, &Frame::from_u8(picture.clone()).expect("a frame")).expect("a PNG");
     let source = path.to_str().expect("UTF-8");
-    let pairs = [("source", source), ("bits", "12"), ("transfer", "srgb"), ("psf_sigma", "1.4")];
+    let pairs = [("source", source), ("bits", "12"), ("transfer", "srgb"), ("optical_black", "0")];
     let timer = ManualClock::default();
     let topics = ["/ideal", "/recovered"].map(str::to_owned).to_vec();
     let mut chain = Lockstep::new(&timer, topics.clone());
@@ -258,7 +258,7 @@ fn record(sources: &[&Path], more: &[(&str, &str)], bag: &Path) {
     let mut recordings = Recordings::new(Some(recorder), None, false);
     for source in sources {
         let source = source.to_str().expect("UTF-8");
-        let pairs = [&[("source", source), ("rate", "0")], more].concat();
+        let pairs = [&[("source", source), ("rate", "0"), ("optical_black", "0")], more].concat();
         let parameters = CameraParameters::from_text(&pairs).expect("possible");
         let timer = ManualClock::default();
         let mut chain = Lockstep::new(&timer, topics.clone());
