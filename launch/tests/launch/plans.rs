@@ -290,7 +290,7 @@ fn the_sensor_is_given_where_the_camera_is_elsewhere() {
     let [_, unwrap, camera] = plan.nodes.as_slice() else { panic!("three nodes") };
     assert_eq!(
         (sensor(camera), sensor(unwrap)),
-        (["10", "4.0", "1.0"].map(Into::into), ["0", "0.0", "0.0"].map(Into::into))
+        (["10", "4.0", "1.4"].map(Into::into), ["0", "0.0", "0.0"].map(Into::into))
     );
     for (given, expected) in [
         (&[][..], ["0", "0.0", "0.0"]),
