@@ -1,6 +1,6 @@
 //! One exposure of a picture and its recovery, as `modulo simulate` makes them.
 
-use modulo_core::unwrap::{Method, OffsetEvidence, Options, Sharpness, Trust, TrustLimits, fit_up_to};
+use modulo_core::unwrap::{Method, OffsetEvidence, Options, Sharpness, Trust, fit_up_to};
 use modulo_core::{Exposure, Frame, Psf, Recovered, Sensor, SensorConfig, SensorError, UnwrapError};
 use ndarray::Array3;
 
@@ -71,8 +71,8 @@ impl Capture {
             Trust::Trusted => Reason::RangeShowsLevel,
             Trust::Relative => Reason::LevelIsUnknown,
             _ if self.sharpness() == Sharpness::Unfit => Reason::AlphaIsTooLarge,
-            _ if self.jumps() > TrustLimits::default().jumps => Reason::CountsContradict,
-            _ => Reason::EdgesMayHide,
+            Trust::Unobservable => Reason::EdgesMayHide,
+            Trust::Untrusted | Trust::Unknown => Reason::CountsContradict,
         }
     }
 }

@@ -180,9 +180,8 @@ impl TwoGains {
         // Along a short side, a colour has no pixels of low gain at both sides.
         let has_neighbours = height.min(width) >= 4;
         let most = self.mosaic.full().map(|full| MOST_DOUBTFUL * full as f64);
-        let trusted =
-            has_neighbours && doubtful.iter().zip(most).all(|(&count, most)| f64::from(count) <= most);
-        out.report.trust = if trusted { Trust::Trusted } else { Trust::Untrusted };
+        let agrees = doubtful.iter().zip(most).all(|(&count, most)| f64::from(count) <= most);
+        out.report.trust = trust(agrees, has_neighbours);
     }
 
     /// Writes radiance and wrap counts of codes without a mosaic into `out`.
@@ -211,10 +210,18 @@ impl TwoGains {
             });
         });
         let pixels_of_full_gain = (height * width * channels).div_ceil(2);
+        let agrees = f64::from(doubtful) <= MOST_DOUBTFUL * pixels_of_full_gain as f64;
         // An image of one pixel has no neighbours of low gain.
-        let trusted =
-            f64::from(doubtful) <= MOST_DOUBTFUL * pixels_of_full_gain as f64 && height.max(width) > 1;
-        out.report.trust = if trusted { Trust::Trusted } else { Trust::Untrusted };
+        out.report.trust = trust(agrees, height.max(width) > 1);
+    }
+}
+
+/// Returns the trust in a result whose two gains agree or do not.
+fn trust(agrees: bool, has_neighbours: bool) -> Trust {
+    match (agrees, has_neighbours) {
+        (_, false) => Trust::Unobservable,
+        (true, true) => Trust::Trusted,
+        (false, true) => Trust::Untrusted,
     }
 }
 
@@ -539,7 +546,7 @@ mod tests {
             (((i * 7919 + j * 104_729 + c * 31) * 2_654_435_761) >> 7) as u8
         });
         assert_eq!(trust(noise), Trust::Untrusted);
-        assert_eq!(trust(Array3::zeros((1, 1, 1))), Trust::Untrusted);
+        assert_eq!(trust(Array3::zeros((1, 1, 1))), Trust::Unobservable);
         assert_eq!(trust(Array3::zeros((1, 9, 1))), Trust::Trusted);
     }
 

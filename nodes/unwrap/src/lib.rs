@@ -419,19 +419,14 @@ impl RecoveryCounts {
     }
 }
 
-/// Returns the level and the text of the status of a frame with this `trust`.
-fn level_of(trust: Trust) -> (u8, &'static str) {
-    match trust {
-        Trust::Trusted => (DiagnosticStatus::OK, "trusted"),
-        Trust::Untrusted => (
-            DiagnosticStatus::WARN,
-            "not trusted: the image violates the assumptions of the method, or its edges may hide whole peaks",
-        ),
-        Trust::Relative => (
-            DiagnosticStatus::WARN,
-            "not trusted: nothing shows the absolute offset, so that all counts may be too small by the same number",
-        ),
-        Trust::Unknown => (DiagnosticStatus::OK, "the method makes no claim"),
+/// Returns the level and the text of the status of a frame with this `report`.
+fn level_of(report: &Report) -> (u8, String) {
+    match report.trust {
+        Trust::Trusted => (DiagnosticStatus::OK, "trusted".to_owned()),
+        Trust::Unknown => (DiagnosticStatus::OK, "the method makes no claim".to_owned()),
+        Trust::Relative | Trust::Untrusted | Trust::Unobservable => {
+            (DiagnosticStatus::WARN, format!("not trusted: {}", report.reason().unwrap_or_default()))
+        }
     }
 }
 
@@ -461,9 +456,8 @@ fn describe(node: &str, header: &Header, method: &str, report: &Report) -> Diagn
         ];
         values.extend(shares.map(|(name, share)| (name, format!("{share:.3e}"))));
     }
-    let (level, message) = level_of(report.trust);
+    let (level, message) = level_of(report);
     let (name, values) = (format!("{}: recovery", node.trim_start_matches('/')), KeyValue::all(values));
-    let status =
-        DiagnosticStatus { level, name, message: message.into(), values, hardware_id: String::new() };
+    let status = DiagnosticStatus { level, name, message, values, hardware_id: String::new() };
     DiagnosticArray { header: header.clone(), status: vec![status] }
 }

@@ -184,7 +184,7 @@ fn the_reason_of_an_untrusted_frame_covers_missing_evidence() {
     let [(2, Message::Diagnostics(printed))] = &sent[..] else { panic!("a description: {sent:?}") };
     let message = &printed.status[0].message;
     assert!(
-        message.starts_with("not trusted: ") && message.contains("nothing shows the absolute offset"),
+        message.starts_with("not trusted: ") && message.contains("the absolute level is unknown"),
         "{message}"
     );
 }

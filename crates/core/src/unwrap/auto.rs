@@ -149,8 +149,10 @@ impl Auto {
         }
         // In a single colour, nothing contradicts a wrong region behind a hard edge. Differences between colours have few edges.
         let may_hide = is_steep && y.channels() == 1 && self.needs_offset;
-        let mut trust = if !is_accepted || may_hide || range.bits() < FEWEST_BITS {
+        let mut trust = if !is_accepted {
             Trust::Untrusted
+        } else if may_hide || range.bits() < FEWEST_BITS {
+            Trust::Unobservable
         } else if self.needs_offset {
             offset::trust(out, range)
         } else {

@@ -93,7 +93,7 @@ pub(crate) fn withhold_trust(
 ) {
     let is_trusted = [Trust::Trusted, Trust::Relative].contains(&out.report.trust);
     if is_trusted && range.max_wraps() > 0 && may_hide(&out.x, arrangement, sharpness, range) {
-        out.report.trust = Trust::Untrusted;
+        out.report.trust = Trust::Unobservable;
     }
 }
 

@@ -175,6 +175,21 @@ impl Report {
             _ => self.offset.map(OffsetEvidence::name),
         }
     }
+
+    /// Returns why the method does not vouch for the counts, for tables and messages; `None` if it vouches for them or makes no claim.
+    pub fn reason(&self) -> Option<&'static str> {
+        match self.trust {
+            Trust::Unknown | Trust::Trusted => None,
+            Trust::Relative => Some("the absolute level is unknown: no dark reference"),
+            Trust::Untrusted if self.is_over_budget => Some(
+                "the wrap counts contradict each other, and the work limit ended the search for better ones",
+            ),
+            Trust::Untrusted => Some("the wrap counts contradict each other"),
+            Trust::Unobservable => Some(
+                "a wrong wrap count may leave no trace: the lens is too sharp for this alpha, or the image too small",
+            ),
+        }
+    }
 }
 
 /// Whether a method vouches for the wrap counts that it found.
@@ -188,9 +203,11 @@ pub enum Trust {
     /// The method vouches for the differences between the counts only: nothing shows the absolute offset, and all counts may be
     /// too small by the same number.
     Relative,
-    /// The method does not vouch for the counts: the image or the result violates its assumptions. The counts may be right all the
-    /// same.
+    /// The counts contradict each other. Most of them may be right all the same.
     Untrusted,
+    /// The counts do not contradict each other, but in an image so small, of so few bits, or behind a lens so sharp a wrong count may
+    /// leave no trace.
+    Unobservable,
 }
 
 impl Trust {
@@ -199,7 +216,7 @@ impl Trust {
         match self {
             Self::Unknown => None,
             Self::Trusted => Some(true),
-            Self::Relative | Self::Untrusted => Some(false),
+            Self::Relative | Self::Untrusted | Self::Unobservable => Some(false),
         }
     }
 }
@@ -421,4 +438,23 @@ where
     }
     let (index, &value) = y.iter().enumerate().find(|(_, value)| wrong(value)).expect("one was counted");
     Err(UnwrapError::Code { at: position_of(index, dim), value: value.into(), most, bits: range.bits() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Report, Trust};
+
+    #[test]
+    fn only_a_claim_that_is_refused_has_a_reason() {
+        let reason = |trust, is_over_budget| Report { trust, is_over_budget, ..Report::default() }.reason();
+        assert_eq!(reason(Trust::Unknown, false), None);
+        assert_eq!(reason(Trust::Trusted, false), None);
+        assert_eq!(reason(Trust::Relative, false), Some("the absolute level is unknown: no dark reference"));
+        assert_eq!(reason(Trust::Untrusted, false), Some("the wrap counts contradict each other"));
+        assert!(reason(Trust::Unobservable, false).is_some_and(|why| why.contains("may leave no trace")));
+        assert!(
+            reason(Trust::Untrusted, true)
+                .is_some_and(|why| why.ends_with("the work limit ended the search for better ones"))
+        );
+    }
 }

@@ -88,7 +88,7 @@ pub(super) fn trust(out: &Recovered, range: Range) -> Trust {
         return Trust::Trusted;
     }
     if height.min(width) < SHORTEST_SIDE {
-        return Trust::Untrusted;
+        return Trust::Unobservable;
     }
     let x = out.x.as_slice().expect("prepare has made the layout standard");
     let limit = (range.limit() / LEAST_ALPHA) as f32 - range.peak();
@@ -117,7 +117,7 @@ pub(super) fn trust_of_mosaic(out: &Recovered, range: Range) -> Trust {
         return Trust::Trusted;
     }
     if height.min(width) < SHORTEST_SIDE {
-        return Trust::Untrusted;
+        return Trust::Unobservable;
     }
     let limit = (range.limit() / LEAST_ALPHA) as f32 - range.peak();
     let is_evident = groups(1, true).all(|group| {

@@ -110,16 +110,20 @@ impl Tally {
             self.wrong.push(what);
         }
         if right == truth.len() {
-            let verdict =
-                [Trust::Trusted, Trust::Relative, Trust::Untrusted].iter().position(|t| *t == trust);
+            let verdict = match trust {
+                Trust::Trusted => 0,
+                Trust::Relative => 1,
+                Trust::Untrusted | Trust::Unobservable => 2,
+                Trust::Unknown => unreachable!("auto makes a claim"),
+            };
             // Nobody can vouch for a scene that breaks the assumption itself: its own second differences are above one peak.
             let is_beyond =
                 out.report.quality.is_some_and(|q| f64::from(q.jumps) > TrustLimits::default().jumps);
             self.beyond += usize::from(is_beyond);
             if !is_beyond {
-                self.exact[verdict.expect("auto makes a claim")] += 1;
+                self.exact[verdict] += 1;
             }
-            if trust == Trust::Untrusted {
+            if verdict == 2 {
                 println!("exact and untrusted: {name}, {condition:?}: {:?}", out.report);
             }
         }

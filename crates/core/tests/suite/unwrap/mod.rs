@@ -107,7 +107,7 @@ fn an_image_that_says_nothing_is_not_trusted() {
     for dim in [(1, 1, 1), (1, 1, 3), (2, 2, 3), (1, 64, 1), (64, 1, 3), (30, 40, 3)] {
         for code in [0, 44, 255] {
             // Only an image with enough lines could contradict itself.
-            let expected = if dim == (30, 40, 3) { Trust::Relative } else { Trust::Untrusted };
+            let expected = if dim == (30, 40, 3) { Trust::Relative } else { Trust::Unobservable };
             assert_eq!(trust(dim, code, 4.0), expected, "{dim:?} {code}");
             assert_eq!(trust(dim, code, 1.0), Trust::Trusted, "{dim:?} {code}: nothing can wrap");
         }
@@ -115,7 +115,7 @@ fn an_image_that_says_nothing_is_not_trusted() {
     // A steep edge in so small an image: nothing tells 200 from -56.
     let y = Frame::from_u8(Array3::from_shape_fn((2, 2, 1), |(_, j, _)| [10, 210][j])).unwrap();
     let range = Range::new(8, 2.0).unwrap();
-    assert_eq!(recover("auto", &Options::default(), &y, range).report.trust, Trust::Untrusted);
+    assert_eq!(recover("auto", &Options::default(), &y, range).report.trust, Trust::Unobservable);
 }
 
 /// An island whose contour of 200 codes looks like one of -56 codes, but at two notches.
@@ -132,7 +132,7 @@ fn hard_edges_in_a_single_colour_are_not_trusted() {
     assert!(wrong > 800, "{wrong} of 40000");
     assert_eq!(
         (out.report.method, out.report.trust),
-        ("gradient_tree", Trust::Untrusted),
+        ("gradient_tree", Trust::Unobservable),
         "{:?}",
         out.report
     );
