@@ -63,7 +63,7 @@ fn print_rows(rows: &[Row]) {
     let is_simulated = rows.iter().any(|row| row.simulated.is_some());
     let titles = if is_simulated { "   exact k   PSNR dB     SSIM" } else { "" };
     say!(
-        "file                         alpha method          {titles} method used    trusted largest k       ms"
+        "file                         alpha method          {titles} method used    trusted largest k       ms  why not trusted"
     );
     for row in rows {
         let file = Path::new(&row.file).file_name().unwrap_or_default().to_string_lossy();
@@ -73,13 +73,14 @@ fn print_rows(rows: &[Row]) {
             format!(" {:>8}% {psnr:>9} {ssim:>8}", below_100(simulated.exact_k, 3))
         });
         say!(
-            "{file:<28} {:>5} {:<16}{truth} {:<14} {:<7} {:>9} {:>8.2}",
+            "{file:<28} {:>5} {:<16}{truth} {:<14} {:<7} {:>9} {:>8.2}  {}",
             row.sensor.alpha,
             row.method,
             row.method_used,
             row.trusted.map_or("-", |trusted| if trusted { "yes" } else { "no" }),
             row.most_k,
-            row.ms
+            row.ms,
+            row.reason.unwrap_or("-")
         );
     }
 }

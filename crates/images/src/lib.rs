@@ -212,6 +212,22 @@ pub fn save_png(path: &Path, frame: &Frame) -> Result<(), SaveError> {
     saved.map_err(|source| SaveError { path: path.to_owned(), source })
 }
 
+/// Writes `radiance` (H x W x C, where C is 1 or 3) to `path` as OpenEXR of 32 bits. Grey becomes three equal colours.
+///
+/// # Errors
+/// [`SaveError`] when the file cannot be written.
+#[cfg(feature = "exr")]
+pub fn save_exr(path: &Path, radiance: &Array3<f32>) -> Result<(), SaveError> {
+    let (height, width, channels) = radiance.dim();
+    let value = |x: u32, y: u32, colour: usize| radiance[(y as usize, x as usize, colour.min(channels - 1))];
+    let image = image::Rgb32FImage::from_fn(width as u32, height as u32, |x, y| {
+        image::Rgb([0, 1, 2].map(|colour| value(x, y, colour)))
+    });
+    image
+        .save_with_format(path, ImageFormat::OpenExr)
+        .map_err(|source| SaveError { path: path.to_owned(), source })
+}
+
 /// The format of a file that [`encode`] makes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FileFormat {

@@ -74,7 +74,7 @@ pub fn unwrap_files(
     });
     let capture = |name: &str, y: &Frame, sensor| {
         let (y, name) = (y.clone(), name.to_owned());
-        Ok(Capture { y, sensor, range, sharpness, name, counts: true, truth: None })
+        Ok(Capture { y, sensor, range, sharpness, name, counts: true, full_scale: 1.0, truth: None })
     };
     let sensors = std::slice::from_ref(&sensor);
     runner.run((pictures, files.len()), sensors, capture, tell)

@@ -12,7 +12,7 @@ use modulo_core::unwrap::{METHODS, Options, Sharpness, by_name, of_gains};
 use modulo_core::{
     Exposure, Frame, Gains, MAX_THREADS, Range, Recovered, TwoGains, Unwrap, UnwrapError, tone,
 };
-use modulo_images::save_png;
+use modulo_images::{save_exr, save_png};
 use modulo_runtime::SensorModel;
 use ndarray::Array3;
 use serde::Serialize;
@@ -38,6 +38,10 @@ pub struct RunOptions {
     /// timed
     #[arg(long, default_value_t = 1, value_parser = value_parser!(u32).range(1..))]
     pub repeats: u32,
+    /// Also write the recovered radiance as OpenEXR (NAME_METHOD.exr), demosaiced, in the unit of an EXR or HDR image, else as a fraction
+    /// of full scale
+    #[arg(long)]
+    pub exr: bool,
     /// Folder for the images and results.json
     #[arg(short, long, value_name = "FOLDER")]
     pub out: PathBuf,
@@ -57,6 +61,8 @@ pub struct Row {
     pub method_used: String,
     /// Whether the method trusts its result. `None` if it makes no statement.
     pub trusted: Option<bool>,
+    /// Why the method does not trust its result.
+    pub reason: Option<&'static str>,
     /// The largest wrap count.
     pub most_k: u8,
     /// Median duration of a call, ms.
@@ -110,6 +116,8 @@ pub(crate) struct Capture<'a> {
     pub name: String,
     /// Whether wrap counts and code units are written, too.
     pub counts: bool,
+    /// The value of full scale in an EXR file.
+    pub full_scale: f32,
     /// The exposure with its white point and its seed, of a simulated image.
     pub truth: Option<(Exposure, Option<f32>, u64)>,
 }
@@ -230,6 +238,12 @@ fn recover(
     let x = colours.as_ref().unwrap_or(&recovered.x);
     let picture = tone::picture(x, *range, sensor.transfer).map_err(UnwrapError::from)?;
     save_png(&path(""), &picture)?;
+    if options.exr {
+        let scale = f64::from(capture.full_scale) / range.white();
+        // The converter has rounded down, by half a code on average.
+        let radiance = x.mapv(|x| ((f64::from(x) + 0.5) * scale) as f32);
+        save_exr(&options.out.join(format!("{}_{}.exr", capture.name, method.name())), &radiance)?;
+    }
     if capture.counts {
         save_counts(|what| path(&format!("_{what}")), &recovered.k, &recovered.x, *range)?;
     }
@@ -239,6 +253,7 @@ fn recover(
         method: method.name().to_owned(),
         method_used: recovered.report.method.to_owned(),
         trusted: recovered.report.trust.claim(),
+        reason: recovered.report.reason(),
         most_k: recovered.k.iter().copied().max().unwrap_or_default(),
         ms,
         simulated: truth.as_ref().map(|truth| compare(truth, &recovered.k, &picture)),

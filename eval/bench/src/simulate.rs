@@ -6,7 +6,7 @@ use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
 use clap::Parser;
-use modulo_core::{AutoExposure, Sensor};
+use modulo_core::{AutoExposure, Sensor, Transfer};
 use modulo_images::{ImageError, White, read_image, save_png};
 use modulo_runtime::SensorModel;
 use modulo_runtime::sensor::options::{CodingOptions, SensorCommand, SensorOptions};
@@ -58,7 +58,8 @@ pub struct SimulationRequest {
 ///
 /// `ideal` and the recovered images have 8 bits as by [`modulo_core::tone::picture`], and are demosaiced; the others hold
 /// codes of b bits, with 8 bits a sample for b <= 8, else 16. `auto_exposed` has the exposure at which the image alone
-/// settles; in a video it follows the frames.
+/// settles; in a video it follows the frames. EXR and HDR images are dark to the eye where codes are radiance, so that `linear`
+/// becomes `srgb` in the images of theirs that a transfer function encodes.
 ///
 /// # Errors
 /// [`BenchError`] before anything is written if the request is wrong, and later if a result cannot be written. An image
@@ -68,7 +69,7 @@ pub fn simulate(
     tell: &mut dyn FnMut(BenchEvent<'_>),
 ) -> Result<RunOutcome, BenchError> {
     let sensors = request.sensors()?;
-    let mut runner = Runner::new(&request.run, &sensors[0].0)?;
+    let mut runner = Runner::new(&request.run, &sensors[0][0].model)?;
     let files = files(&request.images, tell)?;
     let inputs = files.iter().zip(names(&files)).map(|(file, name)| InputFile::open(request, file, name));
     let inputs = inputs.collect::<Result<Vec<_>, _>>()?;
@@ -80,6 +81,8 @@ pub fn simulate(
 struct Radiance {
     /// Rows, columns, channels.
     pixels: Array3<f32>,
+    /// Whether its file holds floats, which are radiance.
+    is_float: bool,
     /// The white point of a float image.
     white: Option<f32>,
     /// Whether it is the first image of its file.
@@ -87,18 +90,32 @@ struct Radiance {
 }
 
 /// A sensor, with the normal camera beside it.
-type Cameras = (SensorModel, Sensor, RefCell<AutoExposure>);
+struct Camera {
+    model: SensorModel,
+    sensor: Sensor,
+    normal: RefCell<AutoExposure>,
+}
+
+impl Camera {
+    fn new(model: SensorModel) -> Result<Self, BenchError> {
+        let (sensor, normal) = (model.simulated()?, RefCell::new(model.auto_exposure()?));
+        Ok(Self { model, sensor, normal })
+    }
+}
+
+/// The camera for pictures, and that for images of floats.
+type Cameras = [Camera; 2];
 
 impl SimulationRequest {
     fn sensors(&self) -> Result<Vec<Cameras>, BenchError> {
         self.white()?;
         let models = self.sensor.sensors(&["alpha"]).into_iter();
         let sensors = models.map(|model| {
-            let (sensor, normal) = (model.simulated()?, model.auto_exposure()?);
-            Ok((model, sensor, RefCell::new(normal)))
+            let shown = if model.transfer == Transfer::Linear { Transfer::Srgb } else { model.transfer };
+            Ok([Camera::new(model.clone())?, Camera::new(SensorModel { transfer: shown, ..model })?])
         });
         let sensors = sensors.collect::<Result<Vec<_>, BenchError>>()?;
-        if self.counts && sensors.iter().any(|(_, sensor, _)| sensor.range().limit() > 65536.0) {
+        if self.counts && sensors.iter().any(|[camera, _]| camera.sensor.range().limit() > 65536.0) {
             let why = "--counts writes images of 16 bits, which cannot hold alpha * 2^bits above 65536";
             return Err(BenchError::Request(why.to_owned()));
         }
@@ -113,9 +130,10 @@ impl SimulationRequest {
     fn expose<'s>(
         &self,
         name: &str,
-        Radiance { pixels, white, is_first }: &Radiance,
-        (model, sensor, normal): &'s Cameras,
+        Radiance { pixels, is_float, white, is_first }: &Radiance,
+        cameras: &'s Cameras,
     ) -> Result<Capture<'s>, BenchError> {
+        let Camera { model, sensor, normal } = &cameras[usize::from(*is_float)];
         if *is_first {
             // The exposure of a file must not depend on the files before it.
             normal.replace(model.auto_exposure()?);
@@ -133,8 +151,10 @@ impl SimulationRequest {
             save_counts(path, &exposure.wraps(), &exposure.x().mapv(f32::floor), exposure.range())?;
         }
         let (range, sharpness) = (model.range()?, model.of_channels(pixels.len_of(Axis(2))).sharpness());
+        let given = Some(self.coding.white).filter(|white| *white > 0.0);
+        let full_scale = white.or(given).filter(|_| *is_float).unwrap_or(1.0);
         let truth = Some((exposure, *white, self.seed));
-        Ok(Capture { y, sensor: model, range, sharpness, name, counts: self.counts, truth })
+        Ok(Capture { y, sensor: model, range, sharpness, name, counts: self.counts, full_scale, truth })
     }
 }
 
@@ -168,8 +188,9 @@ impl<'a> InputFile<'a> {
     fn read(&self) -> Result<Radiance, BenchError> {
         // A white point for each file: with a common one, the result of a file would depend on the files before it.
         let mut white = self.request.white()?;
-        let pixels = white.radiance(&read_image(self.file)?, self.file.display())?;
-        Ok(Radiance { pixels, white: white.found(), is_first: true })
+        let image = read_image(self.file)?;
+        let pixels = white.radiance(&image, self.file.display())?;
+        Ok(Radiance { pixels, is_float: image.depth() == 32, white: white.found(), is_first: true })
     }
 }
 
@@ -187,7 +208,7 @@ impl Iterator for InputFile<'_> {
         let pixels = frame.and_then(|frame| Ok(frame.pixels.radiance(&coding, &file)?));
         let content = pixels.map(|pixels| {
             let is_first = !std::mem::replace(&mut self.was_read, true);
-            Radiance { pixels, white: None, is_first }
+            Radiance { pixels, is_float: false, white: None, is_first }
         });
         Some(Picture {
             file: format!("{file} {number}"),

@@ -9,9 +9,9 @@ use modulo_bench::simulate::{self, SimulationRequest};
 use modulo_bench::{BenchError, BenchEvent};
 use modulo_core::unwrap::METHODS;
 use modulo_core::{Frame, Mosaic};
-use modulo_images::{FileFormat, encode, read_image, save_png};
+use modulo_images::{FileFormat, encode, read_image, save_exr, save_png};
 use modulo_scene::{Preset, Scene};
-use ndarray::Array3;
+use ndarray::{Array3, s};
 
 /// The request of a command line with `options` for `files`.
 fn request_with(options: &str, out: &Path, files: &[&Path]) -> SimulationRequest {
@@ -69,6 +69,30 @@ fn a_picture_returns_from_the_sensor_whatever_its_headroom() {
             assert!(apart <= Some(1), "headroom {headroom}, {}: {apart:?} codes", shown.display());
         }
     }
+}
+
+/// Radiance returns within half a code, in the unit of its file, and the pictures of it are encoded for the eye.
+#[test]
+fn radiance_goes_in_and_comes_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (folder.path().join("slope.exr"), folder.path().join("out"));
+    let radiance = Array3::from_shape_fn((40, 128, 3), |(i, j, c)| (2 * j + i + c) as f32 * 0.1);
+    save_exr(&file, &radiance).expect("a writable folder");
+    let options = "--psf-sigma 1.4 --optical-black 0 --headroom 1 --white 64 --exr";
+    let rows = simulate::simulate(&request_with(options, &out, &[&file]), &mut |_| {}).unwrap().rows;
+    assert_eq!((rows[0].trusted, truth(&rows[0]).exact_k), (Some(false), 1.0), "{rows:?}");
+    assert_eq!(rows[0].reason, Some("the absolute level is unknown: no dark reference"));
+    let recovered = read_image(&out.join("slope_alpha4_auto.exr")).expect("an EXR image").to_f32();
+    let code = 64.0 / 1024.0;
+    // The lens sees no further than the border.
+    let inside = s![8..-8, 8..-8, ..];
+    let pairs = recovered.slice(inside).into_iter().zip(radiance.slice(inside));
+    let apart = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(apart <= 0.501 * code, "{apart} of {code}");
+    // 25.1 of 64, which codes in proportion to radiance would show as 100.
+    let shown = pixels(&out.join("slope_alpha4_auto.png"))[(20, 115, 1)];
+    assert_eq!(shown, pixels(&out.join("slope_alpha4_ideal.png"))[(20, 115, 1)]);
+    assert!((167..=169).contains(&shown), "{shown}");
 }
 
 #[test]
