@@ -43,7 +43,7 @@ pub fn demo(args: &Demo) -> Result<Ended, Failure> {
 fn picture(file: &Path) -> Result<Ended, Failure> {
     prepare_file(file).map_err(usage)?;
     let folder = tempfile::tempdir().context("temporary folder")?;
-    let mut eval = suite("eval", &["frames:=1", "--images", "-o"])?;
+    let mut eval = suite("eval", &["frames:=1", "-o"])?;
     let status = eval.arg(folder.path()).status().context("modulo eval")?;
     if !status.success() {
         return Err(anyhow!("modulo eval {FILE} has failed: {status}").into());

@@ -8,7 +8,10 @@ use anyhow::{Context, anyhow, bail};
 use clap::{Args, Subcommand};
 use modulo_bags::bag::{BagWriter, Compression};
 use modulo_bags::source::{SourceError, is_endless};
-use modulo_eval::launch_file::{Evaluation, EvaluationPlan, NamedNodes, Recordings, SCORES, StreamResult};
+use modulo_eval::launch_file::{
+    Evaluation, EvaluationPlan, GRID, NamedNodes, Recordings, SCORES, StreamResult,
+};
+use modulo_eval::report::PAGE;
 use modulo_eval::video::AnnotatedVideo;
 use modulo_launch::{Plan, Summary};
 use modulo_middleware::process::signals::first_signal;
@@ -48,7 +51,7 @@ pub struct Eval {
     /// Topics for --bag
     #[arg(long, value_name = "TOPIC", num_args = 1.., requires = "bag")]
     pub topics: Vec<String>,
-    /// With FILE: write every image that a detector gets as PNG
+    /// With FILE: also write every image that a detector gets as PNG
     #[arg(long, requires = "file")]
     pub images: bool,
     /// With FILE: write the boxes of all detectors, with the method and the trust of each frame, into this video, such as out.mp4
@@ -123,12 +126,11 @@ fn launch_file(args: &Eval, file: &Path, out: &Path) -> Result<Ended, Failure> {
         return ended.map(|()| Ended::Done);
     }
     let summary = Summary { stopped: asked.load(Ordering::Relaxed), ..Summary::new(&reports, []) };
-    finish(args, out, (evaluation, recordings, summary), ended)
+    finish(out, (evaluation, recordings, summary), ended)
 }
 
 /// Prints the results before it writes them, so that a full disk does not take them. `ended` is how the run ended.
 fn finish(
-    args: &Eval,
     out: &Path,
     (evaluation, recordings, summary): (Evaluation, Recordings, Summary),
     ended: Result<(), Failure>,
@@ -136,13 +138,15 @@ fn finish(
     say!("{}", summary.to_string().trim_end());
     let results = evaluation.results();
     results.iter().for_each(|(stream, result)| print_result(stream, result, &evaluation));
+    evaluation.verdicts(&results).iter().for_each(|verdict| say!("{verdict}"));
+    let pictured = recordings.pictured();
     if summary.stopped {
         let frames = evaluation.frames();
         eprintln!("[eval] stopped by a signal: the results are those of the {frames} frames before it");
     }
     let files = [
         recordings.finish().err().map(|why| anyhow!(why)),
-        evaluation.write(out, summary.stopped).err().map(anyhow::Error::from),
+        evaluation.write(out, (&results, pictured), summary.stopped).err().map(anyhow::Error::from),
         summary.write(&out.join(SUMMARY)).err().map(anyhow::Error::from),
     ];
     let ended = ended.err().map(|(Failure::Usage(why) | Failure::Run(why))| why);
@@ -152,11 +156,10 @@ fn finish(
         return Err(anyhow!(all.join("; ")).into());
     }
     tell_slower_engine(&summary);
-    if args.images {
-        eprintln!("pictures with boxes: {}", out.join("grid.png").display());
-    } else {
-        eprintln!("pictures with boxes: the same command with --images");
+    if let Some(number) = pictured {
+        eprintln!("frame {number} with the boxes of all streams: {}", out.join(GRID).display());
     }
+    eprintln!("report: {}", out.join(PAGE).display());
     let lost = summary.lost(false) || summary.stopped || results.values().any(StreamResult::lost);
     Ok(if lost { Ended::WithLoss } else { Ended::Done })
 }
@@ -164,24 +167,14 @@ fn finish(
 fn print_result(stream: &str, result: &StreamResult, Evaluation { difficulty, .. }: &Evaluation) {
     let score = match result {
         StreamResult::Scored(score) => score,
-        StreamResult::NoImage => return say!("AP50 on {stream}: none, no image arrived"),
-        StreamResult::NoLabels => return say!("AP50 on {stream}: none, no frame has labels"),
-        StreamResult::NoObject => {
-            return say!("AP50 on {stream} ({difficulty} objects): none, there is no labelled object");
+        other => {
+            return say!("AP50 on {stream}: none, {}", other.missing().unwrap_or_default());
         }
     };
     let classes: Vec<_> = score.classes.iter().map(|(c, (ap, n))| format!("{c} {ap:.3} ({n})")).collect();
-    say!("AP50 on {stream} ({difficulty} objects): {:.3}; {}", score.ap50, classes.join(", "));
-    if score.unanswered > 0 {
-        say!(
-            "  {} of its {} frames have no answer, and count as frames without a box",
-            score.unanswered,
-            score.frames
-        );
-    }
-    if score.unlabelled > 0 {
-        say!("  {} other frames have no labels or cannot be read, and are not scored", score.unlabelled);
-    }
+    let interval = score.interval95.map_or_else(String::new, |[low, high]| format!(" [{low:.3}, {high:.3}]"));
+    say!("AP50 on {stream} ({difficulty} objects): {:.3}{interval}; {}", score.ap50, classes.join(", "));
+    score.notes().iter().for_each(|note| say!("  {note}"));
 }
 
 /// Opens all files of results, after the checks of the nodes and before the first frame. A refused command leaves none behind.
@@ -191,7 +184,7 @@ fn outputs(args: &Eval, plan: &EvaluationPlan) -> Result<Recordings, Failure> {
     let opened = || -> anyhow::Result<Recordings> {
         prepare_folder(out)?;
         let files = plan.streams().map(|stream| format!("{}.json", stream.name));
-        let files = files.chain([SUMMARY, SCORES].map(str::to_owned)).map(|name| out.join(name));
+        let files = files.chain([SUMMARY, SCORES, PAGE, GRID].map(str::to_owned)).map(|name| out.join(name));
         files.filter(|file| file.exists()).try_for_each(|file| prepare_file(&file))?;
         for folder in plan.streams().filter(|_| args.images).map(|stream| out.join(&stream.name)) {
             std::fs::create_dir_all(&folder).map_err(|why| OutputError::new(&folder, why))?;

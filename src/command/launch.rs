@@ -126,7 +126,7 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
 fn tell_pictures(file: &Path, arguments: &[String]) {
     let words = [file.display().to_string()].into_iter().chain(arguments.iter().cloned());
     let words: Vec<String> = words.map(|word| quoted(&word)).collect();
-    eprintln!("pictures with boxes: modulo eval {} --images -o out", words.join(" "));
+    eprintln!("pictures with boxes: modulo eval {} -o out", words.join(" "));
 }
 
 fn hang_timeout(text: &str) -> Result<Duration, String> {

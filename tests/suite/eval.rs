@@ -216,6 +216,8 @@ fn a_stream_without_a_score_says_why() {
         assert_has(&eval(&bench, code, &format!("{RECOVERED} source:=@/kitti model:=%")), &[expected]);
         let scores = std::fs::read_to_string(&scores);
         let is_scored = classes == ["Car"];
+        let page = std::fs::read_to_string(bench.path("out/report.html")).expect("a report");
+        assert_has(&page, &[expected.trim_start_matches("none, "), "<img src=\"grid.png\""]);
         assert_eq!(scores.is_ok(), is_scored, "{classes:?}: {scores:?}");
         assert!(scores.is_ok_and(|scores| !scores.contains("earlier")) || !is_scored);
     }

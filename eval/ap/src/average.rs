@@ -45,6 +45,7 @@ pub fn mean(figures: &[f64]) -> f64 {
 }
 
 /// The matched detections of several images at one threshold, for repeated drawing by the bootstrap.
+#[derive(Clone, Debug)]
 pub struct Sample {
     /// Matched detections by descending score, with the index of their image.
     marks: Vec<(Mark, usize)>,
@@ -67,6 +68,11 @@ impl Sample {
     /// AP of a data set that has image i `times[i]` times. `None` if no object is scored.
     pub fn ap(&self, times: &[u64]) -> Option<f64> {
         self.curve(times).as_deref().map(mean)
+    }
+
+    /// The number of objects of all images.
+    pub fn objects(&self) -> usize {
+        self.objects.iter().sum::<u64>() as usize
     }
 
     fn curve(&self, times: &[u64]) -> Option<Vec<f64>> {
@@ -110,23 +116,23 @@ pub type ScoredFrame = (Vec<Detection>, Vec<GroundTruth>);
 
 /// AP50 and number of objects of each class that has an object of `difficulty`.
 pub fn by_class(frames: &[ScoredFrame], difficulty: Difficulty) -> BTreeMap<String, (f64, usize)> {
+    let once = vec![1; frames.len()];
+    let score = |(class, sample): (String, Sample)| Some((class, (sample.ap(&once)?, sample.objects())));
+    samples(frames, difficulty).into_iter().filter_map(score).collect()
+}
+
+/// The detections of each class that has an object of `difficulty`, matched at an IoU of 0.5.
+pub fn samples(frames: &[ScoredFrame], difficulty: Difficulty) -> BTreeMap<String, Sample> {
     let objects = frames.iter().flat_map(|(_, truth)| truth);
     let classes: BTreeSet<&str> =
         objects.filter(|t| difficulty.role(t) == ObjectRole::Counts).map(|t| t.class.as_str()).collect();
-    let score = |class: &str| {
+    let sample = |class: &str| {
         let own = |other: &str| if other == class { Membership::Member } else { Membership::Other };
         let images: Vec<ImageBoxes> =
             frames.iter().map(|(found, truth)| image_boxes(found, truth, difficulty, own)).collect();
-        let objects = images.iter().map(ImageBoxes::objects).sum();
-        Some((class.to_owned(), (ap(&images, 0.5)?, objects)))
+        (class.to_owned(), Sample::new(&images, 0.5))
     };
-    classes.into_iter().filter_map(score).collect()
-}
-
-/// The mean of the AP50 of the classes. `None` if there is no class.
-pub fn mean_over_classes(by_class: &BTreeMap<String, (f64, usize)>) -> Option<f64> {
-    let figures: Vec<f64> = by_class.values().map(|(ap, _)| *ap).collect();
-    (!figures.is_empty()).then(|| mean(&figures))
+    classes.into_iter().map(sample).collect()
 }
 
 /// Relation of a class to the category that is scored.
@@ -240,7 +246,7 @@ mod tests {
     #[test]
     fn without_objects_there_is_no_class() {
         let scores = by_class(&[(vec![detection(0.0, 30.0, 0.9)], vec![])], Difficulty::Moderate);
-        assert!(scores.is_empty() && mean_over_classes(&scores).is_none());
+        assert!(scores.is_empty());
     }
 
     /// Figures of pycocotools on synthetic boxes, by `tests/peers/coco_reference.py`.

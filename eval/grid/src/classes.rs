@@ -8,6 +8,7 @@ use std::path::Path;
 use modulo_ap::average::Membership;
 use modulo_ap::difficulty::DONT_CARE;
 use modulo_bags::source::GroundTruth;
+use modulo_core::Detection;
 use modulo_detector::{COCO_TO_KITTI, parse_class_map};
 use modulo_runtime::input::{LARGEST_TEXT, read_text};
 
@@ -65,6 +66,15 @@ impl ClassMap {
             Some(mapped) => Some(mapped.as_str()).filter(|mapped| !mapped.is_empty()),
             None => Some(class).filter(|class| (self.keeps)(class)),
         }
+    }
+
+    /// The detections in the classes of the labels. Classes without a counterpart are dropped.
+    pub fn all<'a>(&self, found: impl IntoIterator<Item = &'a Detection>) -> Vec<Detection> {
+        let mapped = |detection: &Detection| {
+            let class = self.mapped(&detection.class)?.to_owned();
+            Some(Detection { class, ..detection.clone() })
+        };
+        found.into_iter().filter_map(mapped).collect()
     }
 }
 

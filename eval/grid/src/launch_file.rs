@@ -1,15 +1,16 @@
 //! [`Evaluation`]: the boxes and scores of the detectors of a launch file.
 
+mod page;
 mod plan;
 mod recordings;
+mod scores;
 mod timeline;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
 use std::path::Path;
 
 use modulo_ap::Difficulty;
-use modulo_ap::average::{ScoredFrame, by_class, mean_over_classes};
 use modulo_bags::FileError;
 use modulo_bags::source::{GroundTruth, from_detections};
 use modulo_core::Detection;
@@ -18,10 +19,11 @@ use modulo_runtime::lockstep::{Lockstep, LockstepError, OnTopic};
 use serde_json::{Value, json};
 
 pub use plan::{CameraPlan, DetectorStream, EvaluationPlan, NamedNodes};
-pub use recordings::Recordings;
+pub use recordings::{GRID, Recordings};
+pub use scores::{StreamResult, StreamScore};
 use timeline::Timeline;
 
-use crate::messages::{arrays, found};
+use crate::messages::{arrays, classes, found};
 
 /// Boxes and ground truth of all frames so far.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -32,6 +34,12 @@ pub struct Evaluation {
     pub difficulty: Difficulty,
     /// The frames that each camera has sent, over all its sources, by its name.
     timelines: BTreeMap<String, Timeline>,
+    /// The streams of each camera, in the order of the launch file.
+    cameras: BTreeMap<String, Vec<String>>,
+    /// The classes that the detector of each stream knows.
+    known: BTreeMap<String, BTreeSet<String>>,
+    /// The number of sources so far.
+    sources: usize,
 }
 
 /// A frame of a stream.
@@ -41,45 +49,8 @@ pub struct EvaluatedFrame {
     pub found: Option<Vec<Detection>>,
     /// The objects; `None` for a frame without labels.
     pub truth: Option<Vec<GroundTruth>>,
-}
-
-/// The result of a stream.
-#[derive(Clone, Debug, PartialEq)]
-pub enum StreamResult {
-    /// Its boxes were compared with labels.
-    Scored(StreamScore),
-    /// The detector gave no answer, since no image arrived.
-    NoImage,
-    /// None of its frames has labels.
-    NoLabels,
-    /// The labels have no object that counts.
-    NoObject,
-}
-
-/// AP50 of one stream.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct StreamScore {
-    /// Mean over the classes.
-    pub ap50: f64,
-    /// AP50 and number of objects of each class.
-    pub classes: BTreeMap<String, (f64, usize)>,
-    /// Number of frames with labels. Those without an answer of the detector count as frames without a box.
-    pub frames: usize,
-    /// Number of those without an answer of the detector.
-    pub unanswered: usize,
-    /// Number of other frames, without labels or unreadable, which are not scored.
-    pub unlabelled: usize,
-}
-
-impl StreamResult {
-    /// Whether something of the stream should have been scored and was not.
-    pub fn lost(&self) -> bool {
-        match self {
-            Self::Scored(score) => score.unanswered > 0 || score.unlabelled > 0,
-            Self::NoImage | Self::NoObject => true,
-            Self::NoLabels => false,
-        }
-    }
+    /// The number of its source among all, from 1.
+    pub source: usize,
 }
 
 impl Evaluation {
@@ -104,6 +75,9 @@ impl Evaluation {
         for stream in plan.streams() {
             self.streams.entry(stream.name.clone()).or_default();
         }
+        let names = |camera: &CameraPlan| camera.streams.iter().map(|stream| stream.name.clone()).collect();
+        self.cameras = plan.cameras.iter().map(|camera| (camera.name.clone(), names(camera))).collect();
+        self.sources += 1;
         let mut running: Vec<&CameraPlan> = plan.cameras.iter().collect();
         // The time of the chain goes on over all sources, as in one long run. The camera whose frame is due first comes first.
         let due = |evaluation: &Self, camera: &CameraPlan| {
@@ -124,6 +98,11 @@ impl Evaluation {
             let timeline = self.timelines.entry(camera.name.clone()).or_default();
             let number = timeline.frames;
             timeline.place(&mut out, camera.interval);
+            // A detector of several cameras says once what it knows.
+            for stream in plan.streams() {
+                let known = stream.labels.as_deref().and_then(|topic| classes(&out, topic));
+                self.known.extend(known.map(|known| (stream.name.clone(), known)));
+            }
             self.add_frame(&out, camera);
             recordings.add(plan, (camera, number), &out, next + 1 == running.len());
             if tell(chain).is_break() {
@@ -137,7 +116,8 @@ impl Evaluation {
         let labels = camera.truth.as_deref().and_then(|topic| arrays(out, topic).next());
         let truth = labels.map(from_detections);
         for stream in &camera.streams {
-            let frame = EvaluatedFrame { found: found(out, &stream.detections), truth: truth.clone() };
+            let (found, truth) = (found(out, &stream.detections), truth.clone());
+            let frame = EvaluatedFrame { found, truth, source: self.sources };
             self.streams.entry(stream.name.clone()).or_default().push(frame);
         }
     }
@@ -154,46 +134,50 @@ impl Evaluation {
 
     /// AP50 of each stream over its labelled frames, or why there is none.
     pub fn results(&self) -> BTreeMap<&str, StreamResult> {
-        self.streams.iter().map(|(stream, frames)| (stream.as_str(), self.result(frames))).collect()
+        let result = |(stream, frames): (_, &Vec<EvaluatedFrame>)| {
+            (String::as_str(stream), StreamResult::new(frames, self.known.get(stream), self.difficulty))
+        };
+        self.streams.iter().map(result).collect()
     }
 
-    fn result(&self, frames: &[EvaluatedFrame]) -> StreamResult {
-        if frames.iter().all(|frame| frame.found.is_none()) {
-            return StreamResult::NoImage;
-        }
-        // In a frame without labels, every box would count as wrong.
-        let labelled = || frames.iter().filter_map(|frame| Some((&frame.found, frame.truth.as_ref()?)));
-        let scored = labelled().map(|(found, truth)| (found.clone().unwrap_or_default(), truth.clone()));
-        let scored: Vec<ScoredFrame> = scored.collect();
-        if scored.is_empty() {
-            return StreamResult::NoLabels;
-        }
-        let classes = by_class(&scored, self.difficulty);
-        let Some(ap50) = mean_over_classes(&classes) else { return StreamResult::NoObject };
-        StreamResult::Scored(StreamScore {
-            ap50,
-            classes,
-            frames: scored.len(),
-            unanswered: labelled().filter(|(found, _)| found.is_none()).count(),
-            unlabelled: frames.len() - scored.len(),
-        })
+    /// Says for each camera with several scored streams which one finds the most.
+    pub fn verdicts(&self, results: &BTreeMap<&str, StreamResult>) -> Vec<String> {
+        let scored = |stream: &'_ String| match results.get_key_value(stream.as_str()) {
+            Some((stream, StreamResult::Scored(score))) => Some((*stream, score)),
+            _ => None,
+        };
+        let verdict =
+            |streams: &Vec<String>| scores::verdict(&streams.iter().filter_map(scored).collect::<Vec<_>>());
+        self.cameras.values().filter_map(verdict).collect()
     }
 
     /// Writes `STREAM.json` for each stream with one line for each frame:
-    /// `{"000000.png": [[x1, y1, x2, y2, score, "class"], ...], ...}`. Writes `scores.json` if there are scores; those of an earlier run do
-    /// not stay. `stopped` marks them as those of a part of the frames.
+    /// `{"000000.png": [[x1, y1, x2, y2, score, "class"], ...], ...}`, and `report.html` with `results` and the picture that
+    /// [`Recordings`] has made. Writes `scores.json` if there are scores; those of an earlier run do not stay. `stopped` marks them as those
+    /// of a part of the frames.
     ///
     /// # Errors
     /// [`FileError`] of the first file that cannot be written; the others are written.
-    pub fn write(&self, folder: &Path, stopped: bool) -> Result<(), FileError> {
+    pub fn write(
+        &self,
+        folder: &Path,
+        (results, pictured): (&BTreeMap<&str, StreamResult>, Option<u64>),
+        stopped: bool,
+    ) -> Result<(), FileError> {
         let mut files: Vec<_> =
             self.streams.iter().map(|(name, frames)| (format!("{name}.json"), boxes(frames))).collect();
-        let scores: BTreeMap<&str, Value> = self
-            .results()
-            .into_iter()
+        files.push((page::PAGE.to_owned(), page::page(self, pictured, results, stopped)));
+        let scores: BTreeMap<&str, Value> = results
+            .iter()
             .filter_map(|(stream, result)| match result {
-                StreamResult::Scored(score) => Some((stream, self.score_json(&score, stopped))),
+                StreamResult::Scored(score) => Some((*stream, score.json(self.difficulty))),
                 _ => None,
+            })
+            .map(|(stream, mut score)| {
+                if stopped {
+                    score["stopped"] = true.into();
+                }
+                (stream, score)
             })
             .collect();
         if scores.is_empty() {
@@ -207,18 +191,6 @@ impl Evaluation {
             std::fs::write(&path, text).map_err(|why| FileError::new(&path, why))
         };
         files.into_iter().map(write).fold(Ok(()), Result::and)
-    }
-
-    /// `{"ap50": f, "difficulty": "moderate", "frames": n, "classes": {"CLASS": {"ap50": f, "objects": n}}}`, with `"stopped": true` where the
-    /// run was stopped.
-    fn score_json(&self, score: &StreamScore, stopped: bool) -> Value {
-        let class = |(ap50, objects): &(f64, usize)| json!({ "ap50": ap50, "objects": objects });
-        let classes: BTreeMap<&String, Value> = score.classes.iter().map(|(k, v)| (k, class(v))).collect();
-        let mut value = json!({ "ap50": score.ap50, "difficulty": self.difficulty, "frames": score.frames, "classes": classes });
-        if stopped {
-            value["stopped"] = true.into();
-        }
-        value
     }
 }
 

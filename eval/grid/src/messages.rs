@@ -1,5 +1,6 @@
 //! What the nodes of a chain have sent in a step.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use modulo_core::Detection;
@@ -32,6 +33,16 @@ pub fn found(out: &[OnTopic], topic: &str) -> Option<Vec<Detection>> {
     arrays(out, topic)
         .map(|array| array.detections.iter().filter_map(|box_| box_.to_detection()).collect::<Vec<_>>())
         .reduce(|first, second| [first, second].concat())
+}
+
+/// The names of the classes that a detector says on `topic` that it knows.
+pub fn classes(out: &[OnTopic], topic: &str) -> Option<BTreeSet<String>> {
+    on(out, topic).find_map(|message| match message {
+        Message::LabelInfo(info) => {
+            Some(info.class_map.iter().map(|class| class.class_name.clone()).collect())
+        }
+        _ => None,
+    })
 }
 
 /// The value of `key` in the diagnostics on `topic`.

@@ -111,14 +111,7 @@ impl Scorer {
 
     /// The detections in the classes of the labels. Classes without a counterpart are dropped.
     pub(super) fn mapped_detections(&self, frames: &[FrameResult]) -> Found {
-        let mapped = |detection: &Detection| {
-            let class = self.map.mapped(&detection.class)?.to_owned();
-            Some(Detection { class, ..detection.clone() })
-        };
-        let of = |frame: &FrameResult| {
-            frame.found.iter().flat_map(|found| found.iter()).filter_map(mapped).collect()
-        };
-        frames.iter().map(of).collect()
+        frames.iter().map(|frame| self.map.all(frame.found.iter().flat_map(|found| found.iter()))).collect()
     }
 
     fn of_group(&self, found: &Found, group: &str, difficulty: Difficulty) -> Vec<ImageBoxes> {

@@ -30,6 +30,8 @@ pub struct DetectorStream {
     pub annotated: Option<String>,
     /// Topic of what the unwrapper says about each image, if one makes the images.
     pub recovery: Option<String>,
+    /// Topic of the classes that the detector knows, if it publishes them.
+    pub labels: Option<String>,
 }
 
 /// A camera with the detectors that read its images.
@@ -68,6 +70,7 @@ struct Ports {
     images_out: Vec<String>,
     boxes: Vec<String>,
     recovery: Option<String>,
+    labels: Option<String>,
     /// Whether the node selects its stream by trust.
     is_auto: bool,
     published: Vec<String>,
@@ -77,7 +80,7 @@ impl Ports {
     fn of((node, node_name): &(Box<dyn Node>, NodeName)) -> Result<Self, NameError> {
         let (inputs, outputs) =
             (addresses(node_name, &node.inputs())?, addresses(node_name, &node.outputs())?);
-        let topics = |of: &[modulo_runtime::Address], kind: MessageKind| {
+        let topics = |of: &[modulo_runtime::Address], kind: MessageKind| -> Vec<String> {
             of.iter().filter(|address| address.kind == kind).map(|address| address.topic.clone()).collect()
         };
         let recovery = node.outputs().iter().position(|topic| topic.name == RECOVERY_TOPIC);
@@ -88,6 +91,7 @@ impl Ports {
             images_out: topics(&outputs, MessageKind::Image),
             boxes: topics(&outputs, MessageKind::Detections),
             recovery: recovery.map(|place| outputs[place].topic.clone()),
+            labels: topics(&outputs, MessageKind::LabelInfo).pop(),
             is_auto: node.state().contains(&("input", "auto".to_owned())),
             published: outputs.iter().map(|address| address.topic.clone()).collect(),
         })
@@ -163,6 +167,7 @@ fn streams(nodes: &[Ports]) -> Result<Vec<(usize, DetectorStream)>, String> {
                 detections: detections.clone(),
                 annotated: node.images_out.get(place).cloned(),
                 recovery: maker.and_then(|maker| maker.recovery.clone()),
+                labels: node.labels.clone(),
             };
             streams.push((camera, &node.name, stream));
         }

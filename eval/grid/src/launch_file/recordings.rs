@@ -20,6 +20,10 @@ use crate::video::AnnotatedVideo;
 /// Why a file could not be written.
 type Fault = Box<dyn Error + Send + Sync>;
 
+/// Name of the picture of the frame in which the numbers of the boxes of the streams differ most: every stream with its boxes, in the order of the
+/// detectors, with a legend of the classes.
+pub const GRID: &str = "grid.png";
+
 /// The recordings of an evaluation.
 #[derive(Default)]
 pub struct Recordings {
@@ -27,9 +31,10 @@ pub struct Recordings {
     bag: Option<BagWriter>,
     /// The annotated images of all streams.
     video: Option<AnnotatedVideo>,
-    /// Whether images are saved: `FOLDER/STREAM/NUMBER.png`, and `FOLDER/grid.png` with the last frame of every stream and its boxes,
-    /// in two columns and in the order of the detectors, with a legend of the classes.
+    /// Whether the images that the detectors get are saved as `FOLDER/STREAM/NUMBER.png`.
     images: bool,
+    /// The frame in [`GRID`], and how much the numbers of the boxes of its streams differ.
+    pictured: Option<(u64, usize)>,
     /// The last picture of each stream, by the name of the stream.
     shown: BTreeMap<String, Shown>,
     /// The error of the first file that could not be written. Nothing is recorded after it.
@@ -58,16 +63,12 @@ impl Recordings {
             for stream in &camera.streams {
                 topics.push(stream.detections.clone());
                 topics.extend(self.images.then(|| stream.images.clone()));
-                topics.extend(stream.annotated.clone().filter(|_| self.shows()));
-                topics.extend(stream.recovery.clone().filter(|_| self.video.is_some()));
+                topics.extend(stream.annotated.clone());
+                topics.extend(stream.labels.clone());
+                topics.extend(stream.recovery.clone());
             }
         }
         topics
-    }
-
-    /// Whether annotated images are needed.
-    fn shows(&self) -> bool {
-        self.images || self.video.is_some()
     }
 
     /// Adds frame `number` of `camera`. With the last camera of a round, in which each one has sent a frame, the annotated images
@@ -99,19 +100,31 @@ impl Recordings {
                 save_png(&plan.folder.join(&stream.name).join(file_name(number)), &frame.frame)?;
             }
         }
-        if !self.shows() {
-            return Ok(());
-        }
         let shown = camera.streams.iter().map(|stream| (stream.name.clone(), Shown::of(stream, out)));
         self.shown.extend(shown);
-        let (true, Some(sheet)) = (ends_round, self.sheet(plan)) else { return Ok(()) };
-        if self.images {
+        if !ends_round {
+            return Ok(());
+        }
+        let spread = self.spread();
+        let is_largest = self.pictured.is_none_or(|(_, largest)| spread > largest);
+        if !is_largest && self.video.is_none() {
+            return Ok(());
+        }
+        let Some(sheet) = self.sheet(plan) else { return Ok(()) };
+        if is_largest {
             save_sheet(&plan.folder, &sheet)?;
+            self.pictured = Some((number, spread));
         }
         match (&mut self.video, out.first()) {
             (Some(video), Some((_, message))) => Ok(video.add(sheet, message.stamp().as_ns())?),
             _ => Ok(()),
         }
+    }
+
+    /// Returns how much the numbers of the boxes of the streams differ in the frames that are shown.
+    fn spread(&self) -> usize {
+        let boxes = || self.shown.values().map(|shown| shown.classes.len());
+        boxes().max().unwrap_or_default() - boxes().min().unwrap_or_default()
     }
 
     /// Notes that `camera` has sent its last frame.
@@ -133,6 +146,11 @@ impl Recordings {
         let pictures: Vec<_> = plan.streams().map(picture).collect();
         let classes = self.shown.values().flat_map(|shown| &shown.classes);
         sheet(&pictures, &distinct(classes.map(String::as_str)))
+    }
+
+    /// Returns the number of the frame in [`GRID`]; `None` where no detector draws its boxes.
+    pub fn pictured(&self) -> Option<u64> {
+        self.pictured.map(|(number, _)| number)
     }
 
     /// Completes the bag and the video.
@@ -159,12 +177,12 @@ impl Shown {
     }
 }
 
-/// Writes the annotated images of the last frames into `folder`.
+/// Writes the annotated images into `folder`.
 fn save_sheet(folder: &Path, sheet: &RgbImage) -> Result<(), Fault> {
     let size = (sheet.height() as usize, sheet.width() as usize, 3);
     let pixels = Array3::from_shape_vec(size, sheet.as_raw().clone()).expect("three samples a pixel");
     let frame = Frame::from_u8(pixels).expect("a sheet has three channels");
-    Ok(save_png(&folder.join("grid.png"), &frame)?)
+    Ok(save_png(&folder.join(GRID), &frame)?)
 }
 
 /// Returns the method that has unwrapped the image of this frame, and whether it trusts its result.

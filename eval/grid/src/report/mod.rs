@@ -1,7 +1,7 @@
 //! The report: one HTML page that needs no network, and the charts beside it. The script of the page only sorts tables.
 
 mod published;
-mod tables;
+pub(crate) mod tables;
 
 use std::path::{Path, PathBuf};
 
