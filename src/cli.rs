@@ -11,7 +11,12 @@ use crate::command::{bag, bench, demo, eval, graph, images, launch, model, param
 /// Simulate a modulo camera, unwrap its images to high dynamic range and detect objects in them, as ROS 2-compatible
 /// nodes
 #[derive(Parser)]
-#[command(name = "modulo", version, arg_required_else_help = true)]
+#[command(
+    name = "modulo",
+    version,
+    arg_required_else_help = true,
+    after_help = "As in ROS 2: modulo run, topic, node and param. For your shell: modulo completions."
+)]
 pub struct Cli {
     /// What to do.
     #[command(subcommand)]
@@ -25,28 +30,23 @@ pub enum Command {
     Demo(demo::Demo),
     /// Start the nodes of a ROS 2 launch file and supervise them
     Launch(launch::Launch),
-    /// Run one node: modulo_camera, unwrap or detector
-    #[command(disable_help_flag = true)]
-    Run(run::Run),
+    /// Show the streams, boxes and latencies of a running suite on a web page, with controls for its parameters
+    View(view::ViewCommand),
+    /// Evaluate a launch file, or a grid of settings over labelled frames: every frame once, none dropped
+    Eval(Box<eval::Eval>),
+    /// Simulate the sensor on image files, unwrap the result, and compare the methods
+    Simulate(images::Simulate),
+    /// Unwrap modulo images of your own
+    Unwrap(modulo_bench::recover::UnwrapRequest),
+    /// Measure the inference engines and the whole pipeline
+    #[command(subcommand)]
+    Bench(bench::Bench),
     /// Record, replay, describe, convert, import and repair bags
     #[command(subcommand)]
     Bag(bag::Bag),
-    /// Unwrap modulo images of your own
-    Unwrap(modulo_bench::recover::UnwrapRequest),
     /// Fetch official detection models, or check a model
     #[command(subcommand)]
     Model(model::Model),
-    /// Show the streams, boxes and latencies of a running suite on a web page, with controls for its parameters
-    View(view::ViewCommand),
-    /// List topics, print their messages and rates
-    #[command(subcommand)]
-    Topic(graph::TopicCommand),
-    /// List nodes, print their publishers, subscriptions and services
-    #[command(subcommand)]
-    Node(graph::NodeCommand),
-    /// Read and set parameters of running nodes
-    #[command(subcommand)]
-    Param(param::Param),
     /// Print the chosen inference engine, how to get a faster one, how nodes meet, and what to expect of a sensor
     Doctor {
         /// Parameter file of the camera that describes a chip and its lens, such as sensors/mosaic.yaml: also print up to which alpha
@@ -54,20 +54,20 @@ pub enum Command {
         #[arg(long, value_name = "FILE")]
         sensor: Option<PathBuf>,
     },
-    /// Evaluate a launch file, or a grid of settings over labelled frames: every frame once, none dropped
-    Eval(Box<eval::Eval>),
-    /// Simulate the sensor on image files, unwrap the result, and compare the methods
-    Simulate(images::Simulate),
-    /// Measure the inference engines and the whole pipeline
-    #[command(subcommand)]
-    Bench(bench::Bench),
-    /// Run every unwrapping method on scenes that are hard to unwrap, and write a report
-    Stability {
-        /// Folder for index.html, results.json and the pictures
-        #[arg(short, long, value_name = "FOLDER")]
-        out: PathBuf,
-    },
+    /// Run one node: modulo_camera, unwrap or detector
+    #[command(disable_help_flag = true, hide = true)]
+    Run(run::Run),
+    /// List topics, print their messages and rates
+    #[command(subcommand, hide = true)]
+    Topic(graph::TopicCommand),
+    /// List nodes, print their publishers, subscriptions and services
+    #[command(subcommand, hide = true)]
+    Node(graph::NodeCommand),
+    /// Read and set parameters of running nodes
+    #[command(subcommand, hide = true)]
+    Param(param::Param),
     /// Print a script that completes the command line in a shell
+    #[command(hide = true)]
     Completions {
         /// Shell, such as bash; `modulo completions bash > ~/.local/share/bash-completion/completions/modulo` installs
         /// it
@@ -86,8 +86,8 @@ pub fn parse() -> Cli {
         arguments.splice(0..1, ["modulo", "run", called].map(OsString::from));
     }
     // The long version replaces only the text of --version; -V stays one line.
-    let matches =
-        with_negative_numbers(Cli::command()).long_version(LONG_VERSION).get_matches_from(arguments);
+    let command = with_short_help(with_negative_numbers(Cli::command()));
+    let matches = command.long_version(LONG_VERSION).get_matches_from(arguments);
     Cli::from_arg_matches(&matches).unwrap_or_else(|why| why.exit())
 }
 
@@ -95,6 +95,67 @@ pub fn help_of(name: &str) -> String {
     let (mut command, called) = (Cli::command(), format!("modulo {name}"));
     let subcommand = command.find_subcommand_mut(name).expect("a command asks for its own help");
     subcommand.clone().bin_name(called).render_help().to_string()
+}
+
+/// The options that -h leaves to --help, since few commands need them.
+const RARE: [&str; 42] = [
+    "shot_noise",
+    "full_well_electrons",
+    "prnu",
+    "hot_pixels",
+    "psf",
+    "gain_ratio",
+    "headroom",
+    "transfer",
+    "black_level",
+    "optical_black",
+    "metering",
+    "metering_target",
+    "exposure_delay",
+    "exposure_step",
+    "white",
+    "black",
+    "knees",
+    "seed",
+    "repeats",
+    "threads",
+    "protocol",
+    "device",
+    "jobs",
+    "time_frames",
+    "class_map",
+    "groups",
+    "fresh",
+    "list",
+    "coco_images",
+    "bag",
+    "topics",
+    "verbose",
+    "deblur",
+    "token",
+    "address",
+    "foxglove",
+    "compression",
+    "max_file_size",
+    "max_file_duration",
+    "record",
+    "qos_profile_overrides_path",
+    "difficulty",
+];
+
+/// Gives each option with a text of several clauses the first one for -h, which then has one line for it. --help has all of the text.
+fn with_short_help(command: clap::Command) -> clap::Command {
+    let shorten = |argument: clap::Arg| {
+        let is_rare = RARE.contains(&argument.get_id().as_str());
+        let argument = argument.hide_short_help(is_rare);
+        let full = argument.get_help().map(ToString::to_string).unwrap_or_default();
+        let ends = [". ", "; ", ": ", ", ", " (", " ["].map(|mark| full.find(mark));
+        match ends.into_iter().flatten().min() {
+            Some(end) => argument.help(full[..end].to_owned()).long_help(full),
+            None => argument,
+        }
+    };
+    command.mut_args(shorten).mut_subcommands(with_short_help)
 }
 
 pub(crate) fn with_negative_numbers(command: clap::Command) -> clap::Command {

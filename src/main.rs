@@ -50,9 +50,15 @@ fn main() -> ExitCode {
     match command::dispatch(cli::parse()) {
         Ok(Ended::Done) => ExitCode::SUCCESS,
         Ok(Ended::WithLoss) => ExitCode::from(3),
-        Err(Failure::Run(why)) => fail(1, &why),
+        // A file that is not there is a wrong word of the command line, whichever part of the program has looked for it.
+        Err(Failure::Run(why)) => fail(if is_missing_file(&why) { 2 } else { 1 }, &why),
         Err(Failure::Usage(why)) => fail(2, &why),
     }
+}
+
+fn is_missing_file(why: &anyhow::Error) -> bool {
+    let mut causes = why.chain().filter_map(|cause| cause.downcast_ref::<std::io::Error>());
+    causes.any(|cause| cause.kind() == std::io::ErrorKind::NotFound)
 }
 
 fn fail(code: u8, why: &anyhow::Error) -> ExitCode {

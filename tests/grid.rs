@@ -486,7 +486,7 @@ fn a_missing_data_set_is_named_with_what_is_needed() {
         ("--coco @/coco.json", ["gone.png", "--coco-images"]),
         ("--coco @/nowhere.json", ["nowhere.json", "No such file"]),
     ] {
-        assert_has(&sets.eval(1, data, ""), &wanted);
+        assert_has(&sets.eval(2, data, ""), &wanted);
     }
 }
 

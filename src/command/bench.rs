@@ -1,4 +1,4 @@
-//! `modulo bench` and `modulo stability`.
+//! `modulo bench`.
 
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -36,6 +36,12 @@ pub enum Bench {
     /// Measure the accuracy, the time and the memory of the inference engines of this machine, and name the fastest one that loses less
     /// than 0.5 points of AP50
     Detector(DetectorBench),
+    /// Run every unwrapping method on scenes that are hard to unwrap, and write a report
+    Stability {
+        /// Folder for index.html, results.json and the pictures
+        #[arg(short, long, value_name = "FOLDER")]
+        out: PathBuf,
+    },
 }
 
 #[derive(Args)]
@@ -54,6 +60,7 @@ pub fn bench(command: &Bench) -> Result<Ended, Failure> {
     match command {
         Bench::Pipeline(request) => bench_pipeline(request),
         Bench::Detector(args) => bench_detector(args),
+        Bench::Stability { out } => bench_stability(out),
     }
 }
 
@@ -182,7 +189,7 @@ pub fn failure(why: BenchError) -> Failure {
     if of_command_line { usage(why) } else { why.into() }
 }
 
-pub fn stability(out: &Path) -> Result<Ended, Failure> {
+fn bench_stability(out: &Path) -> Result<Ended, Failure> {
     let bar = progress_bar(STEPS);
     let outcome = stability::run(out, |event| tell(&bar, event)).map_err(failure)?;
     bar.finish_and_clear();

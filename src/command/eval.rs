@@ -45,17 +45,17 @@ pub struct Eval {
     /// Folder for the results
     #[arg(short, long, value_name = "FOLDER", required = true)]
     pub out: Option<PathBuf>,
-    /// With FILE: write the messages on --topics into this new bag folder
+    /// New bag folder for the messages on --topics; with FILE
     #[arg(long, value_name = "FOLDER", requires_all = ["topics", "file"])]
     pub bag: Option<PathBuf>,
     /// Topics for --bag
     #[arg(long, value_name = "TOPIC", num_args = 1.., requires = "bag")]
     pub topics: Vec<String>,
-    /// With FILE: also write every image that a detector gets as PNG
+    /// Also write every image that a detector gets as PNG; with FILE
     #[arg(long, requires = "file")]
     pub images: bool,
-    /// With FILE: write the boxes of all detectors, with the method and the trust of each frame, into this video, such as out.mp4
-    /// (needs ffmpeg)
+    /// Write all streams with their boxes into this video, such as out.mp4, with the method and the trust of each frame; with FILE (needs
+    /// ffmpeg)
     #[arg(long, value_name = "VIDEO", requires = "file")]
     pub video: Option<PathBuf>,
     /// Also print what the nodes log, with one line for each frame

@@ -8,13 +8,12 @@ use std::time::Duration;
 use anyhow::anyhow;
 use clap::Args;
 use indicatif::ProgressBar;
-use modulo_bags::source::{FrameList, SourceError, is_endless};
+use modulo_bags::source::{FrameList, is_endless};
 use modulo_camera::CameraParameters;
 use modulo_eval::below_100;
 use modulo_eval::grid::{Data, GridError, GridEvent, GridOptions, Request, Suite, draw_pictures, run};
 use modulo_eval::results::{Cell, Provenance, Results};
 use modulo_eval::{report as page, store};
-use modulo_images::ImageError;
 use modulo_runtime::clock::utc;
 use modulo_runtime::sensor::options::CHIP;
 use modulo_runtime::{Clock, SystemClock};
@@ -221,15 +220,13 @@ fn data(args: &LabelledFrames, source: &[String]) -> Result<Data, Failure> {
 }
 
 pub fn failure(why: GridError) -> Failure {
-    // These come from the command line, and the others from files or from the run.
-    let of_command_line = match &why {
-        GridError::Request(_) | GridError::Parameter(_) | GridError::Detector(_) => true,
-        GridError::Source(why) => {
-            matches!(why, SourceError::Scene(_) | SourceError::Image(ImageError::Coding(..)))
+    // What the command line names; the others come from results or from the run.
+    match why {
+        GridError::Request(_) | GridError::Parameter(_) | GridError::Detector(_) | GridError::Source(_) => {
+            usage(why)
         }
-        _ => false,
-    };
-    if of_command_line { usage(why) } else { why.into() }
+        _ => why.into(),
+    }
 }
 
 fn print_cell(cell: &Cell) {

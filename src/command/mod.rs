@@ -61,7 +61,6 @@ pub fn dispatch(cli: Cli) -> Result<Ended, Failure> {
         Command::Simulate(args) => images::simulate(args),
         Command::Unwrap(request) => images::unwrap(&request),
         Command::Bench(command) => bench::bench(&command),
-        Command::Stability { out } => bench::stability(&out),
         Command::Param(args) => param::param(&args),
         Command::Topic(args) => graph::topic(&args),
         Command::Node(args) => graph::node(&args),

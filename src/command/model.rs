@@ -148,7 +148,7 @@ fn download(request: &FetchRequest<'_>) -> Result<Fetched, FetchError> {
 
 fn check(args: &ModelCheck) -> Result<Ended, Failure> {
     let options = EngineOptions { engine: args.engine, device: args.device, threads: 0 };
-    let info = describe(&args.file, options)?;
+    let info = describe(&args.file, options).map_err(usage)?;
     print_info(&args.file, &info);
     for speed in measure(&args.file, options, &SIZES, (RUNS, Duration::ZERO), &SystemClock::default())? {
         let ms = speed.median_ns() as f64 / 1e6;

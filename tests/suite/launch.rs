@@ -254,7 +254,7 @@ fn an_output_that_cannot_be_written_is_refused_before_the_run() {
         "eval --source scene://day?frames=4 --engine rten -o /proc/x",
         "eval launch/raw.launch.yaml -o OUT",
         "eval launch/raw.launch.yaml -o /proc/x",
-        "stability -o OUT",
+        "bench stability -o OUT",
     ] {
         let line = line.replace("RECOVERED", RECOVERED).replace("OUT", &out);
         let complaint = bench.says(2, &line);
