@@ -98,55 +98,17 @@ pub fn help_of(name: &str) -> String {
 }
 
 /// The options that -h leaves to --help, since few commands need them.
-const RARE: [&str; 42] = [
-    "shot_noise",
-    "full_well_electrons",
-    "prnu",
-    "hot_pixels",
-    "psf",
-    "gain_ratio",
-    "headroom",
-    "transfer",
-    "black_level",
-    "optical_black",
-    "metering",
-    "metering_target",
-    "exposure_delay",
-    "exposure_step",
-    "white",
-    "black",
-    "knees",
-    "seed",
-    "repeats",
-    "threads",
-    "protocol",
-    "device",
-    "jobs",
-    "time_frames",
-    "class_map",
-    "groups",
-    "fresh",
-    "list",
-    "coco_images",
-    "bag",
-    "topics",
-    "verbose",
-    "deblur",
-    "token",
-    "address",
-    "foxglove",
-    "compression",
-    "max_file_size",
-    "max_file_duration",
-    "record",
-    "qos_profile_overrides_path",
-    "difficulty",
-];
+const RARE: &str = "\
+    shot_noise full_well_electrons prnu hot_pixels psf gain_ratio headroom transfer black_level \
+    optical_black metering metering_target exposure_delay exposure_step white black knees seed repeats \
+    threads protocol device jobs time_frames class_map groups fresh list coco_images bag topics verbose \
+    deblur token address foxglove compression max_file_size max_file_duration record \
+    qos_profile_overrides_path difficulty";
 
 /// Gives each option with a text of several clauses the first one for -h, which then has one line for it. --help has all of the text.
 fn with_short_help(command: clap::Command) -> clap::Command {
     let shorten = |argument: clap::Arg| {
-        let is_rare = RARE.contains(&argument.get_id().as_str());
+        let is_rare = RARE.split(' ').any(|rare| rare == argument.get_id().as_str());
         let argument = argument.hide_short_help(is_rare);
         let full = argument.get_help().map(ToString::to_string).unwrap_or_default();
         let ends = [". ", "; ", ": ", ", ", " (", " ["].map(|mark| full.find(mark));

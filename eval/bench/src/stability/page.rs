@@ -24,7 +24,10 @@ pub fn html(report: &StabilityReport) -> String {
             section {
                 h2 { (family.title) }
                 p { (family.about) }
-                @for row in report.scenes.iter().filter(|row| row.scene.is_of(family)) { (article(row)) }
+                details {
+                    summary { "Pictures" }
+                    @for row in report.scenes.iter().filter(|row| row.scene.is_of(family)) { (article(row)) }
+                }
             }
         }
     };

@@ -1,7 +1,7 @@
 //! The report: one HTML page that needs no network, and the charts beside it. The script of the page only sorts tables.
 
-mod published;
 pub(crate) mod tables;
+mod verdict;
 
 use std::path::{Path, PathBuf};
 
@@ -24,9 +24,9 @@ pub fn page(results: &Results, charts: &[RenderedChart]) -> String {
             p.warning { (done) " of " (all) " cells are here: this is a part of the grid, or a run that was ended." }
         }
         @for warning in labels::busy(&results.cells) { p.warning { (warning) } }
+        @if let Some(verdict) = verdict::sentence(results) { p { strong { (verdict) } } }
         (tables::summary(results))
         (figures(charts))
-        (published::section(results))
         (tables::cells(results))
         (setup(results))
         script { (PreEscaped(include_str!("sort.js"))) }

@@ -108,10 +108,19 @@ fn by_alpha(cells: &[&Cell], figure_of: impl Fn(&Cell) -> Td) -> Markup {
     table(&head.concat(), &names.iter().map(row).collect::<Vec<_>>())
 }
 
+/// AP50 of a group, 0 to 1.
+pub fn group_of(cell: &Cell, group: &str) -> Option<f64> {
+    cell.ap50.get(group).copied().flatten()
+}
+
+/// The 95 % interval of the AP50 of a group.
+pub fn interval_of(cell: &Cell, group: &str) -> Option<[f64; 2]> {
+    cell.interval95.get(&format!("ap50.{group}")).copied()
+}
+
 fn ap50(cell: &Cell, group: &str) -> Td {
-    let value = cell.ap50.get(group).copied().flatten();
-    let interval = cell.interval95.get(&format!("ap50.{group}"));
-    let interval = interval.map(|bounds| {
+    let value = group_of(cell, group);
+    let interval = interval_of(cell, group).map(|bounds| {
         let [low, high] = bounds.map(|bound| number(100.0 * bound, 1));
         format!(" ({low} to {high})")
     });
