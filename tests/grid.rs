@@ -121,8 +121,7 @@ fn remove_times(cell: &mut Value) {
 }
 
 /// A grid of two alphas, small enough for every cell to be over in a moment.
-const GRID: &str =
-    "eval --source scene://day?seed=3&frames=4&width=320&height=128 --engine rten --alpha 2,4 -o";
+const GRID: &str = "eval --source scene://day?seed=3&frames=4&width=320&height=128 --engine rten --alpha 2,4 --time-frames 20 -o";
 
 fn whole(bench: &Bench) -> PathBuf {
     bench.says(0, &format!("{GRID} @/whole"));
@@ -182,7 +181,7 @@ fn a_killed_run_goes_on_where_it_stopped() {
 fn shot_noise_is_an_axis_that_a_later_run_can_extend() {
     let bench = Bench::new();
     let out = bench.path("out");
-    let streams = "--stream modulo,recovered --method auto --deblur off --time-frames 0 --alpha 4";
+    let streams = "--stream modulo,recovered --method auto --deblur off --alpha 4";
     let eval = |noises: &str| bench.says(0, &format!("{CELL} {streams} --shot-noise {noises}"));
     assert!(!eval("0").contains("finished already"));
     assert_has(&eval("0,2"), &["2 cells are finished already"]);
@@ -209,7 +208,7 @@ fn shot_noise_is_an_axis_that_a_later_run_can_extend() {
 fn a_grid_extended_by_other_lenses_keeps_the_old_cells() {
     let bench = Bench::new();
     let out = bench.path("out");
-    let grid = "--alpha 4 --time-frames 0 --stream ideal,saturated,recovered --method auto --deblur off --read-noise 2";
+    let grid = "--alpha 4 --stream ideal,saturated,recovered --method auto --deblur off --read-noise 2";
     let eval = |lenses: &str| bench.says(0, &format!("{CELL} {grid} --psf-sigma {lenses}"));
     eval("1.4,0.8");
     let cells = || cells(&out);
@@ -236,7 +235,7 @@ fn a_grid_extended_by_other_lenses_keeps_the_old_cells() {
 #[test]
 fn a_grid_without_a_cell_is_refused_and_empty_combinations_are_named() {
     let bench = Bench::new();
-    let eval = |code, more: &str| bench.says(code, &format!("{CELL} --time-frames 0 --alpha 2 {more}"));
+    let eval = |code, more: &str| bench.says(code, &format!("{CELL} --alpha 2 {more}"));
     for (options, named) in [
         ("--gains checkerboard --stream modulo", "--stream modulo --gains checkerboard"),
         (
@@ -260,7 +259,7 @@ fn a_grid_without_a_cell_is_refused_and_empty_combinations_are_named() {
 #[test]
 fn two_gains_are_exact_without_a_lens() {
     let bench = Bench::new();
-    let sensor = "--alpha 4 --psf-sigma 0 --gains none,checkerboard --time-frames 0";
+    let sensor = "--alpha 4 --psf-sigma 0 --gains none,checkerboard";
     bench.says(0, &format!("{CELL} {sensor} --stream ideal,saturated,modulo,recovered --method auto,spud"));
     let cells = cells(&bench.path("out"));
     let words = |cell: &Value| {
@@ -278,7 +277,7 @@ fn two_gains_are_exact_without_a_lens() {
 #[test]
 fn a_mosaic_is_exact_behind_a_lens() {
     let bench = Bench::new();
-    let sensor = "--alpha 2 --psf-sigma 1.4 --mosaic none,grbg --deblur off --time-frames 0";
+    let sensor = "--alpha 2 --psf-sigma 1.4 --mosaic none,grbg --deblur off";
     let streams = "--stream ideal,recovered,multi_exposure --method auto,spud_as_published";
     bench.says(0, &format!("{CELL} {sensor} {streams}"));
     let cells = cells(&bench.path("out"));
@@ -308,7 +307,7 @@ fn a_raw_mosaic_is_not_sensed_through_a_perfect_lens() {
     for (name, text) in [("a.txt", "0 0.5 0.5 0.2 0.2\n"), ("classes.txt", "car\n")] {
         std::fs::write(folder.join(name), text).expect("written");
     }
-    let sensor = "--alpha 4 --psf-sigma 0 --mosaic rggb --optical-black 32 --stream recovered --method auto --time-frames 0";
+    let sensor = "--alpha 4 --psf-sigma 0 --mosaic rggb --optical-black 32 --stream recovered --method auto";
     bench.says(0, &format!("eval --yolo @/raw --engine rten -o @/out {sensor}"));
     let cell = &cells(&bench.path("out"))[0];
     assert_eq!([&cell["exact_frames"], &cell["trusted"]], [1.0, 1.0], "{cell}");

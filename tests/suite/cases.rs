@@ -39,9 +39,7 @@ impl Case {
 
     /// Runs `modulo eval` with labels on images as they are, and returns the number of scored objects.
     fn scored(&self, labels: &str, code: i32, message: &[&str]) -> u64 {
-        let line = format!(
-            "eval {labels} --stream ideal --alpha 1 --psf-sigma 0 --time-frames 0 --engine rten -o %/scored"
-        );
+        let line = format!("eval {labels} --stream ideal --alpha 1 --psf-sigma 0 --engine rten -o %/scored");
         self.run(&line, code, message);
         let results = self.bench.json("scored/results.json");
         let objects = results["cells"][0]["objects"].as_object().expect("objects by group");
@@ -104,7 +102,7 @@ cases! {
     };
     coco_other_size: |case| {
         let labels = "--coco @/ann.json --coco-images @/images";
-        let line = "--stream ideal --alpha 1 --psf-sigma 0 --time-frames 0 --engine rten -o %/scored";
+        let line = "--stream ideal --alpha 1 --psf-sigma 0 --engine rten -o %/scored";
         case.run(&format!("eval {labels} {line}"), 3, &["2 frames", "a.png", "320 x 192", "160 x 96"]);
     };
     file_zstd: |case| {

@@ -42,7 +42,7 @@ fn a_sensor_file_describes_the_sensor_everywhere() {
     bench.says(0, &format!("simulate @/images/000000.png {sensor} -o @/out"));
     let row = &bench.json("out/results.json")[0];
     assert_eq!((&row["gains"], &row["psf_sigma"]), (&"checkerboard".into(), &0.0.into()), "{row}");
-    let grid = "eval --source scene://day?frames=1&width=320&height=192 --stream recovered --engine rten --time-frames 0";
+    let grid = "eval --source scene://day?frames=1&width=320&height=192 --stream recovered --engine rten";
     bench.says(0, &format!("{grid} {sensor} -o @/grid"));
     let cell = &bench.json("grid/results.json")["cells"][0];
     let words = ["gains", "mosaic"].map(|name| cell[name].as_str().expect("a word"));

@@ -73,8 +73,8 @@ pub struct GridOptions {
     #[arg(long, default_value_t = 0, value_parser = RangedU64ValueParser::<usize>::new().range(..=64))]
     pub threads: usize,
     /// Number of frames on which the times of each cell are measured, after all cells are scored; the first frames of the data,
-    /// all of them again where there are fewer. 0: no times
-    #[arg(long, value_name = "N", default_value_t = 20)]
+    /// all of them again where there are fewer. 0: no times, and no chart of accuracy against time
+    #[arg(long, value_name = "N", default_value_t = 0)]
     pub time_frames: usize,
     /// Number of frames that are scored in parallel. 0: one for each core
     #[arg(long, default_value_t = 0, value_parser = RangedU64ValueParser::<usize>::new().range(..=1024))]
