@@ -175,6 +175,18 @@ impl Report {
             _ => self.offset.map(OffsetEvidence::name),
         }
     }
+
+    /// Returns why the method does not vouch for the counts, for tables and messages; `None` if it vouches for them or makes no claim.
+    pub fn reason(&self) -> Option<&'static str> {
+        match self.trust {
+            Trust::Unknown | Trust::Trusted => None,
+            Trust::Relative => Some("the absolute level is unknown: no dark reference"),
+            Trust::Untrusted if self.is_over_budget => Some(
+                "the wrap counts contradict each other, and the work limit ended the search for better ones",
+            ),
+            Trust::Untrusted => Some("the wrap counts contradict each other"),
+        }
+    }
 }
 
 /// Whether a method vouches for the wrap counts that it found.
@@ -421,4 +433,22 @@ where
     }
     let (index, &value) = y.iter().enumerate().find(|(_, value)| wrong(value)).expect("one was counted");
     Err(UnwrapError::Code { at: position_of(index, dim), value: value.into(), most, bits: range.bits() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Report, Trust};
+
+    #[test]
+    fn only_a_claim_that_is_refused_has_a_reason() {
+        let reason = |trust, is_over_budget| Report { trust, is_over_budget, ..Report::default() }.reason();
+        assert_eq!(reason(Trust::Unknown, false), None);
+        assert_eq!(reason(Trust::Trusted, false), None);
+        assert_eq!(reason(Trust::Relative, false), Some("the absolute level is unknown: no dark reference"));
+        assert_eq!(reason(Trust::Untrusted, false), Some("the wrap counts contradict each other"));
+        assert!(
+            reason(Trust::Untrusted, true)
+                .is_some_and(|why| why.ends_with("the work limit ended the search for better ones"))
+        );
+    }
 }
