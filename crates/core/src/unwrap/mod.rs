@@ -182,9 +182,9 @@ impl Report {
             Trust::Unknown | Trust::Trusted => None,
             Trust::Relative => Some("the absolute level is unknown: no dark reference"),
             Trust::Untrusted if self.is_over_budget => Some(
-                "the wrap counts contradict each other, and the work limit ended the search for better ones",
+                "the wrap counts contradict each other, or edges may hide wraps; the work limit ended the search for better ones",
             ),
-            Trust::Untrusted => Some("the wrap counts contradict each other"),
+            Trust::Untrusted => Some("the wrap counts contradict each other, or edges may hide wraps"),
         }
     }
 }
@@ -445,7 +445,10 @@ mod tests {
         assert_eq!(reason(Trust::Unknown, false), None);
         assert_eq!(reason(Trust::Trusted, false), None);
         assert_eq!(reason(Trust::Relative, false), Some("the absolute level is unknown: no dark reference"));
-        assert_eq!(reason(Trust::Untrusted, false), Some("the wrap counts contradict each other"));
+        assert_eq!(
+            reason(Trust::Untrusted, false),
+            Some("the wrap counts contradict each other, or edges may hide wraps")
+        );
         assert!(
             reason(Trust::Untrusted, true)
                 .is_some_and(|why| why.ends_with("the work limit ended the search for better ones"))
