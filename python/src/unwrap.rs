@@ -58,12 +58,14 @@ pub fn unwrap<'py>(
         Ok((recovered, confidence))
     })?;
     let Recovered { x, k, report, .. } = recovered;
+    let confidence = confidence.map(|frame| frame_to_numpy(py, frame, true));
+    Ok((to_numpy(py, x, is_flat), to_numpy(py, k, is_flat), fields(&report, confidence)))
+}
+
+fn fields<'py>(report: &modulo_core::unwrap::Report, confidence: Option<Bound<'py, PyAny>>) -> Report<'py> {
     let quality = report.quality.map(|quality| {
         let QualityMetrics { residues, steep, clamped, jumps, defects } = quality;
         (residues, steep, clamped, jumps, defects)
     });
-    let confidence = confidence.map(|frame| frame_to_numpy(py, frame, true));
-    let report =
-        (report.method, report.trust.claim(), report.reason(), report.offset_evidence(), quality, confidence);
-    Ok((to_numpy(py, x, is_flat), to_numpy(py, k, is_flat), report))
+    (report.method, report.trust.claim(), report.reason(), report.offset_evidence(), quality, confidence)
 }
