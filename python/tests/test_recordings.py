@@ -92,6 +92,16 @@ def test_results_can_be_pickled() -> None:
     assert np.array_equal(again.radiance, result.radiance) and again.report == result.report
 
 
+def test_a_report_has_a_reason_where_a_claim_is_refused() -> None:
+    sensor, ramp = modulo.Sensor(), np.tile(np.linspace(0, 1, 96, dtype=np.float32), (64, 1))
+    noise = np.random.default_rng(1).random((64, 96), dtype=np.float32)
+    reports = sensor.unwrap(sensor.expose(np.stack([ramp, 0.3 * ramp, noise]), channel_axis=None).modulo, channel_axis=None).reports
+    assert [report.trusted for report in reports] == [True, False, False]
+    reasons = [None, "the absolute level is unknown: no dark reference", "the wrap counts contradict each other, or edges may hide wraps"]
+    assert [report.reason for report in reports] == reasons
+    assert sensor.unwrap(ramp.astype(np.uint8), "spud").report.reason is None
+
+
 def test_resets_of_a_real_sensor_are_counted_from_their_low_bits(spikes: Path) -> None:
     """A pixel of a spike camera resets at each photon count that fills it: the low bits of the number of resets are a modulo image."""
     resets = np.load(spikes)["spk"].sum(axis=0, dtype=np.uint8)

@@ -36,29 +36,10 @@ from numpy.typing import NDArray
 from modulo_camera import _batch, _core
 
 __all__ = [
-    "METHODS",
-    "AveragePrecision",
-    "Benchmark",
-    "Codes",
-    "Detection",
-    "Exposure",
-    "Frame",
-    "GroundTruth",
-    "Image",
-    "Quality",
-    "Report",
-    "Scene",
-    "Sensor",
-    "Stability",
-    "Unwrapped",
-    "__version__",
-    "average_precision",
-    "benchmark",
-    "detect",
-    "read_bag",
-    "read_source",
-    "stability",
-]
+    "METHODS", "AveragePrecision", "Benchmark", "Codes", "Detection", "Exposure", "Frame", "GroundTruth",
+    "Image", "Quality", "Report", "Scene", "Sensor", "Stability", "Unwrapped", "__version__",
+    "average_precision", "benchmark", "detect", "read_bag", "read_source", "stability",
+]  # fmt: skip
 
 __version__: str = _core.__version__
 
