@@ -12,7 +12,7 @@ DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
 # The Python package is read from its source. Its compiled part is replaced by a stand-in, so that nothing is compiled.
 sys.path.insert(0, str(ROOT / "python/package"))
-autodoc_mock_imports = ["modulo._core"]
+autodoc_mock_imports = ["modulo_camera._core"]
 
 project = "modulo"
 author = "The developers of modulo"

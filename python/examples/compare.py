@@ -1,4 +1,4 @@
-"""Prints the time and the accuracy of `modulo.unwrap` beside numpy, scipy and scikit-image as a table in Markdown.
+"""Prints the time and the accuracy of `Sensor.unwrap` beside numpy, scipy and scikit-image as a table in Markdown.
 
     pip install "./python[examples]"
     python python/examples/compare.py                       # eight rendered frames of 1242 x 375
@@ -24,7 +24,7 @@ import peers
 
 import numpy as np
 
-import modulo
+import modulo_camera as modulo
 
 Method = Callable[[peers.Array], peers.Array]
 
@@ -39,7 +39,7 @@ def milliseconds(call: Callable[[], object]) -> float:
 
 
 def own(method: str, alpha: float) -> Method:
-    return lambda y: modulo.unwrap(y, 8, alpha, method).k
+    return lambda codes: modulo.Sensor(8, alpha).unwrap(codes, method).counts
 
 
 def measure(name: str, method: Method, frames: list[modulo.Exposure], repeats: int, alpha: float) -> str:
@@ -47,9 +47,9 @@ def measure(name: str, method: Method, frames: list[modulo.Exposure], repeats: i
     times, exact = [], 0.0
     for frame in frames:
         found = method(frame.modulo)
-        if not name.startswith("`modulo"):
-            found = peers.counts(found, frame.modulo, 8, alpha, frame.wraps)
-        exact += float(np.mean(found == frame.wraps)) / len(frames)
+        if not name.startswith("`Sensor"):
+            found = peers.counts(found, frame.modulo, 8, alpha, frame.counts)
+        exact += float(np.mean(found == frame.counts)) / len(frames)
         times += [milliseconds(lambda: method(frame.modulo)) for _ in range(repeats)]
     spread = statistics.quantiles(times, n=20)
     return f"| {name} | {statistics.median(times):.1f} | {spread[0]:.1f} to {spread[-1]:.1f} | {100 * exact:.3f} |"
@@ -91,9 +91,9 @@ def main() -> None:
     radiance = itertools.chain.from_iterable(modulo.read_source(source) for source in sources)
     sensor = modulo.Sensor(8, options.alpha, options.psf_sigma, headroom=options.headroom)
     frames = [sensor.expose(frame.image) for frame in itertools.islice(radiance, options.frames)]
-    methods: dict[str, Method] = {f"`modulo.unwrap`, `{name}`": own(name, options.alpha) for name in modulo.METHODS}
-    methods["SPUD in numpy and scipy"] = lambda y: peers.spud(y, 8)
-    methods["scikit-image `unwrap_phase`"] = lambda y: peers.unwrap_phases(y, 8)
+    methods: dict[str, Method] = {f"`Sensor.unwrap`, `{name}`": own(name, options.alpha) for name in modulo.METHODS}
+    methods["SPUD in numpy and scipy"] = lambda codes: peers.spud(codes, 8)
+    methods["scikit-image `unwrap_phase`"] = lambda codes: peers.unwrap_phases(codes, 8)
     print(f"{len(frames)} frames, {options.repeats} calls each, one thread, {platform.machine()}, "
           f"8 bits, alpha {options.alpha:g}, lens of {options.psf_sigma:g} px\n")  # fmt: skip
     print("| | median, ms | 5 % to 95 %, ms | exact k, % |\n|---|---|---|---|")

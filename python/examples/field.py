@@ -19,7 +19,7 @@ from peers.adapters import ADAPTERS
 
 import numpy as np
 
-import modulo
+import modulo_camera as modulo
 
 RENDERED = [f"scene://{name}?seed={seed}&frames=1" for name, seeds in
             (("day", (1, 2)), ("tunnel", (1, 2, 3)), ("glare", (1, 2, 3)), ("night", (1, 2))) for seed in seeds]  # fmt: skip

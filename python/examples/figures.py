@@ -23,7 +23,7 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from numpy.typing import NDArray
 
-import modulo
+import modulo_camera as modulo
 
 ALPHAS = (2.0, 3.0, 4.0)
 
@@ -59,12 +59,13 @@ def show(axes: Axes, image: NDArray[np.uint8], title: str, objects: list[modulo.
 def streams(file: Path) -> None:
     """The README's figure, with the labels: modulo and recovered above, saturated and ideal below."""
     scene = next(modulo.read_source("scene://glare?seed=4&frames=1"))
-    exposure = modulo.Sensor(8, 4, psf_sigma=1).expose(scene.image)
-    x, k, report = modulo.unwrap(exposure.modulo, 8, 4)
-    exact = 100 * np.mean(k == exposure.wraps)
+    sensor = modulo.Sensor(8, 4, psf_sigma=1)
+    exposure = sensor.expose(scene.image)
+    radiance, counts, (report,) = sensor.unwrap(exposure.modulo)
+    exact = 100 * np.mean(counts == exposure.counts)
     panels: list[tuple[str, NDArray[np.uint8]]] = [
         ("modulo: wraps at the peak", exposure.modulo.astype(np.uint8)),
-        (f"recovered by {report.method}: {exact:.4g} % of the wrap counts are exact", modulo.tone_map(x, 8, 4)),
+        (f"recovered by {report.method}: {exact:.4g} % of the wrap counts are exact", sensor.tone_map(radiance)),
         ("saturated: clipped at the peak", exposure.saturated.astype(np.uint8)),
         ("ideal: the whole range", exposure.ideal),
     ]
@@ -81,15 +82,15 @@ def streams(file: Path) -> None:
     figure.savefig(file)
 
 
-def measured(method: str, exposures: list[modulo.Exposure], alpha: float) -> tuple[float, float]:
+def measured(method: str, exposures: list[modulo.Exposure], sensor: modulo.Sensor) -> tuple[float, float]:
     """The median time of a call in ms, and the share of wrong counts in percent."""
     times, wrong = [], []
     for exposure in exposures:
         for _ in range(3):
             start = time.perf_counter()
-            k = modulo.unwrap(exposure.modulo, 8, alpha, method).k
+            counts = sensor.unwrap(exposure.modulo, method).counts
             times.append(1e3 * (time.perf_counter() - start))
-        wrong.append(100 * float(np.mean(k != exposure.wraps)))
+        wrong.append(100 * float(np.mean(counts != exposure.counts)))
     return statistics.median(times), statistics.mean(wrong)
 
 
@@ -102,7 +103,7 @@ def frontier(file: Path) -> None:
         points = []
         for alpha in ALPHAS:
             sensor = modulo.Sensor(8, alpha, psf_sigma=0.5, read_noise=1)
-            time_ms, wrong = measured(method, [sensor.expose(scene) for scene in scenes], alpha)
+            time_ms, wrong = measured(method, [sensor.expose(scene) for scene in scenes], sensor)
             points.append((time_ms, max(wrong, NO_ERROR)))
         times, heights = zip(*points, strict=True)
         axes.plot(times, heights, color=colour, marker=marker, markersize=6, linewidth=1, label=method, clip_on=False)

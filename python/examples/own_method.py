@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 from skimage.restoration import unwrap_phase
 
-import modulo
+import modulo_camera as modulo
 
 
-def rows(y: Any, bits: int, alpha: float) -> Any:
-    return np.unwrap(y.astype(float), axis=1, period=2**bits)
+def rows(codes: Any, bits: int, alpha: float) -> Any:
+    return np.unwrap(codes.astype(float), axis=1, period=2**bits)
 
 
-def scikit_image(y: Any, bits: int, alpha: float) -> Any:
+def scikit_image(codes: Any, bits: int, alpha: float) -> Any:
     turn = 2**bits / (2 * np.pi)
-    return np.stack([turn * (unwrap_phase(y[..., c] / turn - np.pi) + np.pi) for c in range(y.shape[-1])], axis=-1)
+    return np.stack([turn * (unwrap_phase(codes[..., c] / turn - np.pi) + np.pi) for c in range(codes.shape[-1])], axis=-1)
 
 
 sensors = [modulo.Sensor(8, alpha, psf_sigma) for alpha in (2, 4) for psf_sigma in (0, 1)]

@@ -83,6 +83,17 @@ impl<'py> Image<'py> {
     }
 }
 
+/// Returns a copy of the array `given` of the argument `name`, an image of 8 bits.
+///
+/// # Errors
+/// Those of [`Image::new`], and `ValueError` for other samples.
+pub fn eight_bits(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Array3<u8>> {
+    match Image::new(name, given)?.pixels.view() {
+        View::U8(pixels) => Ok(pixels.to_owned()),
+        View::U16(_) | View::F32(_) => Err(value_error(format!("{name} is no image of uint8; use tone_map"))),
+    }
+}
+
 impl<'py> Pixels<'py> {
     fn new(name: &str, array: &Bound<'py, PyUntypedArray>, dim: [usize; 3]) -> PyResult<Self> {
         // `require` makes a plain array in order and aligned, and copies only what is not; `reshape` after it copies nothing.

@@ -1,7 +1,8 @@
-//! The module `modulo._core`: the sensor, the unwrapping and the scores of the suite on numpy arrays.
+//! The module `modulo_camera._core`: the sensor, the unwrapping, the detector and the scores of the suite on numpy arrays.
 //!
-//! This crate converts arrays, parameters and results. The crates of the suite compute, while Python runs other threads. The package `modulo`, in `package/modulo`, gives these functions their types and documents them.
+//! This crate converts arrays, parameters and results. The crates of the suite compute, while Python runs other threads. The package `modulo_camera`, in `package/modulo_camera`, gives these functions their types and documents them.
 
+mod detector;
 mod image;
 mod parameters;
 mod picture;
@@ -16,6 +17,8 @@ use pyo3::prelude::*;
 /// The module that Python imports.
 #[pymodule]
 mod _core {
+    #[pymodule_export]
+    use super::detector::Network;
     #[pymodule_export]
     use super::parameters::declared;
     #[pymodule_export]

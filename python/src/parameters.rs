@@ -1,6 +1,7 @@
 //! The parameters of the nodes as arguments of the functions: the declarations of the nodes give names, ranges and messages.
 
 use modulo_camera::CameraParameters;
+use modulo_detector::DetectorParameters;
 use modulo_runtime::{Descriptor, ParameterError, ParameterSet as _, Parameters, SensorModel, Value};
 use modulo_unwrap::UnwrapParameters;
 use pyo3::IntoPyObjectExt as _;
@@ -9,8 +10,8 @@ use pyo3::types::PyDict;
 
 use crate::image::value_error;
 
-/// Returns the declarations of the nodes `modulo_camera` and `unwrap`. What both have is declared as in the camera: in Python there
-/// is no sensor description that a value could be taken from. An array may be no image of a camera, and smaller than its black
+/// Returns the declarations of the nodes `modulo_camera`, `unwrap` and `detector`. What several have is declared as in the first: in Python
+/// there is no sensor description that a value could be taken from. An array may be no image of a camera, and smaller than its black
 /// columns: without a lens and such columns, nothing is assumed of it.
 fn descriptors() -> Vec<Descriptor> {
     let mut all = CameraParameters::descriptors();
@@ -19,8 +20,11 @@ fn descriptors() -> Vec<Descriptor> {
             .filter(|other| other.name == declared.name)
             .for_each(|other| other.default = value.clone());
     }
-    let names: Vec<_> = all.iter().map(|descriptor| descriptor.name).collect();
-    all.extend(UnwrapParameters::descriptors().into_iter().filter(|other| !names.contains(&other.name)));
+    for other in UnwrapParameters::descriptors().into_iter().chain(DetectorParameters::descriptors()) {
+        if all.iter().all(|known| known.name != other.name) {
+            all.push(other);
+        }
+    }
     all
 }
 

@@ -9,11 +9,11 @@ use pyo3::types::PyDict;
 use crate::image::{Image, View, frame_to_numpy, value_error};
 use crate::parameters::parse;
 
-/// Returns the image of 8 bits of the radiance `x`, deblurred on request.
+/// Returns the image of 8 bits of the radiance, deblurred on request.
 #[pyfunction]
 pub fn picture<'py>(
     py: Python<'py>,
-    x: &Bound<'py, PyAny>,
+    radiance: &Bound<'py, PyAny>,
     parameters: &Bound<'py, PyDict>,
     deblur: bool,
 ) -> PyResult<Bound<'py, PyAny>> {
@@ -21,14 +21,14 @@ pub fn picture<'py>(
     let sensor = SensorModel::from(&parameters);
     let range = sensor.range().map_err(value_error)?;
     let lens = deblur.then(|| sensor.psf());
-    let (x, is_flat) = radiance(x)?;
+    let (x, is_flat) = floats(radiance)?;
     let frame = py.detach(|| shown(&x, &sensor, lens.map(Deblur::new), range)).map_err(value_error)?;
     Ok(frame_to_numpy(py, frame, is_flat))
 }
 
-/// Returns the argument `x` as floats, and whether it has no axis of channels.
-fn radiance(x: &Bound<'_, PyAny>) -> PyResult<(Array3<f32>, bool)> {
-    let Image { pixels, is_flat } = Image::new("x", x)?;
+/// Returns the argument `radiance` as floats, and whether it has no axis of channels.
+fn floats(radiance: &Bound<'_, PyAny>) -> PyResult<(Array3<f32>, bool)> {
+    let Image { pixels, is_flat } = Image::new("radiance", radiance)?;
     let x = match pixels.view() {
         View::F32(x) => x.to_owned(),
         codes => codes.to_frame().map_err(value_error)?.to_f32(),

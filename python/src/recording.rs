@@ -21,11 +21,11 @@ type Object = (f32, f32, f32, f32, String, f32, i32);
 type Frame<'py> = (Bound<'py, PyAny>, String, Option<u64>, String, &'static str, Option<Vec<Object>>);
 
 /// The images of one topic of a bag, as they were recorded.
-#[pyclass(frozen, module = "modulo._core")]
+#[pyclass(frozen, module = "modulo_camera._core")]
 pub struct Bag(Mutex<BagSource>);
 
 /// The radiance of the frames of a source of the camera.
-#[pyclass(frozen, module = "modulo._core")]
+#[pyclass(frozen, module = "modulo_camera._core")]
 pub struct Source(Mutex<Box<dyn source::Source>>);
 
 #[pymethods]

@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 use crate::image::value_error;
 
 /// The edges of a box, its score and its class.
-type Found = (f32, f32, f32, f32, f32, String);
+pub type Found = (f32, f32, f32, f32, f32, String);
 
 /// The edges of a box, its class, and its truncation and occlusion.
 type Object = (f32, f32, f32, f32, String, f32, i32);

@@ -13,7 +13,7 @@ use crate::image::{Image, View, frame_to_numpy, to_numpy, value_error};
 use crate::parameters::parse;
 
 /// A simulated modulo sensor.
-#[pyclass(frozen, module = "modulo._core")]
+#[pyclass(frozen, module = "modulo_camera._core")]
 pub struct Sensor {
     sensor: modulo_core::Sensor,
     auto_exposure: Mutex<AutoExposure>,

@@ -4,21 +4,12 @@ use modulo_bench::stability::{self, Case};
 use modulo_core::{Exposure, metric};
 use pyo3::prelude::*;
 
-use crate::image::{Image, View, frame_to_numpy, to_numpy, value_error};
+use crate::image::{eight_bits, frame_to_numpy, to_numpy, value_error};
 
 /// Returns the mean structural similarity of two images of `uint8`; `None` for those that are smaller than its window.
 #[pyfunction]
 pub fn ssim(py: Python<'_>, left: &Bound<'_, PyAny>, right: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
-    let [left, right] = [("left", left), ("right", right)].map(|(name, given)| {
-        let image = Image::new(name, given)?;
-        match image.pixels.view() {
-            View::U8(pixels) => Ok(pixels.to_owned()),
-            View::U16(_) | View::F32(_) => {
-                Err(value_error(format!("{name} is no image of uint8; use tone_map")))
-            }
-        }
-    });
-    let (left, right) = (left?, right?);
+    let (left, right) = (eight_bits("left", left)?, eight_bits("right", right)?);
     py.detach(|| metric::ssim(&left, &right)).map_err(value_error)
 }
 

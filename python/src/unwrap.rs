@@ -13,15 +13,22 @@ use crate::parameters::parse;
 /// Residues, steep, clamped, jumps and defects.
 type Quality = (f32, f32, f32, f32, f32);
 
-/// The method used, whether it trusts its result, the evidence for the offset, the quality metrics, and the confidence image.
-type Report<'py> =
-    (&'static str, Option<bool>, Option<&'static str>, Option<Quality>, Option<Bound<'py, PyAny>>);
+/// The method used, whether it trusts its result, the reason why not, the evidence for the offset, the quality metrics, and the confidence
+/// image.
+type Report<'py> = (
+    &'static str,
+    Option<bool>,
+    Option<&'static str>,
+    Option<&'static str>,
+    Option<Quality>,
+    Option<Bound<'py, PyAny>>,
+);
 
 /// Returns the radiance, the wrap counts, and the report of the method.
 #[pyfunction]
 pub fn unwrap<'py>(
     py: Python<'py>,
-    y: &Bound<'py, PyAny>,
+    codes: &Bound<'py, PyAny>,
     parameters: &Bound<'py, PyDict>,
     confidence: bool,
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Report<'py>)> {
@@ -39,7 +46,7 @@ pub fn unwrap<'py>(
     if sensor.psf() != Psf::None {
         method.expect_edges(sensor.sharpness());
     }
-    let Image { pixels, is_flat } = Image::new("y", y)?;
+    let Image { pixels, is_flat } = Image::new("codes", codes)?;
     let mut frame = pixels.view().to_frame().map_err(value_error)?;
     if let Some(mosaic) = mosaic {
         frame = frame.with_mosaic(mosaic).map_err(value_error)?;
@@ -51,11 +58,14 @@ pub fn unwrap<'py>(
         Ok((recovered, confidence))
     })?;
     let Recovered { x, k, report, .. } = recovered;
+    let confidence = confidence.map(|frame| frame_to_numpy(py, frame, true));
+    Ok((to_numpy(py, x, is_flat), to_numpy(py, k, is_flat), fields(&report, confidence)))
+}
+
+fn fields<'py>(report: &modulo_core::unwrap::Report, confidence: Option<Bound<'py, PyAny>>) -> Report<'py> {
     let quality = report.quality.map(|quality| {
         let QualityMetrics { residues, steep, clamped, jumps, defects } = quality;
         (residues, steep, clamped, jumps, defects)
     });
-    let confidence = confidence.map(|frame| frame_to_numpy(py, frame, true));
-    let report = (report.method, report.trust.claim(), report.offset_evidence(), quality, confidence);
-    Ok((to_numpy(py, x, is_flat), to_numpy(py, k, is_flat), report))
+    (report.method, report.trust.claim(), report.reason(), report.offset_evidence(), quality, confidence)
 }

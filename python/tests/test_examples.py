@@ -45,7 +45,7 @@ def test_ten_lines_of_a_stranger_give_a_table_and_files(
 
 def test_the_document_shows_the_example() -> None:
     code = (EXAMPLES / "own_method.py").read_text().split('"""', 2)[2].strip()
-    plain = code.replace("y: Any, bits: int, alpha: float) -> Any:", "y, bits, alpha):").replace("from typing import Any\n\n", "")
+    plain = code.replace("codes: Any, bits: int, alpha: float) -> Any:", "codes, bits, alpha):").replace("from typing import Any\n\n", "")
     shown = (ROOT / "docs/how-to/own-method.md").read_text()
     assert plain.replace("\n\n\n", "\n\n") in shown.replace("\n\n\n", "\n\n")
 
@@ -72,7 +72,7 @@ def test_a_constant_is_found_without_the_true_counts(packages: None) -> None:
 def test_each_adapter_without_a_package_of_its_own_recovers_a_ramp(packages: None) -> None:
     from peers.adapters import ADAPTERS
 
-    import modulo
+    import modulo_camera as modulo
 
     ramp = np.tile(np.linspace(0, 1, 128, dtype=np.float32)[None, :, None], (32, 1, 3))
     exposure = modulo.Sensor(8, 4).expose(ramp)
@@ -80,6 +80,25 @@ def test_each_adapter_without_a_package_of_its_own_recovers_a_ramp(packages: Non
     for name, (adapter, module) in ADAPTERS.items():
         if importlib.util.find_spec(module) is not None and module in ("numpy", "scipy", "skimage"):
             x, k = adapter(exposure.modulo, 8, 4.0)
-            assert (k == exposure.wraps).mean() > 0.99 and x.shape == k.shape == exposure.modulo.shape, name
+            assert (k == exposure.counts).mean() > 0.99 and x.shape == k.shape == exposure.modulo.shape, name
             tried += 1
     assert tried == 3
+
+
+def test_a_physics_of_deepinverse_undoes_its_wraps() -> None:
+    for name in ("torch", "deepinv"):
+        if importlib.util.find_spec(name) is None:
+            pytest.skip(f"{name} is not installed; python/examples/deepinv_physics.py says how to install it")
+    import torch
+
+    import modulo_camera as modulo
+
+    example = runpy.run_path(str(EXAMPLES / "deepinv_physics.py"), run_name="example")
+    ramp = torch.linspace(0, 0.99, 128).expand(2, 3, 32, 128)
+    physics = example["ModuloCamera"](modulo.Sensor(8, 4))
+    codes = physics(ramp)
+    assert codes.shape == ramp.shape and codes.max() == 255
+    found = physics.A_dagger(codes)
+    # Half a code of 0.97 * 4 * 256, and the same codes again.
+    assert (found - ramp).abs().max() < 0.51 / (0.97 * 1024)
+    assert torch.equal(physics(found), codes)

@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-import modulo
+import modulo_camera as modulo
 
 AnyArray = NDArray[Any]
 
@@ -137,13 +137,9 @@ SENSOR = options(
     "full_well_electrons", "prnu", "hot_pixels", "headroom", "transfer", "optical_black",
     "black_level", "white", "black", "knees",
 )  # fmt: skip
-UNWRAP = options(
-    "bits", "alpha", "method", "threads", "mosaic", "gains", "gain_ratio", "optical_black", "tau", "threshold_on",
-    "trust_lines", "black_level",
-    "confidence",
-)  # fmt: skip
-TONE = options("bits", "alpha", "mosaic", "headroom", "transfer")
-DEBLUR = options("bits", "alpha", "psf_sigma", "psf", "mosaic", "headroom", "transfer")
+UNWRAP = options("method", "confidence")
+OPTIONS = options("threads", "tau", "threshold_on", "trust_lines")
+AXES = st.sampled_from([-1, -1, -1, None, 0, 1, -3, 9])
 
 
 def answered(call: Callable[[], Any]) -> Any:
@@ -156,27 +152,30 @@ def answered(call: Callable[[], Any]) -> Any:
 
 
 @settings(max_examples=1000, deadline=None, suppress_health_check=list(HealthCheck))
-@given(array=arrays(), sensor=SENSOR, unwrap=UNWRAP, tone=TONE, blur=DEBLUR)
+@given(array=arrays(), given=SENSOR, unwrap=UNWRAP, options=OPTIONS, axis=AXES)
 def test_each_array_gets_an_answer_or_a_value_error(
-    array: AnyArray, sensor: dict[str, Any], unwrap: dict[str, Any], tone: dict[str, Any], blur: dict[str, Any]
+    array: AnyArray, given: dict[str, Any], unwrap: dict[str, Any], options: dict[str, Any], axis: int | None
 ) -> None:
-    exposure = answered(lambda: modulo.Sensor(**sensor).expose(array))
+    sensor = answered(lambda: modulo.Sensor(**given))
+    if sensor is None:
+        return
+    exposure = answered(lambda: sensor.expose(array, channel_axis=axis))
+    shape, is_mosaic = array.shape, given.get("mosaic", "none") != "none"
     if exposure is not None:
-        shape = array.shape[:2] if sensor.get("mosaic", "none") != "none" else array.shape
-        assert all(image.shape == shape for image in exposure)
-    if exposure is not None and exposure.modulo.ndim == array.ndim:
+        seen = shape if not is_mosaic or axis is None or array.ndim == 2 else tuple(np.delete(shape, axis))
+        assert all(image.shape == seen for image in exposure)
         # An array that is an image is one for the other functions, too.
-        result = answered(lambda: modulo.unwrap(exposure.modulo, **unwrap))
-        assert result is None or result.x.shape == result.k.shape == exposure.modulo.shape
-    result = answered(lambda: modulo.unwrap(array, **unwrap))
+        result = answered(lambda: sensor.unwrap(exposure.modulo, **unwrap, options=options, channel_axis=axis))
+        assert result is None or result.radiance.shape == result.counts.shape == seen
+    result = answered(lambda: sensor.unwrap(array, **unwrap, options=options, channel_axis=axis))
     if result is not None:
-        assert result.x.shape == result.k.shape == array.shape
-        assert unwrap.get("gains", "none") != "none" or np.array_equal(
-            result.x, np.asarray(array) + np.float32(2.0 ** unwrap.get("bits", 8)) * result.k
+        assert result.radiance.shape == result.counts.shape == shape
+        assert given.get("gains", "none") != "none" or np.array_equal(
+            result.radiance, np.asarray(array) + np.float32(2.0 ** given.get("bits", 8)) * result.counts
         )
-    for function, arguments in [(modulo.tone_map, tone), (modulo.deblur, blur)]:
-        image = answered(lambda: function(array, **arguments))
-        assert image is None or (image.dtype, image.shape[:2]) == (np.uint8, array.shape[:2])
+    for function in (sensor.tone_map, sensor.deblur):
+        image = answered(lambda: function(array, channel_axis=axis))
+        assert image is None or (image.dtype == np.uint8 and image.size == array.size * (3 if is_mosaic else 1))
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
@@ -193,9 +192,9 @@ def test_the_layout_does_not_matter(shape: tuple[int, ...], dtype: str, layout: 
         return
     for image, other in zip(sensor.expose(array), sensor.expose(plain), strict=True):
         assert np.array_equal(image, other)
-    assert np.array_equal(modulo.tone_map(array), modulo.tone_map(plain))
+    assert np.array_equal(sensor.tone_map(array), sensor.tone_map(plain))
     if dtype != "f4":
-        assert np.array_equal(modulo.unwrap(array).x, modulo.unwrap(plain).x)
+        assert np.array_equal(sensor.unwrap(array).radiance, sensor.unwrap(plain).radiance)
 
 
 def test_what_is_not_possible_is_named_with_its_remedy() -> None:
@@ -203,18 +202,19 @@ def test_what_is_not_possible_is_named_with_its_remedy() -> None:
     image[1, 2] = np.nan
     calls: list[tuple[Callable[[], object], str]] = [
         (lambda: modulo.Sensor().expose(image), "radiance at (row 1, column 2, channel 0) is NaN"),
-        (lambda: modulo.unwrap(np.zeros((4, 6), "f4")), "integers of 8 or 16 bits are needed"),
-        (lambda: modulo.unwrap(np.full((4, 6), 256, "u2")), "is 256, 0 to 255 is possible with 8 bits"),
-        (lambda: modulo.unwrap(np.zeros((4, 6), "i8")), "samples of type int64, uint8, uint16 or float32"),
-        (lambda: modulo.unwrap(np.zeros((4, 6, 2), "u1")), "image has 2 channels"),
-        (lambda: modulo.unwrap(np.zeros((0, 6), "u1")), "image of 0 x 6 pixels is empty"),
-        (lambda: modulo.unwrap(np.zeros(6, "u1")), "has 1 dimensions"),
-        (lambda: modulo.unwrap(np.zeros((4, 6), "u1"), gains="checkerboard", gain_ratio=0.5), "at most 0.25 (1 / alpha)"),
-        (lambda: modulo.tone_map(np.zeros((4, 6, 3), "f4"), mosaic="rggb"), "cannot be a colour mosaic"),
+        (lambda: modulo.Sensor().unwrap(np.zeros((4, 6), "f4")), "integers of 8 or 16 bits are needed"),
+        (lambda: modulo.Sensor().unwrap(np.full((4, 6), 256, "u2")), "is 256, 0 to 255 is possible with 8 bits"),
+        (lambda: modulo.Sensor().unwrap(np.zeros((4, 6), "i8")), "samples of type int64, uint8, uint16 or float32"),
+        (lambda: modulo.Sensor().unwrap(np.zeros((4, 6, 2), "u1")), "codes has 2 channels along axis -1"),
+        (lambda: modulo.Sensor().unwrap(np.zeros((0, 6), "u1")), "image of 0 x 6 pixels is empty"),
+        (lambda: modulo.Sensor().unwrap(np.zeros(6, "u1")), "has 1 dimensions"),
+        (lambda: modulo.Sensor(gains="checkerboard", gain_ratio=0.5), "at most 0.25 (1 / alpha)"),
+        (lambda: modulo.Sensor(mosaic="rggb").tone_map(np.zeros((4, 1), "f4")), "cannot be a colour mosaic"),
         (lambda: modulo.Sensor().expose(np.full((4, 6), 4095, "u2")), "give the code of full scale as white"),
         (lambda: modulo.Sensor(bits="eight"), "parameter 'bits' = 'eight'"),  # type: ignore[arg-type]
         (lambda: modulo.Sensor(seed=2**64), "parameter 'seed'"),
         (lambda: modulo.Sensor(psf=None), "parameter 'psf' = None"),  # type: ignore[arg-type]
+        (lambda: modulo.Sensor().unwrap(np.zeros((4, 6), "u1"), options={"Tau": 1}), "'Tau', possible are threads, tau"),
         (lambda: modulo.average_precision([], [], "simple"), "possible are easy, moderate, hard, all"),
         (lambda: modulo.read_bag("no such bag"), "no such bag"),
         (lambda: modulo.read_source("scene://dusk"), "dusk"),
@@ -224,7 +224,7 @@ def test_what_is_not_possible_is_named_with_its_remedy() -> None:
             call()
         assert text in str(raised.value)
     with pytest.raises(TypeError, match="numpy array is needed"):
-        modulo.unwrap([[0, 1]])  # type: ignore[arg-type]
+        modulo.Sensor().unwrap([[0, 1]])  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("shape", [(1 << 20, 1 << 20, 3), (1 << 40, 1 << 20), ((1 << 27) + 1, 1), (2, 1 << 61, 1)])
@@ -233,8 +233,8 @@ def test_a_huge_array_is_refused_before_it_is_copied(shape: tuple[int, ...]) -> 
         array = np.broadcast_to(np.uint8(0), shape)
     except ValueError:
         pytest.skip("numpy itself has no array of this size")
-    calls: list[Callable[[AnyArray], object]] = [modulo.Sensor().expose, modulo.unwrap, modulo.tone_map, modulo.deblur]
-    for call in calls:
+    sensor = modulo.Sensor()
+    for call in (sensor.expose, sensor.unwrap, sensor.tone_map, sensor.deblur):
         with pytest.raises(ValueError, match="cut it into tiles"):
             call(array)
 
@@ -250,11 +250,11 @@ def test_ten_thousand_calls_leave_no_memory() -> None:
     box = modulo.Detection(0, 0, 30, 30, 0.5, "car")
 
     def round() -> None:
-        y = modulo.Sensor(psf_sigma=1, read_noise=1).expose(radiance[::-1]).modulo
-        x = modulo.unwrap(y, confidence=True).x
-        modulo.tone_map(x)
-        modulo.deblur(x, psf_sigma=0.5)
-        answered(lambda: modulo.unwrap(x))  # type: ignore[arg-type]
+        sensor = modulo.Sensor(psf_sigma=1, read_noise=1)
+        found = sensor.unwrap(sensor.expose(radiance[::-1]).modulo, confidence=True).radiance
+        sensor.tone_map(found)
+        sensor.deblur(found)
+        answered(lambda: sensor.unwrap(found))  # type: ignore[arg-type]
         modulo.average_precision([[box]], [[modulo.GroundTruth(0, 0, 30, 30, "car")]])
         next(modulo.read_source("scene://day?frames=1&width=32&height=24"))
 
@@ -268,8 +268,9 @@ def test_ten_thousand_calls_leave_no_memory() -> None:
 
 
 def test_other_threads_run_while_an_image_is_unwrapped() -> None:
-    y = modulo.Sensor().expose(np.random.default_rng(1).random((2400, 2400), dtype=np.float32)).modulo
-    worker = threading.Thread(target=modulo.unwrap, args=(y, 8, 4, "spud"))
+    sensor = modulo.Sensor()
+    codes = sensor.expose(np.random.default_rng(1).random((2400, 2400), dtype=np.float32)).modulo
+    worker = threading.Thread(target=sensor.unwrap, args=(codes, "spud"))
     worker.start()
     ticks = 0
     while worker.is_alive():
@@ -282,13 +283,14 @@ def test_other_threads_run_while_an_image_is_unwrapped() -> None:
 def test_another_thread_may_write_the_array_during_a_call() -> None:
     radiance = np.random.default_rng(1).random((400, 600, 3), dtype=np.float32)
     sensor = modulo.Sensor(psf_sigma=1)
-    y = sensor.expose(radiance).modulo
+    codes = sensor.expose(radiance).modulo
+    found = sensor.unwrap(codes).radiance
     calls: list[tuple[Callable[[AnyArray], AnyArray], AnyArray]] = [
         (lambda array: sensor.expose(array).modulo, radiance),
         (lambda array: modulo.Sensor(white=2).expose(array).modulo, radiance),
-        (lambda array: modulo.unwrap(array).x, y),
-        (modulo.tone_map, modulo.unwrap(y).x),
-        (lambda array: modulo.deblur(array, psf_sigma=1), modulo.unwrap(y).x),
+        (lambda array: sensor.unwrap(array).radiance, codes),
+        (sensor.tone_map, found),
+        (sensor.deblur, found),
     ]
     # The writer runs as soon as the call releases the lock of Python, and not before.
     interval = sys.getswitchinterval()
@@ -316,7 +318,8 @@ def test_another_thread_may_write_the_array_during_a_call() -> None:
 
 
 def test_the_number_of_threads_does_not_matter() -> None:
-    y = modulo.Sensor().expose(np.random.default_rng(1).random((90, 80, 3), dtype=np.float32)).modulo
+    sensor = modulo.Sensor()
+    codes = sensor.expose(np.random.default_rng(1).random((90, 80, 3), dtype=np.float32)).modulo
     for method in modulo.METHODS:
-        one, three = (modulo.unwrap(y, method=method, threads=threads) for threads in (1, 3))
-        assert np.array_equal(one.k, three.k)
+        one, three = (sensor.unwrap(codes, method, options={"threads": threads}) for threads in (1, 3))
+        assert np.array_equal(one.counts, three.counts)

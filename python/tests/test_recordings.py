@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import modulo
+import modulo_camera as modulo
 
 ROOT = Path(__file__).parents[2]
 
@@ -87,15 +87,25 @@ def test_boxes_and_scores_that_are_not_possible_are_named() -> None:
 
 
 def test_results_can_be_pickled() -> None:
-    result = modulo.unwrap(np.zeros((4, 6), dtype=np.uint8))
+    result = modulo.Sensor().unwrap(np.zeros((4, 6), dtype=np.uint8))
     again = pickle.loads(pickle.dumps(result))
-    assert np.array_equal(again.x, result.x) and again.report == result.report
+    assert np.array_equal(again.radiance, result.radiance) and again.report == result.report
+
+
+def test_a_report_has_a_reason_where_a_claim_is_refused() -> None:
+    sensor, ramp = modulo.Sensor(), np.tile(np.linspace(0, 1, 96, dtype=np.float32), (64, 1))
+    noise = np.random.default_rng(1).random((64, 96), dtype=np.float32)
+    reports = sensor.unwrap(sensor.expose(np.stack([ramp, 0.3 * ramp, noise]), channel_axis=None).modulo, channel_axis=None).reports
+    assert [report.trusted for report in reports] == [True, False, False]
+    reasons = [None, "the absolute level is unknown: no dark reference", "the wrap counts contradict each other"]
+    assert [report.reason for report in reports] == reasons
+    assert sensor.unwrap(ramp.astype(np.uint8), "spud").report.reason is None
 
 
 def test_resets_of_a_real_sensor_are_counted_from_their_low_bits(spikes: Path) -> None:
     """A pixel of a spike camera resets at each photon count that fills it: the low bits of the number of resets are a modulo image."""
     resets = np.load(spikes)["spk"].sum(axis=0, dtype=np.uint8)
     for bits, alpha, least in [(3, 4.0, 0.997), (4, 2.0, 0.999)]:
-        _, wraps, report = modulo.unwrap(resets % (1 << bits), bits=bits, alpha=alpha)
-        assert (wraps == resets >> bits).mean() >= least, bits
+        _, counts, (report,) = modulo.Sensor(bits, alpha).unwrap(resets % (1 << bits))
+        assert (counts == resets >> bits).mean() >= least, bits
         assert not report.trusted, "with so few bits, nothing shows a wrong count"

@@ -7,8 +7,8 @@ binary names and nothing else of this machine, `modulo launch recovered.launch.y
 must end well in each, in a folder that has neither launch files nor sensors. A command that has not ended after LIMIT seconds gets Ctrl-C,
 and `modulo param` has a running suite beside it.
 Lines with placeholders in capitals, live cameras, ROS 2, other programs, or models and videos that are not there are skipped, and printed
-with the reason. The wheel is installed into an empty environment, and must unwrap an array. Prints the seconds of each, from nothing to
-the first box or the first array. Needs root; without it the roots are not entered, and their checks are skipped.
+with the reason. The wheel is installed into an empty environment, must unwrap an array, and its program must run the same lines. Prints the
+seconds of each, from nothing to the first box or the first array. Needs root; without it the roots are not entered, and their checks are skipped.
 """
 
 import os
@@ -27,9 +27,10 @@ LIMIT = 30
 README = Path(__file__).resolve().parents[2] / "README.md"
 ENVIRONMENT = {"PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "HOME": "/home", "ROS_DOMAIN_ID": "97"}
 ARRAY = """
-import numpy as np, modulo
-y, *_, wraps = modulo.Sensor(bits=8, alpha=4).expose(np.tile(np.linspace(0, 1, 640, dtype=np.float32), (480, 1)))
-assert (modulo.unwrap(y, bits=8, alpha=4).k == wraps).all()
+import numpy as np, modulo_camera as modulo
+sensor = modulo.Sensor(bits=8, alpha=4)
+exposure = sensor.expose(np.tile(np.linspace(0, 1, 640, dtype=np.float32), (480, 1)))
+assert (sensor.unwrap(exposure.modulo).counts == exposure.counts).all()
 """
 
 
@@ -56,13 +57,17 @@ def add_libraries(root, binary):
                 shutil.copy(word, place)
 
 
+def begin(command, **options):
+    """Starts a command whose outputs are read."""
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **options)
+
+
 def start(root, *command):
     """Starts a command in the root folder `root`."""
     for folder in ("tmp", "dev", "proc", "home"):
         (root / folder).mkdir(parents=True, exist_ok=True)
     script = 'mount -t proc proc "$0/proc" && mount --rbind /dev "$0/dev" && exec chroot "$0" "$@"'
-    command = ["unshare", "--mount", "sh", "-c", script, str(root), *command]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=ENVIRONMENT)
+    return begin(["unshare", "--mount", "sh", "-c", script, str(root), *command], env=ENVIRONMENT)
 
 
 def commands():
@@ -99,17 +104,13 @@ def result(program, limit):
     return program.returncode, text
 
 
-def readme(root, binary):
-    """Runs each command of README.md in `root`."""
-    # A download needs the names of the network.
-    (root / "etc").mkdir(exist_ok=True)
-    for name in ("resolv.conf", "hosts"):
-        shutil.copy(f"/etc/{name}", root / "etc")
+def readme(root, modulo):
+    """Runs each command of README.md with files in `root` by the program that `modulo` starts."""
     for words in commands():
         line, why = shlex.join(words), why_skipped(words, root)
         if why is None:
-            suite = start(root, binary, "launch", "recovered", "rate:=2", "loop:=true") if words[1] == "param" else None
-            code, text = result(start(root, binary, *words[1:]), LIMIT)
+            suite = modulo("launch", "recovered", "rate:=2", "loop:=true") if words[1] == "param" else None
+            code, text = result(modulo(*words[1:]), LIMIT)
             if suite is not None:
                 result(suite, 0)
             why = "there is no network" if code == 1 and "cannot reach http" in text else None
@@ -120,37 +121,41 @@ def readme(root, binary):
 def main_job(root, binary, launch):
     """Runs the main job in `root`, and then README.md; returns the seconds until the first boxes."""
     job = [binary, "launch", launch, f"source:=scene://tunnel?seed=3&frames={FRAMES}", "--verbose"]
-    begin, first, lines = time.monotonic(), None, []
+    began, first, lines = time.monotonic(), None, []
     with start(root, *job) as suite:
         for line in suite.stdout:
             lines.append(line)
             if first is None and " boxes: " in line:
-                first = time.monotonic() - begin
+                first = time.monotonic() - began
     assert suite.returncode == 0, "".join(lines)
     assert any(line.startswith(f"frames {FRAMES},") for line in lines), "".join(lines)
-    readme(root, binary)
+    # A download needs the names of the network.
+    (root / "etc").mkdir(exist_ok=True)
+    for name in ("resolv.conf", "hosts"):
+        shutil.copy(f"/etc/{name}", root / "etc")
+    readme(root, lambda *words: start(root, binary, *words))
     return first
 
 
 def tarball(folder, root):
     """Unpacks the tarball in the root folder `root`; returns the seconds until the first box."""
-    begin = time.monotonic()
+    began = time.monotonic()
     run("tar", "-xzf", only(folder, ".tar.gz"), "-C", root)
     (top,) = root.iterdir()
-    unpacked = time.monotonic() - begin
+    unpacked = time.monotonic() - began
     add_libraries(root, top / "lib/modulo/modulo")
     return unpacked + main_job(root, f"/{top.name}/bin/modulo", "recovered.launch.yaml")
 
 
 def package(folder, root):
     """Installs the Debian package in `root`; returns the seconds until the first box."""
-    begin = time.monotonic()
+    began = time.monotonic()
     (root / "var/lib/dpkg/updates").mkdir(parents=True)
     (root / "var/lib/dpkg/info").mkdir()
     (root / "var/lib/dpkg/status").touch()
     # The packages that it depends on are not in this root, but their libraries are.
     run("dpkg", f"--root={root}", "--force-depends", "-i", only(folder, ".deb"))
-    installed = time.monotonic() - begin
+    installed = time.monotonic() - began
     assert run("dpkg-deb", "-f", only(folder, ".deb"), "Depends").startswith("libc6"), "the dependencies are found"
     add_libraries(root, root / "usr/lib/modulo/modulo")
     return installed + main_job(root, "/usr/bin/modulo", "recovered.launch.yaml")
@@ -161,10 +166,13 @@ def wheel(folder, root):
     found = only(folder, ".whl")
     assert "-abi3-manylinux" in found.name, found.name
     run(sys.executable, "-m", "venv", root)
-    begin = time.monotonic()
+    began = time.monotonic()
     run(root / "bin/pip", "install", "--quiet", found, cwd=root)
     run(root / "bin/python", "-c", ARRAY, cwd=root)
-    return time.monotonic() - begin
+    seconds = time.monotonic() - began
+    environment = {**ENVIRONMENT, "PATH": f"{root}/bin:{ENVIRONMENT['PATH']}", "HOME": str(root)}
+    readme(root, lambda *words: begin(["modulo", *words], cwd=root, env=environment))
+    return seconds
 
 
 def main():

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use modulo_core::Detection;
+use modulo_core::{Detection, Frame};
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_msgs::vision_msgs::{Detection2D, Detection2DArray, LabelInfo, VisionInfo};
@@ -219,6 +219,17 @@ impl Detector {
             version: 1,
             labels_due: true,
         })
+    }
+
+    /// Finds the objects in a picture of 8 bits, grey or red, green and blue, without messages: the best one first.
+    ///
+    /// # Errors
+    /// A text for a picture that is too large, or on which the model does not run.
+    pub fn find(&mut self, picture: &Frame) -> Result<Vec<Detection>, String> {
+        let Self { loaded: Loaded { settings, engine, .. }, pre, .. } = self;
+        let letterbox = pre.fill(picture, 255.0, settings.input_size)?;
+        let rows = engine.engine.run(pre.tensor().expect("it was filled")).map_err(|why| why.to_string())?;
+        Ok(detections(&rows, &letterbox, settings))
     }
 
     /// Takes the parameters with another model, if there is one, and the class `map` that they name.

@@ -17,19 +17,19 @@ from skimage.restoration import unwrap_phase
 Array = NDArray[Any]
 
 
-def spud(y: Array, bits: int, tau: float = 0.1) -> Array:
+def spud(codes: Array, bits: int, tau: float = 0.1) -> Array:
     """Returns phi (H x W x C, up to a constant) of SPUD: a Poisson equation of the wrapped differences, solved by cosine
     transforms in single precision, without the coefficients below `tau` peaks."""
     peak = np.float32(2**bits)
-    codes = np.moveaxis(y, -1, 0).astype(np.float32)
-    along, across = (np.mod(np.diff(codes, axis=axis) + peak / 2, peak) - peak / 2 for axis in (2, 1))
-    rho = np.zeros_like(codes)
+    planes = np.moveaxis(codes, -1, 0).astype(np.float32)
+    along, across = (np.mod(np.diff(planes, axis=axis) + peak / 2, peak) - peak / 2 for axis in (2, 1))
+    rho = np.zeros_like(planes)
     rho[:, :, :-1] -= along
     rho[:, :, 1:] += along
     rho[:, :-1] -= across
     rho[:, 1:] += across
     spectrum = dctn(rho, axes=(1, 2), norm="ortho", overwrite_x=True)
-    rows, columns = (np.cos(np.pi * np.arange(side) / side, dtype=np.float32) for side in codes.shape[1:])
+    rows, columns = (np.cos(np.pi * np.arange(side) / side, dtype=np.float32) for side in planes.shape[1:])
     eigenvalues = 2 * (2 - rows[:, None] - columns)
     eigenvalues[0, 0] = np.inf
     spectrum /= eigenvalues
@@ -37,20 +37,20 @@ def spud(y: Array, bits: int, tau: float = 0.1) -> Array:
     return np.moveaxis(idctn(spectrum, axes=(1, 2), norm="ortho", overwrite_x=True), 0, -1)
 
 
-def unwrap_phases(y: Array, bits: int) -> Array:
+def unwrap_phases(codes: Array, bits: int) -> Array:
     """Returns phi (H x W x C, up to a multiple of the peak) of scikit-image's `unwrap_phase`, channel by channel."""
     scale = 2**bits / (2 * np.pi)
-    phases = y / np.float32(scale) - np.float32(np.pi)
-    return np.stack([scale * unwrap_phase(phases[..., channel]) for channel in range(y.shape[-1])], axis=-1)
+    phases = codes / np.float32(scale) - np.float32(np.pi)
+    return np.stack([scale * unwrap_phase(phases[..., channel]) for channel in range(codes.shape[-1])], axis=-1)
 
 
-def counts(phi: Array, y: Array, bits: int, alpha: float, truth: Array) -> Array:
+def counts(phi: Array, codes: Array, bits: int, alpha: float, truth: Array) -> Array:
     """Returns the wrap counts of phi, in each channel with the constant that serves it best.
 
     Its fraction of a peak is that which leaves the residual smallest, its whole part comes from the true counts. `modulo` finds both
     by itself.
     """
-    turns = (phi - y) / 2.0**bits
+    turns = (phi - codes) / 2.0**bits
     turns -= np.angle(np.mean(np.exp(2j * np.pi * turns), axis=(0, 1))) / (2 * np.pi)
     found = np.rint(turns).astype(np.int64)
     for channel in range(found.shape[-1]):

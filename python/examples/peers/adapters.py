@@ -1,4 +1,4 @@
-"""Methods of others as `modulo.benchmark` takes them: `f(y, bits, alpha)` returns the radiance and the wrap counts.
+"""Methods of others as `modulo.benchmark` takes them: `f(codes, bits, alpha)` returns the radiance and the wrap counts.
 
 Nothing of them is copied: each adapter imports its package, which the user installs (peers/requirements.txt has the versions of
 docs/research/peers.md), and converts codes to what the package wants. All of them return phi up to a constant for each channel. `located` chooses the
@@ -21,13 +21,13 @@ Counted = tuple[Array, Array]
 Adapter = Callable[[Array, int, float], Counted]
 
 
-def located(phi: Array, y: Array, bits: int, alpha: float) -> Counted:
+def located(phi: Array, codes: Array, bits: int, alpha: float) -> Counted:
     """Returns x and k of phi, which is known up to a constant for each channel.
 
     The fraction of the constant is that which leaves the residual smallest. Its whole part takes the most samples into the range 0 to
     ceil(alpha) - 1 of k, the smallest such part if there are several. x is phi with this constant.
     """
-    turns = (phi - y) / 2.0**bits
+    turns = (phi - codes) / 2.0**bits
     fraction = np.angle(np.mean(np.exp(2j * np.pi * turns), axis=(0, 1))) / (2 * np.pi)
     counts = np.rint(turns - fraction).astype(np.int64)
     span = math.ceil(alpha)
@@ -44,50 +44,50 @@ def located(phi: Array, y: Array, bits: int, alpha: float) -> Counted:
     return x, (counts + wholes).clip(0, span - 1)
 
 
-def congruent(phi: Array, y: Array, bits: int, alpha: float) -> Counted:
-    """Returns `located` with x = y + k 2^bits."""
-    k = located(phi, y, bits, alpha)[1]
-    return y + 2.0**bits * k, k
+def congruent(phi: Array, codes: Array, bits: int, alpha: float) -> Counted:
+    """Returns `located` with x = codes + k 2^bits."""
+    k = located(phi, codes, bits, alpha)[1]
+    return codes + 2.0**bits * k, k
 
 
-def by_channel(unwrap: Callable[[Array], Array], y: Array, bits: int) -> Array:
+def by_channel(unwrap: Callable[[Array], Array], codes: Array, bits: int) -> Array:
     """Returns phi of a function that unwraps phases in [-pi, pi), H x W, channel by channel."""
     scale = 2**bits / (2 * np.pi)
     # Half a code away from -pi: some packages take a phase of exactly 0 for a missing one.
-    phases = ((y + 0.5) / scale - np.pi).astype(np.float32)
-    return np.stack([scale * np.asarray(unwrap(phases[..., c]), np.float64) for c in range(y.shape[-1])], axis=-1)
+    phases = ((codes + 0.5) / scale - np.pi).astype(np.float32)
+    return np.stack([scale * np.asarray(unwrap(phases[..., c]), np.float64) for c in range(codes.shape[-1])], axis=-1)
 
 
-def spud(y: Array, bits: int, alpha: float) -> Counted:
+def spud(codes: Array, bits: int, alpha: float) -> Counted:
     """SPUD in numpy and scipy (scipy.fft)."""
-    return congruent(peers.spud(y, bits), y, bits, alpha)
+    return congruent(peers.spud(codes, bits), codes, bits, alpha)
 
 
-def rows_then_columns(y: Array, bits: int, alpha: float) -> Counted:
+def rows_then_columns(codes: Array, bits: int, alpha: float) -> Counted:
     """Itoh's method: `numpy.unwrap` down the first column, then along the rows."""
-    codes = y.astype(np.float64)
-    phi = np.unwrap(codes, axis=1, period=2**bits)
-    first = np.unwrap(codes[:, :1], axis=0, period=2**bits)
-    return congruent(phi - phi[:, :1] + first, y, bits, alpha)
+    lines = codes.astype(np.float64)
+    phi = np.unwrap(lines, axis=1, period=2**bits)
+    first = np.unwrap(lines[:, :1], axis=0, period=2**bits)
+    return congruent(phi - phi[:, :1] + first, codes, bits, alpha)
 
 
-def scikit_image(y: Array, bits: int, alpha: float) -> Counted:
+def scikit_image(codes: Array, bits: int, alpha: float) -> Counted:
     """`skimage.restoration.unwrap_phase`: reliability sorting without a path (Herraez et al. 2002)."""
-    return congruent(peers.unwrap_phases(y, bits), y, bits, alpha)
+    return congruent(peers.unwrap_phases(codes, bits), codes, bits, alpha)
 
 
-def opencv(y: Array, bits: int, alpha: float) -> Counted:
+def opencv(codes: Array, bits: int, alpha: float) -> Counted:
     """`cv2.phase_unwrapping.HistogramPhaseUnwrapping` of OpenCV's contributed modules: reliability in histograms (Lei et al. 2015)."""
     import cv2
 
     cv2.setNumThreads(1)
     given = cv2.phase_unwrapping.HistogramPhaseUnwrapping.Params()
-    given.height, given.width = y.shape[:2]
+    given.height, given.width = codes.shape[:2]
     method = cv2.phase_unwrapping.HistogramPhaseUnwrapping.create(given)
-    return congruent(by_channel(method.unwrapPhaseMap, y, bits), y, bits, alpha)
+    return congruent(by_channel(method.unwrapPhaseMap, codes, bits), codes, bits, alpha)
 
 
-def snaphu(y: Array, bits: int, alpha: float) -> Counted:
+def snaphu(codes: Array, bits: int, alpha: float) -> Counted:
     """SNAPHU: network flow with statistical costs for radar images (Chen and Zebker 2001), at an even coherence of 0.95."""
     import snaphu as package
 
@@ -101,13 +101,13 @@ def snaphu(y: Array, bits: int, alpha: float) -> Counted:
     with open(os.devnull, "w") as nowhere:
         os.dup2(nowhere.fileno(), 1)
     try:
-        return congruent(by_channel(one, y, bits), y, bits, alpha)
+        return congruent(by_channel(one, codes, bits), codes, bits, alpha)
     finally:
         os.dup2(output, 1)
         os.close(output)
 
 
-def whirlwind(y: Array, bits: int, alpha: float) -> Counted:
+def whirlwind(codes: Array, bits: int, alpha: float) -> Counted:
     """whirlwind: network flow by minimum cost for radar images, at an even coherence of 0.95."""
     import whirlwind as package
 
@@ -116,39 +116,39 @@ def whirlwind(y: Array, bits: int, alpha: float) -> Counted:
         unwrapped: Array = package.unwrap(np.exp(1j * phases).astype(np.complex64), coherence, 20.0)[0]
         return unwrapped
 
-    return congruent(by_channel(one, y, bits), y, bits, alpha)
+    return congruent(by_channel(one, codes, bits), codes, bits, alpha)
 
 
-def kamui_puma(y: Array, bits: int, alpha: float) -> Counted:
+def kamui_puma(codes: Array, bits: int, alpha: float) -> Counted:
     """kamui: PUMA, which minimizes an energy by graph cuts (Bioucas-Dias and Valadao 2007)."""
     import kamui
 
-    return congruent(by_channel(lambda phases: kamui.unwrap_dimensional(phases, method="gc"), y, bits), y, bits, alpha)
+    return congruent(by_channel(lambda phases: kamui.unwrap_dimensional(phases, method="gc"), codes, bits), codes, bits, alpha)
 
 
-def kamui_ilp(y: Array, bits: int, alpha: float) -> Counted:
+def kamui_ilp(codes: Array, bits: int, alpha: float) -> Counted:
     """kamui: an integer linear program over the loops (Costantini 1998)."""
     import kamui
 
-    return congruent(by_channel(lambda phases: kamui.unwrap_dimensional(phases), y, bits), y, bits, alpha)
+    return congruent(by_channel(lambda phases: kamui.unwrap_dimensional(phases), codes, bits), codes, bits, alpha)
 
 
-def deepinverse_dct(y: Array, bits: int, alpha: float) -> Counted:
+def deepinverse_dct(codes: Array, bits: int, alpha: float) -> Counted:
     """DeepInverse: the closed form of its `ItohFidelity` for `SpatialUnwrapping`, by cosine transforms."""
-    return located(_deepinverse(y, bits, 0), y, bits, alpha)
+    return located(_deepinverse(codes, bits, 0), codes, bits, alpha)
 
 
-def deepinverse_admm_tv(y: Array, bits: int, alpha: float) -> Counted:
+def deepinverse_admm_tv(codes: Array, bits: int, alpha: float) -> Counted:
     """DeepInverse: `ItohFidelity` with total variation, 10 iterations of ADMM."""
-    return located(_deepinverse(y, bits, 10), y, bits, alpha)
+    return located(_deepinverse(codes, bits, 10), codes, bits, alpha)
 
 
-def _deepinverse(y: Array, bits: int, iterations: int) -> Array:
+def _deepinverse(codes: Array, bits: int, iterations: int) -> Array:
     import deepinv
     import torch
 
     torch.set_num_threads(1)
-    image = torch.from_numpy(np.moveaxis(y, -1, 0).astype(np.float32)[None] / 2**bits)
+    image = torch.from_numpy(np.moveaxis(codes, -1, 0).astype(np.float32)[None] / 2**bits)
     physics: Any = deepinv.physics.SpatialUnwrapping(threshold=1.0, mode="floor")
     fidelity = deepinv.optim.ItohFidelity(threshold=1.0)
     with torch.no_grad():
@@ -170,9 +170,9 @@ def of_any_shape(adapter: Adapter) -> Adapter:
     """Returns an adapter that takes images H x W as well."""
 
     @functools.wraps(adapter)
-    def wrapped(y: Array, bits: int, alpha: float) -> Counted:
-        x, k = adapter(np.atleast_3d(y), bits, alpha)
-        return x.reshape(y.shape), k.reshape(y.shape)
+    def wrapped(codes: Array, bits: int, alpha: float) -> Counted:
+        x, k = adapter(np.atleast_3d(codes), bits, alpha)
+        return x.reshape(codes.shape), k.reshape(codes.shape)
 
     return wrapped
 

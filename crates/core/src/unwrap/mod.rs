@@ -309,16 +309,16 @@ pub enum UnwrapError {
     #[error(transparent)]
     Workers(#[from] WorkersError),
     /// The samples are floats, but those of a modulo image are integers.
-    #[error("y has 32-bit float samples, integers of 8 or 16 bits are needed: the sensor's modulo image")]
+    #[error("the codes are 32-bit floats, integers of 8 or 16 bits are needed: the sensor's modulo image")]
     Float,
     /// The samples are too narrow for the codes of the sensor.
-    #[error("y has 8-bit samples, 16-bit samples are needed for codes of {bits} bits")]
+    #[error("the codes have 8-bit samples, 16-bit samples are needed for {bits} bits")]
     Narrow {
         /// The bits of the range.
         bits: u8,
     },
     /// A sample is out of the range of the sensor's converter.
-    #[error("y at ({at}) is {value}, 0 to {most} is possible with {bits} bits")]
+    #[error("the code at ({at}) is {value}, 0 to {most} is possible with {bits} bits")]
     Code {
         /// The position of the sample.
         at: SamplePosition,

@@ -82,6 +82,8 @@ fn a_frame_gives_its_boxes_with_its_header() {
     let header = image(grey(1, 1, 0)).header;
     assert_eq!(array.header, header);
     assert!(array.detections.iter().all(|one| one.header == header));
+    let sent: Vec<_> = array.detections.iter().filter_map(|one| one.to_detection()).collect();
+    assert_eq!(node.find(&grey(96, 160, 204)), Ok(sent), "without messages, the same");
     let reported = classes(&array);
     assert_eq!(reported[0], ("person".to_owned(), 0.9));
     // The last row's score is the mean of the tensor: 96 of 128 rows are the image.

@@ -18,9 +18,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from modulo import METHODS, Detection, Frame, GroundTruth, Image, Sensor, __version__, _core
-from modulo import average_precision, read_source, tone_map
-from modulo._calls import Call, Caller, Method, callables
+from modulo_camera import METHODS, Detection, Frame, GroundTruth, Image, Sensor, __version__, _core
+from modulo_camera import average_precision, read_source
+from modulo_camera._calls import Call, Caller, Method, callables
 
 Row: TypeAlias = dict[str, Any]
 
@@ -50,11 +50,11 @@ _SLOW_MS = 200.0
 _RECOVERED = 0.999
 
 _DEFINITIONS = {
-    "exact_k": "Share of the samples of all channels with the true wrap count; no offset is forgiven. If a method returns only x, its counts "
-    "are those nearest to (x - y) / 2^b. A frame without a result counts as 0.",
+    "exact_k": "Share of the samples of all channels with the true wrap count; no offset is forgiven. If a method returns only the "
+    "radiance, its counts are those nearest to (radiance - codes) / 2^b. A frame without a result counts as 0.",
     "up_to_offset": "The same share after the whole number has been added to the counts of each channel that serves them best.",
-    "psnr_db": "Mean over the frames with a result of the PSNR of x in dB with the peak alpha 2^b, after the affine function of x that fits "
-    "best in each channel (least squares), against the radiance behind the same lens without noise and quantisation; at most 120.",
+    "psnr_db": "Mean over the frames with a result of the PSNR of the radiance in dB with the peak alpha 2^b, after the affine function of it that "
+    "fits best in each channel (least squares), against the radiance behind the same lens without noise and quantisation; at most 120.",
     "ssim": "Mean SSIM of the same two radiances as linear images of 8 bits.",
     "trusted": "Share of the frames with a result that the method trusts; only methods of the suite make this statement.",
     "trusted_wrong": "Number of frames that the method trusts although less than 99.9 % of the counts are exact.",
@@ -162,7 +162,7 @@ def benchmark(
     data: Source | Iterable[Source] = SCENES,
     sensors: Sequence[Sensor] | None = None,
     *,
-    own: Sequence[str] = METHODS,
+    include: Sequence[str] = METHODS,
     out: str | os.PathLike[str] | None = None,
     detect: Detect | None = None,
     frames: int = 20,
@@ -178,15 +178,15 @@ def benchmark(
     Parameters
     ----------
     methods : mapping of str to callable
-        The methods by name, each a callable `f(y, bits, alpha)` that returns the radiance x in code units, or `(x, k)` with the wrap counts k.
-        y is H x W or H x W x 3 of `uint8` or `uint16`; the results have its shape.
+        The methods by name, each a callable `f(codes, bits, alpha)` that returns the radiance in code units, or `(radiance, counts)` with
+        the wrap counts. codes is H x W or H x W x 3 of `uint8` or `uint16`; the results have its shape.
     data : source or iterable of sources
         What `read_source` reads, a `Frame`, or an array of radiance as `Sensor.expose` takes it; or several of them. Without data, eight
         rendered scenes of 320 x 96.
     sensors : sequence of Sensor
         The sensors, without a mosaic and gains. Without sensors, all 18 combinations of alpha 2, 4 and 8, a lens blur of 0, 0.8 and 1.4 px, and
         a read noise of 0 and 5 codes, of 8 bits.
-    own : sequence of str
+    include : sequence of str
         The methods of the suite that are measured as well.
     out : path
         A folder for the results (see `Benchmark.save`), and for each measured row (`rows.jsonl`). A run that is started
@@ -215,11 +215,11 @@ def benchmark(
     Examples
     --------
     >>> import numpy as np
-    >>> import modulo
+    >>> import modulo_camera as modulo
     >>> ramp = np.tile(np.linspace(0, 1, 96, dtype=np.float32), (64, 1))
-    >>> def rows(y, bits, alpha):
-    ...     return np.unwrap(y.astype(float), period=2**bits)
-    >>> result = modulo.benchmark({"rows": rows}, [ramp], [modulo.Sensor(alpha=4)], own=["lines"])
+    >>> def rows(codes, bits, alpha):
+    ...     return np.unwrap(codes.astype(float), period=2**bits)
+    >>> result = modulo.benchmark({"rows": rows}, [ramp], [modulo.Sensor(alpha=4)], include=["lines"])
     >>> [(cell["method"], cell["exact_k"]) for cell in result.cells]
     [('rows', 1.0), ('lines', 1.0)]
     """
@@ -228,7 +228,7 @@ def benchmark(
             raise ValueError(f"{name} is {number}, at least 1 is needed")
     if time_limit_s is not None and not 0 < time_limit_s < math.inf:
         raise ValueError(f"time_limit_s is {time_limit_s}, but must be above 0, or None for no limit")
-    given = callables(dict(methods), list(own), threads)
+    given = callables(dict(methods), list(include), threads)
     if sensors is None:
         sensors = [Sensor(8, alpha, blur, noise) for alpha, blur, noise in _SENSORS]
     named = _named(sensors)
@@ -349,7 +349,7 @@ def _measure(
             exposed: _Exposed | None = None
             for name, (_, source) in methods.items():
                 _show(done, total, f"{name}, {sensor_name}")
-                described = [name, source, sensor.parameters, digests[number], frame.name, settings, detect is not None]
+                described = [name, source, dict(sensor.parameters), digests[number], frame.name, settings, detect is not None]
                 key = hashlib.sha256(json.dumps(described, sort_keys=True).encode()).hexdigest()[:24]
                 row = store.get(key)
                 if row is None:
@@ -358,10 +358,8 @@ def _measure(
                     first = {"method": name, "sensor": sensor_name, "frame": frame.name}
                     row = {**first, **exposed.score(call), "ms": ms, "cpu_ms": cpu_ms, "key": key}
                     row["detections"] = None
-                    if detect and call.x is not None:
-                        one = sensor.parameters
-                        shown = tone_map(call.x, one["bits"], one["alpha"], headroom=one["headroom"], transfer=one["transfer"])
-                        row["detections"] = [list(box) for box in detect(shown)]
+                    if detect and call.radiance is not None:
+                        row["detections"] = [list(box) for box in detect(sensor.tone_map(call.radiance))]
                     store.add(row)
                 late[name] = late[name] + 1 if _is_late(row) else 0
                 found[name, sensor_name, number] = row
@@ -382,11 +380,11 @@ def _timed(caller: Caller, exposed: "_Exposed", repeats: int, late: int) -> tupl
     if late >= _TOO_LONG:
         return Call(f"was given up after {_TOO_LONG} frames in a row that took too long"), None, None
     was_warm = caller.is_warm
-    calls = [caller(exposed.y, exposed.bits, exposed.alpha)]
+    calls = [caller(exposed.codes, exposed.bits, exposed.alpha)]
     if calls[0].failure is None and not was_warm:
-        calls = [caller(exposed.y, exposed.bits, exposed.alpha)]
+        calls = [caller(exposed.codes, exposed.bits, exposed.alpha)]
     if calls[0].failure is None and calls[0].ms < _SLOW_MS:
-        calls = [caller(exposed.y, exposed.bits, exposed.alpha) for _ in range(repeats)]
+        calls = [caller(exposed.codes, exposed.bits, exposed.alpha) for _ in range(repeats)]
     for call in calls:
         if call.failure is not None:
             return call, None, None
@@ -399,43 +397,42 @@ class _Exposed:
     def __init__(self, sensor: Sensor, radiance: Image) -> None:
         one = sensor.parameters
         self.bits, self.alpha = one["bits"], one["alpha"]
-        self._picture = {"headroom": one["headroom"], "transfer": "linear"}
-        self.y, _, _, self._wraps = sensor.expose(radiance)
+        self._linear = Sensor(**{**one, "transfer": "linear"})
+        self.codes, _, _, self._counts = sensor.expose(radiance)
         # The radiance that a sensor of 16 bits without noise sees behind the same lens, in steps of 2^(bits - 16) codes.
         quiet = dict.fromkeys(("read_noise", "shot_noise", "full_well_electrons", "prnu", "hot_pixels"), 0.0)
         fine = Sensor(**{**one, **quiet, "bits": 16}).expose(radiance)
-        self._truth = (fine.modulo + 65536.0 * fine.wraps) / 2.0 ** (16 - self.bits)
+        self._truth = (fine.modulo + 65536.0 * fine.counts) / 2.0 ** (16 - self.bits)
 
     def score(self, call: Call) -> Row:
         """Returns the figures of a result."""
         row: Row = {"failure": call.failure, "exact": 0.0, "up_to_offset": 0.0, "psnr_db": None, "ssim": None, "trusted": None}
-        if call.x is None or call.k is None:
+        if call.radiance is None or call.counts is None:
             return row
-        fitted = affine_fit(call.x, self._truth)
+        fitted = affine_fit(call.radiance, self._truth)
         error = max(float(np.mean((fitted - self._truth) ** 2)), 1e-12 * (self.alpha * 2**self.bits) ** 2)
-        row["exact"], row["up_to_offset"] = exactness(call.k, self._wraps)
+        row["exact"], row["up_to_offset"] = exactness(call.counts, self._counts)
         row["psnr_db"] = 10 * math.log10((self.alpha * 2**self.bits) ** 2 / error)
-        shown = [tone_map(x.astype(np.float32), self.bits, self.alpha, **self._picture) for x in (fitted, self._truth)]
-        row["ssim"] = _core.ssim(*shown)
+        row["ssim"] = _core.ssim(*(self._linear.tone_map(one.astype(np.float32)) for one in (fitted, self._truth)))
         row["trusted"] = call.trusted
         return row
 
 
-def exactness(k: NDArray[np.int64], truth: NDArray[np.uint8]) -> tuple[float, float]:
+def exactness(counts: NDArray[np.int64], truth: NDArray[np.uint8]) -> tuple[float, float]:
     """Returns the share of exact counts, and that share after the best offset for each channel."""
-    off = np.atleast_3d(k - truth.astype(np.int64))
+    off = np.atleast_3d(counts - truth.astype(np.int64))
     best = sum(int(np.unique(off[..., channel], return_counts=True)[1].max()) for channel in range(off.shape[2]))
     return float(np.mean(off == 0)), best / off.size
 
 
-def affine_fit(x: NDArray[np.float32], truth: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns a x + b with the a and b of each channel that make the squared error to the truth least."""
-    samples, wanted = np.atleast_3d(x).astype(np.float64), np.atleast_3d(truth)
+def affine_fit(radiance: NDArray[np.float32], truth: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns a radiance + b with the a and b of each channel that make the squared error to the truth least."""
+    samples, wanted = np.atleast_3d(radiance).astype(np.float64), np.atleast_3d(truth)
     centred, target = samples - samples.mean((0, 1)), wanted - wanted.mean((0, 1))
     power = (centred**2).mean((0, 1))
     scale = np.divide((centred * target).mean((0, 1)), power, out=np.zeros_like(power), where=power > 0)
     fitted: NDArray[np.float64] = scale * centred + wanted.mean((0, 1))
-    return fitted.reshape(x.shape)
+    return fitted.reshape(radiance.shape)
 
 
 def _cell(method: str, sensor: Sensor, rows: list[Row], pictures: list[Frame], detect: Detect | None) -> Row:

@@ -14,10 +14,10 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from modulo import Codes, METHODS, Unwrapped, __version__, unwrap
+from modulo_camera import Codes, METHODS, Sensor, Unwrapped, __version__
 
 Method: TypeAlias = Callable[[Codes, int, float], Any]
-"""A method: the codes y (H x W or H x W x C), the bits b and alpha in, the radiance x in code units or (x, k) out."""
+"""A method: the codes (H x W or H x W x C), the bits and alpha in, the radiance in code units or (radiance, counts) out."""
 
 _Answer: TypeAlias = tuple[str | None, float, float, NDArray[np.float32] | None, NDArray[np.int64] | None, bool | None]
 
@@ -31,14 +31,14 @@ class Call(NamedTuple):
     """The wall-clock time of the call."""
     cpu_ms: float = 0.0
     """The processor time of all threads and child processes."""
-    x: NDArray[np.float32] | None = None
-    k: NDArray[np.int64] | None = None
+    radiance: NDArray[np.float32] | None = None
+    counts: NDArray[np.int64] | None = None
     trusted: bool | None = None
 
 
 def own(name: str, threads: int) -> Method:
     """Returns a method of the suite as a callable."""
-    return lambda y, bits, alpha: unwrap(y, bits, alpha, name, threads)
+    return lambda codes, bits, alpha: Sensor(bits, alpha).unwrap(codes, name, options={"threads": threads})
 
 
 def fingerprint(method: Method) -> str:
@@ -64,16 +64,16 @@ class Caller:
         if time_limit_s is not None and "fork" not in multiprocessing.get_all_start_methods():
             raise ValueError("time_limit_s needs a system that can fork a process; None runs the methods in this process")
 
-    def __call__(self, y: Codes, bits: int, alpha: float) -> Call:
+    def __call__(self, codes: Codes, bits: int, alpha: float) -> Call:
         if self._limit is None:
             self.is_warm = True
-            return Call(*_answer(self._method, y, bits, alpha))
+            return Call(*_answer(self._method, codes, bits, alpha))
         if self._pipe is None:
             self._start()
         self.is_warm = True
         assert self._pipe is not None
         try:
-            self._pipe.send((y, bits, alpha))
+            self._pipe.send((codes, bits, alpha))
             if self._pipe.poll(self._limit):
                 return Call(*self._pipe.recv())
         except (EOFError, OSError):
@@ -121,10 +121,10 @@ def _serve(pipe: Connection, parents: Connection, method: Method, threads: int) 
             if os.getppid() != parent:
                 return
         try:
-            y, bits, alpha = pipe.recv()
+            codes, bits, alpha = pipe.recv()
         except EOFError:
             return
-        pipe.send(_answer(method, y, bits, alpha))
+        pipe.send(_answer(method, codes, bits, alpha))
 
 
 def _processor_s() -> float:
@@ -133,8 +133,8 @@ def _processor_s() -> float:
     return time.process_time() + spent.children_user + spent.children_system
 
 
-def _answer(method: Method, y: Codes, bits: int, alpha: float) -> _Answer:
-    given = y.copy()
+def _answer(method: Method, codes: Codes, bits: int, alpha: float) -> _Answer:
+    given = codes.copy()
     wall, cpu = time.perf_counter(), _processor_s()
     try:
         result = method(given, bits, alpha)
@@ -143,40 +143,40 @@ def _answer(method: Method, y: Codes, bits: int, alpha: float) -> _Answer:
         return f"raised {type(error).__name__}{f': {text[:200]}' if text else ''}", 0.0, 0.0, None, None, None
     spent = 1e3 * (time.perf_counter() - wall), 1e3 * (_processor_s() - cpu)
     try:
-        return None, *spent, *checked(result, y, bits)
+        return None, *spent, *checked(result, codes, bits)
     except ValueError as error:
         return str(error), *spent, None, None, None
 
 
-def checked(result: object, y: Codes, bits: int) -> tuple[NDArray[np.float32], NDArray[np.int64], bool | None]:
-    """Returns x, k and the trust of a result.
+def checked(result: object, codes: Codes, bits: int) -> tuple[NDArray[np.float32], NDArray[np.int64], bool | None]:
+    """Returns the radiance, the counts and the trust of a result.
 
     Raises
     ------
     ValueError
-        With what the method has returned instead of x or (x, k).
+        With what the method has returned instead of the radiance or (radiance, counts).
     """
     trusted = result.report.trusted if isinstance(result, Unwrapped) else None
-    x, k = (result[0], result[1]) if isinstance(result, tuple) and len(result) >= 2 else (result, None)
-    radiance = _array("x", x, y)
+    given, whole = (result[0], result[1]) if isinstance(result, tuple) and len(result) >= 2 else (result, None)
+    radiance = _array("radiance", given, codes)
     if not np.isfinite(radiance).all():
-        raise ValueError(f"returned x with {int((~np.isfinite(radiance)).sum())} samples that are NaN or infinite")
-    if k is None:
-        counts = np.rint((radiance.astype(np.float64) - y) / 2**bits)
+        raise ValueError(f"returned radiance with {int((~np.isfinite(radiance)).sum())} samples that are NaN or infinite")
+    if whole is None:
+        counts = np.rint((radiance.astype(np.float64) - codes) / 2**bits)
     else:
-        counts = _array("k", k, y)
+        counts = _array("counts", whole, codes)
         if not np.array_equal(counts, np.rint(counts)):
-            raise ValueError("returned k with samples that are no integers")
+            raise ValueError("returned counts with samples that are no integers")
     # What is far out of range is wrong, and must not overflow.
     return radiance.astype(np.float32), counts.clip(-(2.0**31), 2.0**31).astype(np.int64), trusted
 
 
-def _array(name: str, given: object, y: Codes) -> NDArray[Any]:
+def _array(name: str, given: object, codes: Codes) -> NDArray[Any]:
     if not isinstance(given, np.ndarray) or given.dtype.kind not in "biuf":
         kind = f"an array of {given.dtype}" if isinstance(given, np.ndarray) else f"an object of type {type(given).__name__}"
         raise ValueError(f"returned {kind} as {name}, but an array of numbers is needed")
-    if given.shape != y.shape:
-        raise ValueError(f"returned {name} of the shape {given.shape}, but y has {y.shape}")
+    if given.shape != codes.shape:
+        raise ValueError(f"returned {name} of the shape {given.shape}, but the codes have {codes.shape}")
     return given
 
 
@@ -191,14 +191,14 @@ def callables(methods: "dict[str, Method]", names: "list[str]", threads: int) ->
     found: dict[str, tuple[Method, str]] = {}
     for name, method in methods.items():
         if not callable(method):
-            raise ValueError(f"method {name!r} is of type {type(method).__name__}, but must be a callable f(y, bits, alpha)")
+            raise ValueError(f"method {name!r} is of type {type(method).__name__}, but must be a callable f(codes, bits, alpha)")
         if name in names:
-            raise ValueError(f"method {name!r} has the name of a method of the suite; give it another name, or leave it out of own")
+            raise ValueError(f"method {name!r} has the name of a method of the suite; give it another name, or leave it out of include")
         found[name] = method, fingerprint(method)
     for name in names:
         if name not in METHODS:
-            raise ValueError(f"own has {name!r}, but must have names out of {', '.join(METHODS)}")
+            raise ValueError(f"include has {name!r}, but must have names out of {', '.join(METHODS)}")
         found[name] = own(name, threads), f"modulo {__version__}"
     if not found:
-        raise ValueError("there is no method; methods or own must have one")
+        raise ValueError("there is no method; methods or include must have one")
     return found

@@ -3,9 +3,9 @@
 import functools
 from typing import NamedTuple
 
-from modulo import _core
-from modulo._benchmark import exactness
-from modulo._calls import Caller, Method, callables
+from modulo_camera import _core
+from modulo_camera._benchmark import exactness
+from modulo_camera._calls import Caller, Method, callables
 
 # The scenes and what the suite recovers of them are the same for each method: 25 MB.
 _scene = functools.cache(_core.stability_scene)
@@ -93,12 +93,12 @@ def stability(method: Method, *, time_limit_s: float | None = 100.0) -> Stabilit
 
     The scenes are those of `modulo bench stability`: steps, islands, lamps, noise, sensors of 1 to 16 bits, tiny images, and more. Their
     sensors with a mosaic give H x W with one colour a pixel, and those with two gains leave every second pixel unwrapped,
-    which `f(y, bits, alpha)` is not told.
+    which `f(codes, bits, alpha)` is not told.
 
     Parameters
     ----------
     method : callable
-        A callable `f(y, bits, alpha)` as `benchmark` takes it.
+        A callable `f(codes, bits, alpha)` as `benchmark` takes it.
     time_limit_s : float
         The limit of a call. `None` runs the method in this process and without a limit.
 
@@ -114,8 +114,8 @@ def stability(method: Method, *, time_limit_s: float | None = 100.0) -> Stabilit
 
     Examples
     --------
-    >>> import modulo
-    >>> result = modulo.stability(lambda y, bits, alpha: modulo.unwrap(y, bits, alpha, "lines"))
+    >>> import modulo_camera as modulo
+    >>> result = modulo.stability(lambda codes, bits, alpha: modulo.Sensor(bits, alpha).unwrap(codes, "lines"))
     >>> result.only_here, len(result.missed) < 60
     ([], True)
     """
@@ -124,9 +124,9 @@ def stability(method: Method, *, time_limit_s: float | None = 100.0) -> Stabilit
     scenes = []
     try:
         for number in range(_core.stability_scenes()):
-            name, family, what, bits, alpha, observable, y, wraps, own = _scene(number)
-            call = caller(y, bits, alpha)
-            exact, up_to_offset = (0.0, 0.0) if call.k is None else exactness(call.k, wraps)
+            name, family, what, bits, alpha, observable, codes, counts, own = _scene(number)
+            call = caller(codes, bits, alpha)
+            exact, up_to_offset = (0.0, 0.0) if call.counts is None else exactness(call.counts, counts)
             rivals = {rival: share for rival, share, *_ in own}
             scenes.append(Scene(name, family, what, bits, alpha, observable, call.failure, exact, up_to_offset, call.ms, rivals))
     finally:

@@ -1,65 +1,45 @@
-"""A simulated modulo camera sensor, the unwrapping of its images, and the score of detections, on numpy arrays.
+"""A simulated modulo camera sensor, the unwrapping of its images, and the detection and scoring of objects, on numpy arrays.
 
-A modulo sensor of b bits wraps around where a normal one saturates: it delivers `y = floor(x mod 2^b)`. Unwrapping finds the wrap
-counts k, so that `x = y + k 2^b` is the radiance again.
+A modulo sensor of b bits wraps around where a normal one saturates: it delivers `codes = floor(radiance mod 2^b)`. Unwrapping finds
+the wrap counts, so that `radiance = codes + counts 2^b` again.
 
 >>> import numpy as np
->>> import modulo
->>> ramp = np.linspace(0, 1, 640, dtype=np.float32)
->>> scene = np.tile(ramp, (480, 1))
+>>> import modulo_camera as modulo
 >>> sensor = modulo.Sensor(bits=8, alpha=4)
->>> modulo_image, saturated, ideal, wraps = sensor.expose(scene)
->>> result = modulo.unwrap(modulo_image, bits=8, alpha=4)
->>> bool((result.k == wraps).all()), result.report.trusted
+>>> exposure = sensor.expose(np.tile(np.linspace(0, 1, 640, dtype=np.float32), (480, 1)))
+>>> result = sensor.unwrap(exposure.modulo)
+>>> bool((result.counts == exposure.counts).all()), result.report.trusted
 (True, True)
 
 Images are arrays H x W (grey) or H x W x C, where C is 1 (grey) or 3 (red, green, blue), of samples of the type `uint8`, `uint16` or
 `float32`. Arrays of any strides are read; those in C order are not copied for it, except for integers that become a frame of
-their own. A result of an image H x W is H x W.
+their own. A result of an image H x W is H x W. The methods `expose`, `unwrap`, `tone_map` and `deblur` of `Sensor` take batches, too.
 
 *Code units*: one unit is one step of the sensor's converter, so that the peak is `2^bits` and radiance lies in
 `[0, alpha 2^bits)`.
 
-Parameters have the names, ranges and defaults of the nodes `modulo_camera` and `unwrap`. What is not possible raises a `ValueError`
-with the value and the remedy; an argument that is no array at all, a `TypeError`. While a function computes, other threads of
-Python run. An image has at most 2^27 samples.
+Parameters have the names, ranges and defaults of the nodes `modulo_camera`, `unwrap` and `detector`. What is not possible raises a
+`ValueError` with the value and the remedy; an argument that is no array at all, a `TypeError`. While a function computes, other
+threads of Python run. An image has at most 2^27 samples.
 """
 
+import difflib
+import functools
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from modulo import _core
+from modulo_camera import _batch, _core
 
 __all__ = [
-    "METHODS",
-    "AveragePrecision",
-    "Benchmark",
-    "Codes",
-    "Detection",
-    "Exposure",
-    "Frame",
-    "GroundTruth",
-    "Image",
-    "Quality",
-    "Report",
-    "Scene",
-    "Sensor",
-    "Stability",
-    "Unwrapped",
-    "__version__",
-    "average_precision",
-    "benchmark",
-    "deblur",
-    "read_bag",
-    "read_source",
-    "stability",
-    "tone_map",
-    "unwrap",
-]
+    "METHODS", "AveragePrecision", "Benchmark", "Codes", "Detection", "Exposure", "Frame", "GroundTruth",
+    "Image", "Quality", "Report", "Scene", "Sensor", "Stability", "Unwrapped", "__version__",
+    "average_precision", "benchmark", "detect", "read_bag", "read_source", "stability",
+]  # fmt: skip
 
 __version__: str = _core.__version__
 
@@ -67,14 +47,21 @@ METHODS: tuple[str, ...] = tuple(_core.METHODS)
 """The names of the unwrapping methods; docs/explanation/methods.md describes them."""
 
 Codes: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16]
-"""An image of integer codes, H x W or H x W x C: `uint8` for 8 bits and less, else `uint16`."""
+"""Images of integer codes: `uint8` for 8 bits and less, else `uint16`."""
 
 Image: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]
-"""An image of any of the types of samples, H x W or H x W x C."""
+"""Images of any of the types of samples."""
+
+
+# The networks that `detect` has loaded.
+_network = functools.lru_cache(maxsize=4)(_core.Network)
+
+# The parameters of a method that `Sensor.unwrap` takes as options.
+_OPTIONS = ("threads", "tau", "threshold_on", "trust_lines", "trust_jumps")
 
 
 class Exposure(NamedTuple):
-    """The images of one exposure, all with the same noise."""
+    """The images of one exposure to the radiance x (code units), all with the same noise."""
 
     modulo: Codes
     """The codes of the modulo sensor, `floor(x mod 2^b)`."""
@@ -82,8 +69,8 @@ class Exposure(NamedTuple):
     """The codes of a sensor that saturates, `floor(min(x, 2^b - 1))`, as `transfer` encodes them."""
     ideal: NDArray[np.uint8]
     """The whole range, neither wrapped nor clipped, in 8 bits: `floor(x)` as `tone_map` shows it."""
-    wraps: NDArray[np.uint8]
-    """The true wrap counts k, `floor(x / 2^b)`."""
+    counts: NDArray[np.uint8]
+    """The true wrap counts, `floor(x / 2^b)`."""
 
 
 class Quality(NamedTuple):
@@ -108,6 +95,8 @@ class Report(NamedTuple):
     """The method used: the one that was asked for, the one that `auto` took, or that of the gains."""
     trusted: bool | None
     """Whether the method vouches for the counts; `None` if it makes no claim."""
+    reason: str | None
+    """Why the method does not vouch for the counts, in one sentence; `None` if it does, or makes no claim."""
     offset: str | None
     """The evidence for the absolute offset: `range`, `optical_black`, or `unknown`, with which all counts may be too small by the same
     number; `None` if the counts do not agree with each other, or if the method makes no claim."""
@@ -118,14 +107,21 @@ class Report(NamedTuple):
 
 
 class Unwrapped(NamedTuple):
-    """The result of unwrapping one image."""
+    """The result of unwrapping an image, or a batch of them."""
 
-    x: NDArray[np.float32]
-    """The radiance in code units, `y + k 2^b`, of the shape of the image."""
-    k: NDArray[np.uint8]
-    """The wrap counts, 0 to `ceil(alpha) - 1`, of the shape of the image."""
-    report: Report
-    """The report of the method."""
+    radiance: NDArray[np.float32]
+    """The radiance in code units, `codes + counts 2^b`, of the shape of the codes."""
+    counts: NDArray[np.uint8]
+    """The wrap counts, 0 to `ceil(alpha) - 1`, of the shape of the codes."""
+    reports: tuple[Report, ...]
+    """The report of the method on each image, in C order of the axes of a batch; one for a single image."""
+
+    @property
+    def report(self) -> Report:
+        """The report on the only image; a `ValueError` if there are several or none."""
+        if len(self.reports) != 1:
+            raise ValueError(f"the batch has {len(self.reports)} reports, not one; use reports")
+        return self.reports[0]
 
 
 class GroundTruth(NamedTuple):
@@ -193,8 +189,9 @@ class AveragePrecision(NamedTuple):
 
 
 class Sensor:
-    """A simulated modulo sensor behind a lens, with the noise of a camera. `parameters` has its arguments by name. Unlike those of the
-    camera node, the defaults have neither a lens nor black columns, since an array may be smaller than these columns.
+    """A modulo sensor behind a lens, with the noise of a camera. It simulates images, and unwraps those that it or a real one has taken.
+    `parameters` has its arguments by name. Unlike those of the camera node, the defaults have neither a lens nor black columns, since
+    an array may be smaller than these columns.
 
     Parameters
     ----------
@@ -270,10 +267,10 @@ class Sensor:
     Examples
     --------
     >>> import numpy as np
-    >>> import modulo
+    >>> import modulo_camera as modulo
     >>> radiance = np.full((2, 3), 0.9, dtype=np.float32)
     >>> exposure = modulo.Sensor(alpha=4).expose(radiance)
-    >>> int(exposure.modulo[0, 0]), int(exposure.wraps[0, 0])  # 0.97 * 0.9 * 4 * 256 = 893 = 125 + 3 * 256
+    >>> int(exposure.modulo[0, 0]), int(exposure.counts[0, 0])  # 0.97 * 0.9 * 4 * 256 = 893 = 125 + 3 * 256
     (125, 3)
     >>> modulo.Sensor(bits=17)
     Traceback (most recent call last):
@@ -308,65 +305,47 @@ class Sensor:
         black: float = 0.0,
         knees: str = "",
     ) -> None:
-        self.parameters: dict[str, Any] = {
-            "bits": bits,
-            "alpha": alpha,
-            "psf_sigma": psf_sigma,
-            "read_noise": read_noise,
-            "shot_noise": shot_noise,
-            "mosaic": mosaic,
-            "gains": gains,
-            "seed": seed,
-            "psf": psf,
-            "gain_ratio": gain_ratio,
-            "full_well_electrons": full_well_electrons,
-            "prnu": prnu,
-            "hot_pixels": hot_pixels,
-            "headroom": headroom,
-            "transfer": transfer,
-            "optical_black": optical_black,
-            "black_level": black_level,
-            "metering": metering,
-            "metering_target": metering_target,
-            "exposure_delay": exposure_delay,
-            "exposure_step": exposure_step,
-            "white": white,
-            "black": black,
-            "knees": knees,
-        }
-        self._sensor = _core.Sensor(self.parameters)
+        given = {name: value for name, value in locals().items() if name != "self"}
+        self.parameters: Mapping[str, Any] = MappingProxyType(given)
+        self._sensor = _core.Sensor(given)
 
-    def expose(self, radiance: Image) -> Exposure:
-        """Exposes the sensor to an image of radiance.
+    def expose(self, radiance: Image, *, channel_axis: int | None = -1) -> Exposure:
+        """Exposes the sensor to radiance.
 
         Parameters
         ----------
-        radiance : array of float32, uint8 or uint16, H x W or H x W x C
+        radiance : array of float32, uint8 or uint16, H x W, H x W x C or a batch
             Floats are radiance relative to full scale (see `white` and `headroom`), clamped to [0, 1). Integers are codes of a picture, fractions of
             255 or 65536 (or of `white`), which `transfer` decodes. As in the camera, each code is moved at random within its interval, in the same way for each
             image, so that the counts do not lie on a grid; the largest code stands for full scale. A sensor with a
             mosaic takes 3 channels, or the one channel of a raw mosaic of the same colour filters.
+        channel_axis : int or None
+            The axis of the colours; `None`: the images are grey, and their rows and columns are the last two axes. An array of two axes
+            is always grey. All axes that are not of the image are a batch of any shape. NCHW is 1 or -3.
 
         Returns
         -------
         Exposure
-            The images modulo, saturated and ideal, and the true wrap counts. They have the shape of the radiance, and H x W for a mosaic.
+            The images modulo, saturated and ideal, and the true wrap counts, all of the shape of the radiance. Those of a mosaic have no axis of
+            colours.
 
         Raises
         ------
         ValueError
-            With the sample that is NaN or infinite, or the shape or type that is not possible.
+            With the sample that is NaN or infinite, or the shape, type or axis that is not possible.
 
         Examples
         --------
         >>> import numpy as np
-        >>> import modulo
-        >>> picture = np.zeros((4, 6, 3), dtype=np.uint8)
-        >>> mosaic = modulo.Sensor(mosaic="rggb").expose(picture).modulo
-        >>> mosaic.shape, mosaic.dtype
-        ((4, 6), dtype('uint8'))
+        >>> import modulo_camera as modulo
+        >>> pictures = np.zeros((5, 3, 4, 6), dtype=np.uint8)
+        >>> modulo.Sensor().expose(pictures, channel_axis=1).modulo.shape
+        (5, 3, 4, 6)
+        >>> modulo.Sensor(mosaic="rggb").expose(pictures, channel_axis=1).modulo.shape
+        (5, 4, 6)
         """
-        return Exposure(*self._sensor.expose(radiance))
+        images = _batch.Images("radiance", radiance, channel_axis)
+        return Exposure(*map(images.joined, zip(*images.each(self._sensor.expose))))
 
     def auto_expose(self, radiance: Image) -> tuple[Codes, float]:
         """Exposes the next frame of a normal camera of the same chip, whose exposure follows the frames before it.
@@ -391,7 +370,7 @@ class Sensor:
         Examples
         --------
         >>> import numpy as np
-        >>> import modulo
+        >>> import modulo_camera as modulo
         >>> camera = modulo.Sensor(alpha=4, metering_target=0.5)
         >>> image, exposure = camera.auto_expose(np.full((8, 8), 0.9, dtype=np.float32))
         >>> int(image[0, 0]), round(exposure, 2)  # half of the largest code
@@ -399,241 +378,196 @@ class Sensor:
         """
         return self._sensor.auto_expose(radiance)
 
+    def unwrap(
+        self,
+        codes: Codes,
+        method: str = "auto",
+        *,
+        confidence: bool = False,
+        options: Mapping[str, int | float | str] = MappingProxyType({}),
+        channel_axis: int | None = -1,
+    ) -> Unwrapped:
+        """Recovers the radiance from modulo images of this sensor, or of a real one with these parameters.
 
-def unwrap(
-    y: Codes,
-    bits: int = 8,
-    alpha: float = 4.0,
-    method: str = "auto",
-    threads: int = 1,
+        Parameters
+        ----------
+        codes : array of uint8 or uint16, H x W, H x W x C or a batch
+            The codes of the modulo sensor, below 2^bits. More than 8 bits need uint16.
+        method : str, one of auto, spud, least_squares, itoh, lines, tree, gradient_tree
+            Unwrapping method. auto tries lines, gradient_tree, a tree on smoothed codes, and growth of what is known (spud where noise
+            hides all), until a result does not contradict itself. Images of a sensor with two gains (see gains) have a method of their own.
+        confidence : bool
+            Whether the reports shall have the confidence image. It takes longer than unwrapping by `lines`.
+        options : mapping of str to int, float or str
+            What is rarely set:
+
+            - threads : int, in 1 to 64, 1.
+              Number of threads that unwrapping may use. The result does not depend on it.
+            - tau : float, a finite number in 0 to 1000000, 0.1.
+              For spud: the hard threshold, in units of the peak.
+            - threshold_on : str, one of phi, rho, phi.
+              For spud: the threshold acts on the coefficients after the division (phi) or before it (rho).
+            - trust_lines : float, a finite number in 0 to 1, 1e-05.
+              For auto: the largest fraction of steep 2 x 2 loops with which it trusts a result in a single colour.
+            - trust_jumps : float, a finite number in 0 to 2, 2e-05.
+              For auto: the largest number of second differences of the result above one peak, per sample, with which it trusts a result.
+        channel_axis : int or None
+            As in `expose`. The codes of a mosaic have no axis of colours: their rows and columns are the last two axes.
+
+        Returns
+        -------
+        Unwrapped
+            The radiance in code units, the wrap counts, and the reports of the method.
+
+        Raises
+        ------
+        ValueError
+            With the parameter, the option, the axis or the code that is not possible, and for floats, which are no codes.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import modulo_camera as modulo
+        >>> sensor = modulo.Sensor(alpha=4, psf_sigma=1)
+        >>> exposure = sensor.expose(np.tile(np.linspace(0, 1, 640, dtype=np.float32), (480, 1)))
+        >>> radiance, counts, (report,) = sensor.unwrap(exposure.modulo)
+        >>> bool((counts == exposure.counts).all()), bool((radiance == exposure.modulo + 256.0 * counts).all())
+        (True, True)
+        >>> report.method, report.trusted, report.reason
+        ('lines', True, None)
+        >>> sensor.unwrap(exposure.modulo, options={"trust": 0.1})
+        Traceback (most recent call last):
+        ValueError: options has 'trust', possible are threads, tau, threshold_on, trust_lines, trust_jumps (did you mean 'trust_lines'?)
+        """
+        for name in options:
+            if name not in _OPTIONS:
+                near = [f" (did you mean {one!r}?)" for one in difflib.get_close_matches(str(name), _OPTIONS, 1, 0.4)]
+                raise ValueError(f"options has {name!r}, possible are {', '.join(_OPTIONS)}{''.join(near)}")
+        parameters = {**self.parameters, "method": method, **options}
+        images = _batch.Images("codes", codes, self._colours(channel_axis))
+        radiance, counts, reports = zip(*images.each(lambda image: _core.unwrap(image, parameters, confidence)))
+        return Unwrapped(images.joined(radiance), images.joined(counts), tuple(map(_report, reports[: images.number])))
+
+    def tone_map(self, radiance: Image, *, channel_axis: int | None = -1) -> NDArray[np.uint8]:
+        """Returns radiance as images of 8 bits: `round(255 encode(radiance / (headroom alpha 2^bits)))`.
+
+        encode is that of `transfer`; unless that is linear, half a code unit is added to the radiance, which holds whole codes.
+
+        Parameters
+        ----------
+        radiance : array of float32, uint8 or uint16, H x W, H x W x C or a batch
+            The radiance in code units, such as `Unwrapped.radiance`. NaN becomes 0.
+        channel_axis : int or None
+            As in `expose`. The radiance of a mosaic has no axis of colours, but the result has: the last one, if this is `None`.
+
+        Returns
+        -------
+        array of uint8
+            The images, of the shape of the radiance, with 3 channels for a mosaic.
+
+        Raises
+        ------
+        ValueError
+            With the shape, the type or the axis that is not possible.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import modulo_camera as modulo
+        >>> radiance = np.array([[0, 512, 1024]], dtype=np.float32)
+        >>> modulo.Sensor(bits=8, alpha=4).tone_map(radiance), modulo.Sensor(bits=8, alpha=4, transfer="srgb").tone_map(radiance)
+        (array([[  0, 131, 255]], dtype=uint8), array([[  2, 190, 255]], dtype=uint8))
+        """
+        return self._picture(radiance, channel_axis, False)
+
+    def deblur(self, radiance: Image, *, channel_axis: int | None = -1) -> NDArray[np.uint8]:
+        """Returns radiance as images of 8 bits like `tone_map`, without the blur of the lens (a Wiener filter).
+
+        Parameters
+        ----------
+        radiance : array of float32, uint8 or uint16, H x W, H x W x C or a batch
+            As in `tone_map`.
+        channel_axis : int or None
+            As in `tone_map`.
+
+        Returns
+        -------
+        array of uint8
+            As of `tone_map`.
+
+        Raises
+        ------
+        ValueError
+            As of `tone_map`.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import modulo_camera as modulo
+        >>> sensor = modulo.Sensor(psf_sigma=1)
+        >>> edge = np.tile(np.repeat(np.float32([0.2, 0.8]), 16), (32, 1))
+        >>> radiance = sensor.unwrap(sensor.expose(edge).modulo).radiance
+        >>> blurred, sharp = sensor.tone_map(radiance), sensor.deblur(radiance)
+        >>> bool(np.ptp(sharp[16, 15:17]) > np.ptp(blurred[16, 15:17]))
+        True
+        """
+        return self._picture(radiance, channel_axis, True)
+
+    def _picture(self, radiance: Image, channel_axis: int | None, deblur: bool) -> NDArray[np.uint8]:
+        images, parameters = _batch.Images("radiance", radiance, self._colours(channel_axis)), dict(self.parameters)
+        shown = images.each(lambda image: _core.picture(image, parameters, deblur))
+        return images.joined(shown, -1 if channel_axis is None else channel_axis)
+
+    def _colours(self, channel_axis: int | None) -> int | None:
+        return channel_axis if self.parameters["mosaic"] == "none" else None
+
+
+def detect(
+    image: Codes,
+    model: str | os.PathLike[str] = "demo",
     *,
-    mosaic: str = "none",
-    gains: str = "none",
-    gain_ratio: float = 0.0,
-    optical_black: int = 0,
-    black_level: float = -1.0,
-    tau: float = 0.1,
-    threshold_on: str = "phi",
-    trust_lines: float = 1e-5,
-    trust_jumps: float = 2e-5,
-    confidence: bool = False,
-) -> Unwrapped:
-    """Recovers the radiance from a modulo image.
+    threshold: float = 0.25,
+    engine: str = "auto",
+    device: str = "cpu",
+) -> list[Detection]:
+    """Finds objects in an image by a network, as the node `detector` does.
+
+    A network is loaded by the first call with it, and kept for the next ones.
 
     Parameters
     ----------
-    y : array of uint8 or uint16, H x W or H x W x C
-        The codes of the modulo sensor, below 2^bits. More than 8 bits need uint16.
-    bits : int, in 1 to 16
-        Bits of the sensor's converter. The peak is 2^bits code units.
-    alpha : float, a finite number in 0.001 to 256
-        Saturation factor: the brightest radiance of the scene divided by the sensor's peak.
-    method : str, one of auto, spud, least_squares, itoh, lines, tree, gradient_tree
-        Unwrapping method. auto tries lines, gradient_tree, a tree on smoothed codes, and growth of what is known (spud where noise
-        hides all), until a result does not contradict itself. Images of a sensor with two gains (see gains) have a method of their own.
-    threads : int, in 1 to 64
-        Number of threads that unwrapping may use. The result does not depend on it.
-    mosaic : str, one of none, rggb, bggr, grbg, gbrg
-        Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the
-        source. The images of a mosaic have the encoding bayer_*8 or bayer_*16. Images of one channel are raw mosaics of these
-        filters, which are sensed as they are, without a lens. Here they are H x W.
-    gains : str, one of none, checkerboard
-        Pixels with a lower gain, which do not wrap: none, or every second one, as on a checkerboard.
-    gain_ratio : float, a finite number in 0 to 1
-        The lower gain divided by the full one, at most 1 / alpha. 0: 1 / alpha.
-    optical_black : int, in 0 to 64
-        Columns at the left border that a field stop in front of the lens shades: the radiance is 0 in the first quarter of them, at
-        least in one column, and rises linearly over the others. They show where the radiance is 0. 32 columns keep neighbouring
-        samples within half a peak up to an alpha of 8.
-    black_level : float, a finite number in -1 to 65536
-        Radiance in code units that you promise the darkest pixels of each frame to have, as the pedestal of a data sheet, to
-        1/32 of 2^bits. It shows unwrap the absolute level of a frame in which some pixels have it. -1: no promise.
-    tau : float, a finite number in 0 to 1000000
-        For spud: the hard threshold, in units of the peak.
-    threshold_on : str, one of phi, rho
-        For spud: the threshold acts on the coefficients after the division (phi) or before it (rho).
-    trust_lines : float, a finite number in 0 to 1
-        For auto: the largest fraction of steep 2 x 2 loops with which it trusts a result in a single colour.
-    trust_jumps : float, a finite number in 0 to 2
-        For auto: the largest number of second differences of the result above one peak, per sample, with which it trusts a result.
-    confidence : bool
-        Whether the report shall have the confidence image. It takes longer than unwrapping by `lines`.
+    image : array of uint8, H x W or H x W x C
+        The image. A grey one is repeated to three channels.
+    model : str or path
+        Path of the ONNX model, or demo for the embedded demonstration model, which is not made for roads.
+    threshold : float, a finite number in 0 to 1
+        Detections with a lower score are not published.
+    engine : str, one of auto, ort, openvino, openvino_f32, rten
+        Inference engine: ONNX Runtime (ort), ONNX Runtime with OpenVINO (openvino, or openvino_f32 with 32 bits), rten, or
+        auto: ort where its library is found, and rten elsewhere.
+    device : str, any value
+        Device that runs the model: cpu, cuda or tensorrt, the last two with ort only and with the number of a GPU where it is
+        not the first, such as cuda:1. A device that is not there is an error.
 
     Returns
     -------
-    Unwrapped
-        The radiance x in code units, the wrap counts k, and the report of the method.
+    list of Detection
+        At most 300 objects with boxes in px of the image, the one with the best score first.
 
     Raises
     ------
     ValueError
-        With the parameter or the code that is not possible, and for floats, which are no codes.
+        For a model that cannot be loaded or is no detector, an engine or a device that is not there, and another image.
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import modulo
-    >>> radiance = np.tile(np.linspace(0, 1, 640, dtype=np.float32), (480, 1))
-    >>> y, _, _, wraps = modulo.Sensor(alpha=4, psf_sigma=1).expose(radiance)
-    >>> x, k, report = modulo.unwrap(y, bits=8, alpha=4)
-    >>> bool((k == wraps).all()), bool((x == y + 256.0 * k).all())
-    (True, True)
-    >>> report.method, report.trusted
-    ('lines', True)
-    >>> modulo.unwrap(y, method="magic")
-    Traceback (most recent call last):
-    ValueError: parameter 'method' = 'magic': must be one of auto, spud, least_squares, itoh, lines, tree, gradient_tree
+    >>> import modulo_camera as modulo
+    >>> frame = next(modulo.read_source("scene://day?seed=2"))
+    >>> modulo.detect(modulo.Sensor().expose(frame.image).ideal)[0].class_name
+    'pedestrian'
     """
-    parameters: dict[str, int | float | str] = {
-        "bits": bits,
-        "alpha": alpha,
-        "method": method,
-        "threads": threads,
-        "mosaic": mosaic,
-        "gains": gains,
-        "gain_ratio": gain_ratio,
-        "optical_black": optical_black,
-        "black_level": black_level,
-        "tau": tau,
-        "threshold_on": threshold_on,
-        "trust_lines": trust_lines,
-        "trust_jumps": trust_jumps,
-    }
-    x, k, (used, trusted, offset, quality, image) = _core.unwrap(y, parameters, confidence)
-    return Unwrapped(x, k, Report(used, trusted, offset, quality and Quality(*quality), image))
-
-
-def tone_map(
-    x: Image,
-    bits: int = 8,
-    alpha: float = 4.0,
-    *,
-    mosaic: str = "none",
-    headroom: float = 0.97,
-    transfer: str = "linear",
-) -> NDArray[np.uint8]:
-    """Returns radiance as an image of 8 bits: `round(255 encode(x / (headroom alpha 2^bits)))`.
-
-    encode is that of `transfer`; unless that is linear, half a code unit is added to x, which holds whole codes.
-
-    Parameters
-    ----------
-    x : array of float32, uint8 or uint16, H x W or H x W x C
-        The radiance in code units, such as `Unwrapped.x`. NaN becomes 0.
-    bits : int, in 1 to 16
-        Bits of the sensor's converter. The peak is 2^bits code units.
-    alpha : float, a finite number in 0.001 to 256
-        Saturation factor: the brightest radiance of the scene divided by the sensor's peak.
-    mosaic : str, one of none, rggb, bggr, grbg, gbrg
-        Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the
-        source. The images of a mosaic have the encoding bayer_*8 or bayer_*16. Images of one channel are raw mosaics of these
-        filters, which are sensed as they are, without a lens. Here they are H x W, and the result is H x W x 3.
-    headroom : float, a finite number in 0.001 to 1
-        Full scale of the pictures of a source divided by alpha * 2^bits: the radiance of the largest code, the white of EXR and HDR
-        images, or 1 in rendered frames. The images of 8 bits undo it, so that an ideal image is the picture that it comes from. 1: the
-        brightest parts lie at the end of the range.
-    transfer : str, one of linear, srgb, gamma22, rec709
-        Transfer function of the pictures: codes of 8 and 16 bits of a source are decoded by it, and the images ideal, saturated and
-        recovered are encoded by it. linear: codes are radiance. EXR, HDR and rendered frames hold radiance, which is not decoded.
-
-    Returns
-    -------
-    array of uint8
-        The image, of the shape of x, or H x W x 3 for a mosaic.
-
-    Raises
-    ------
-    ValueError
-        With the parameter, the shape or the type that is not possible.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import modulo
-    >>> modulo.tone_map(np.array([[0, 512, 1024]], dtype=np.float32), bits=8, alpha=4)
-    array([[  0, 131, 255]], dtype=uint8)
-    >>> modulo.tone_map(np.array([[0, 512, 1024]], dtype=np.float32), bits=8, alpha=4, transfer="srgb")
-    array([[  2, 190, 255]], dtype=uint8)
-    """
-    parameters: dict[str, int | float | str] = {
-        "bits": bits,
-        "alpha": alpha,
-        "mosaic": mosaic,
-        "headroom": headroom,
-        "transfer": transfer,
-    }
-    return _core.picture(x, parameters, False)
-
-
-def deblur(
-    x: Image,
-    bits: int = 8,
-    alpha: float = 4.0,
-    psf_sigma: float = 0.0,
-    *,
-    psf: str = "gaussian",
-    mosaic: str = "none",
-    headroom: float = 0.97,
-    transfer: str = "linear",
-) -> NDArray[np.uint8]:
-    """Returns radiance as an image of 8 bits like `tone_map`, without the blur of the lens (a Wiener filter).
-
-    Parameters
-    ----------
-    x : array of float32, uint8 or uint16, H x W or H x W x C
-        The radiance in code units, such as `Unwrapped.x`.
-    bits : int, in 1 to 16
-        Bits of the sensor's converter. The peak is 2^bits code units.
-    alpha : float, a finite number in 0.001 to 256
-        Saturation factor: the brightest radiance of the scene divided by the sensor's peak.
-    psf_sigma : float, a finite number in 0 to 100
-        Standard deviation of the gaussian lens blur in px. 0 is a perfect lens. paper7 does not use it.
-    psf : str, one of gaussian, paper7, unknown
-        Shape of the lens blur: gaussian with the width psf_sigma, paper7 for the paper's fixed 7 taps (about 1.4 px), or
-        unknown for images that have the blur of a real lens. Images of raw mosaics always have the latter.
-    mosaic : str, one of none, rggb, bggr, grbg, gbrg
-        Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the
-        source. The images of a mosaic have the encoding bayer_*8 or bayer_*16. Images of one channel are raw mosaics of these
-        filters, which are sensed as they are, without a lens. Here they are H x W, and the result is H x W x 3.
-    headroom : float, a finite number in 0.001 to 1
-        Full scale of the pictures of a source divided by alpha * 2^bits: the radiance of the largest code, the white of EXR and HDR
-        images, or 1 in rendered frames. The images of 8 bits undo it, so that an ideal image is the picture that it comes from. 1: the
-        brightest parts lie at the end of the range.
-    transfer : str, one of linear, srgb, gamma22, rec709
-        Transfer function of the pictures: codes of 8 and 16 bits of a source are decoded by it, and the images ideal, saturated and
-        recovered are encoded by it. linear: codes are radiance. EXR, HDR and rendered frames hold radiance, which is not decoded.
-
-    Returns
-    -------
-    array of uint8
-        The image, of the shape of x, or H x W x 3 for a mosaic.
-
-    Raises
-    ------
-    ValueError
-        With the parameter, the shape or the type that is not possible.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import modulo
-    >>> edge = np.tile(np.repeat(np.float32([0.2, 0.8]), 16), (32, 1))
-    >>> y = modulo.Sensor(psf_sigma=1).expose(edge).modulo
-    >>> x = modulo.unwrap(y).x
-    >>> blurred, sharp = modulo.tone_map(x), modulo.deblur(x, psf_sigma=1)
-    >>> bool(np.ptp(sharp[16, 15:17]) > np.ptp(blurred[16, 15:17]))
-    True
-    """
-    sensor: dict[str, int | float | str] = {
-        "bits": bits,
-        "alpha": alpha,
-        "psf_sigma": psf_sigma,
-        "psf": psf,
-        "mosaic": mosaic,
-        "headroom": headroom,
-        "transfer": transfer,
-    }
-    return _core.picture(x, sensor, True)
+    found = _network(model=os.fspath(model), engine=engine, device=device).find(image, threshold)
+    return [Detection(*one) for one in found]
 
 
 def read_bag(path: str | os.PathLike[str], source_topic: str = "") -> Iterator[Frame]:
@@ -663,11 +597,11 @@ def read_bag(path: str | os.PathLike[str], source_topic: str = "") -> Iterator[F
 
     Examples
     --------
-    >>> import modulo
+    >>> import modulo_camera as modulo
     >>> frame = next(modulo.read_bag("bags/samples/tunnel"))
     >>> frame.image.shape, frame.image.dtype, frame.mosaic, len(frame.ground_truth)
     ((192, 640, 3), dtype('uint8'), 'none', 14)
-    >>> modulo.unwrap(frame.image, bits=8, alpha=4).report.method
+    >>> modulo.Sensor(bits=8, alpha=4).unwrap(frame.image).report.method
     'lines'
     """
     return map(_frame, _core.Bag({"source": os.fspath(path), "source_topic": source_topic}))
@@ -725,7 +659,7 @@ def read_source(
 
     Examples
     --------
-    >>> import modulo
+    >>> import modulo_camera as modulo
     >>> frame = next(modulo.read_source("scene://glare?seed=4&width=320&height=96"))
     >>> frame.image.shape, frame.image.dtype, frame.ground_truth[0].class_name
     ((96, 320, 3), dtype('float32'), 'cyclist')
@@ -775,7 +709,7 @@ def average_precision(
 
     Examples
     --------
-    >>> import modulo
+    >>> import modulo_camera as modulo
     >>> truth = [modulo.GroundTruth(0, 0, 40, 40, "car"), modulo.GroundTruth(100, 0, 150, 40, "car")]
     >>> found = [modulo.Detection(1, 0, 40, 40, 0.9, "car"), modulo.Detection(300, 0, 340, 40, 0.8, "car")]
     >>> scores = modulo.average_precision([found], [truth])
@@ -790,6 +724,11 @@ def average_precision(
     return {class_name: AveragePrecision(*score) for class_name, score in scores.items()}
 
 
+def _report(fields: "_core._Report") -> Report:
+    method, trusted, reason, offset, quality, confidence = fields
+    return Report(method, trusted, reason, offset, quality and Quality(*quality), confidence)
+
+
 def _frame(fields: "_core._Frame") -> Frame:
     image, name, stamp_ns, frame_id, mosaic, objects = fields
     ground_truth = None if objects is None else [GroundTruth(*one) for one in objects]
@@ -797,5 +736,5 @@ def _frame(fields: "_core._Frame") -> Frame:
 
 
 # At the end: both use what is above.
-from modulo._benchmark import Benchmark, benchmark
-from modulo._stability import Scene, Stability, stability
+from modulo_camera._benchmark import Benchmark, benchmark
+from modulo_camera._stability import Scene, Stability, stability

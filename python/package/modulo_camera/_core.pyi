@@ -1,4 +1,4 @@
-"""The functions of the Rust crates. The package `modulo` documents them and gives names to their results."""
+"""The functions of the Rust crates. The package `modulo_camera` documents them and gives names to their results."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import final
@@ -10,7 +10,7 @@ _Codes = NDArray[uint8] | NDArray[uint16]
 _Image = NDArray[uint8] | NDArray[uint16] | NDArray[float32]
 _Value = bool | int | float | str
 _Quality = tuple[float, float, float, float, float]
-_Report = tuple[str, bool | None, str | None, _Quality | None, NDArray[uint8] | None]
+_Report = tuple[str, bool | None, str | None, str | None, _Quality | None, NDArray[uint8] | None]
 _Found = tuple[float, float, float, float, float, str]
 _Object = tuple[float, float, float, float, str, float, int]
 _Frame = tuple[_Image, str, int | None, str, str, list[_Object] | None]
@@ -18,7 +18,7 @@ _Frame = tuple[_Image, str, int | None, str, str, list[_Object] | None]
 _Own = tuple[str, float, float, bool | None]
 
 __all__ = [
-    "METHODS", "Bag", "Sensor", "Source", "__version__", "average_precision", "declared", "picture", "ssim", "stability_scene",
+    "METHODS", "Bag", "Network", "Sensor", "Source", "__version__", "average_precision", "declared", "picture", "ssim", "stability_scene",
     "stability_scenes", "unwrap",
 ]
 
@@ -43,10 +43,15 @@ class Source:
     def __iter__(self) -> Iterator[_Frame]: ...
     def __next__(self) -> _Frame: ...
 
+@final
+class Network:
+    def __new__(cls, **parameters: _Value) -> Network: ...
+    def find(self, image: _Codes, threshold: float) -> list[_Found]: ...
+
 def unwrap(
-    y: _Image, parameters: Mapping[str, _Value], confidence: bool
+    codes: _Image, parameters: Mapping[str, _Value], confidence: bool
 ) -> tuple[NDArray[float32], NDArray[uint8], _Report]: ...
-def picture(x: _Image, parameters: Mapping[str, _Value], deblur: bool) -> NDArray[uint8]: ...
+def picture(radiance: _Image, parameters: Mapping[str, _Value], deblur: bool) -> NDArray[uint8]: ...
 def average_precision(
     frames: Sequence[tuple[Sequence[_Found], Sequence[_Object]]], difficulty: str
 ) -> dict[str, tuple[float, float, int]]: ...
