@@ -15,6 +15,7 @@ use modulo_images::ImageError;
 use modulo_launch::launch_file;
 use modulo_runtime::SystemClock;
 use modulo_runtime::clock::monotonic_ns;
+use modulo_runtime::output::free_folder;
 
 use super::grid::LabelledFrames;
 use super::usage;
@@ -38,8 +39,8 @@ pub enum Bench {
     Detector(DetectorBench),
     /// Run every unwrapping method on scenes that are hard to unwrap, and write a report
     Stability {
-        /// Folder for index.html, results.json and the pictures
-        #[arg(short, long, value_name = "FOLDER")]
+        /// Folder for index.html, results.json and the pictures; without it a new one in runs
+        #[arg(short, long, value_name = "FOLDER", default_value_os_t = free_folder("stability"), hide_default_value = true)]
         out: PathBuf,
     },
 }

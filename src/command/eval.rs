@@ -16,7 +16,7 @@ use modulo_eval::video::AnnotatedVideo;
 use modulo_launch::{Plan, Summary};
 use modulo_middleware::process::signals::first_signal;
 use modulo_runtime::lockstep::Lockstep;
-use modulo_runtime::output::{OutputError, prepare_file, prepare_folder};
+use modulo_runtime::output::{OutputError, free_folder, prepare_file, prepare_folder};
 use modulo_runtime::{NodeName, NodeReport, Parameters, SystemClock, Value};
 use modulo_video::VideoAddress;
 
@@ -42,9 +42,9 @@ pub struct Eval {
     /// Source of frames, such as a bag, a video or scene://PRESET: for the grid, or instead of the source in FILE (repeatable)
     #[arg(long, value_name = "SOURCE")]
     pub source: Vec<String>,
-    /// Folder for the results
-    #[arg(short, long, value_name = "FOLDER", required = true)]
-    pub out: Option<PathBuf>,
+    /// Folder for the results; without it a new one in runs
+    #[arg(short, long, value_name = "FOLDER", default_value_os_t = free_folder("eval"), hide_default_value = true)]
+    pub out: PathBuf,
     /// New bag folder for the messages on --topics; with FILE
     #[arg(long, value_name = "FOLDER", requires_all = ["topics", "file"])]
     pub bag: Option<PathBuf>,
@@ -79,7 +79,7 @@ pub fn eval(args: &Eval) -> Result<Ended, Failure> {
     if let Some(Verb::Report { folder }) = &args.verb {
         return grid::report(folder);
     }
-    let out = args.out.as_deref().context("--out is needed").map_err(usage)?;
+    let out = &args.out;
     match &args.file {
         Some(file) => launch_file(args, &modulo_launch::launch_file(file).map_err(usage)?, out),
         None => grid::grid(&args.grid, &args.source, out),

@@ -32,16 +32,17 @@ pub fn simulate(args: Simulate) -> Result<Ended, Failure> {
     if let Some(file) = sensor_file {
         request.sensor.take_chip(&CameraParameters::read_sensor(&file).map_err(usage)?);
     }
-    run(|tell| simulation::simulate(&request, tell))
+    run(&request.run.out, |tell| simulation::simulate(&request, tell))
 }
 
 /// Unwraps modulo images.
 pub fn unwrap(request: &UnwrapRequest) -> Result<Ended, Failure> {
-    run(|tell| unwrap_files(request, tell))
+    run(&request.run.out, |tell| unwrap_files(request, tell))
 }
 
 /// Runs a command with a progress bar, and prints its results.
 fn run(
+    out: &Path,
     command: impl FnOnce(&mut dyn FnMut(BenchEvent<'_>)) -> Result<RunOutcome, BenchError>,
 ) -> Result<Ended, Failure> {
     let bar = progress_bar(STEPS);
@@ -55,6 +56,7 @@ fn run(
         .for_each(|(file, white)| say!("white is {white}, the {WHITE_PERCENTILE}th percentile of {file}"));
     print_rows(&outcome.rows);
     print_methods(&outcome.rows);
+    eprintln!("results: {}", out.display());
     Ok(if outcome.skipped.is_empty() { Ended::Done } else { Ended::WithLoss })
 }
 

@@ -35,6 +35,12 @@ pub fn prepare_file(path: &Path) -> Result<(), OutputError> {
     opened.map(drop).map_err(|why| OutputError::new(path, why))
 }
 
+/// Returns the first of the folders `runs/COMMAND/1`, `runs/COMMAND/2` and so on that is not there, for results without a place.
+pub fn free_folder(command: &str) -> PathBuf {
+    let folders = (1u32..).map(|number| Path::new("runs").join(command).join(number.to_string()));
+    folders.into_iter().find(|folder| !folder.exists()).expect("there are more numbers than folders")
+}
+
 /// Makes the folder `path` with its parents if it is missing, and checks that a file can be written into it.
 ///
 /// # Errors

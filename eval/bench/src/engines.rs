@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use clap::Args;
+use modulo_runtime::output::free_folder;
 use modulo_runtime::report::Percentiles;
 use serde::{Deserialize, Serialize};
 
@@ -46,8 +47,8 @@ pub struct EnginesRequest {
     /// Number of inferences of each engine whose times are measured
     #[arg(long, default_value_t = 100)]
     pub count: usize,
-    /// Folder for results.json
-    #[arg(short, long, value_name = "FOLDER")]
+    /// Folder for results.json; without it a new one in runs
+    #[arg(short, long, value_name = "FOLDER", default_value_os_t = free_folder("detector"), hide_default_value = true)]
     pub out: PathBuf,
     /// Further options of modulo eval, such as -- --groups FILE
     #[arg(last = true)]

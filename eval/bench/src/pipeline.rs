@@ -13,6 +13,7 @@ use std::time::Duration;
 
 use clap::Args;
 use modulo_core::metric::quantile;
+use modulo_runtime::output::free_folder;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -50,8 +51,8 @@ pub struct PipelineRequest {
     /// Number of frames of each mode
     #[arg(long, default_value_t = 100)]
     pub count: usize,
-    /// Folder for results.json
-    #[arg(short, long, value_name = "FOLDER")]
+    /// Folder for results.json; without it a new one in runs
+    #[arg(short, long, value_name = "FOLDER", default_value_os_t = free_folder("pipeline"), hide_default_value = true)]
     pub out: PathBuf,
     /// Inference engine: ONNX Runtime (ort), ONNX Runtime with OpenVINO (openvino, or openvino_f32 with 32 bits), rten, or auto
     /// for ort where its library is found, and rten elsewhere

@@ -14,6 +14,7 @@ use modulo_core::{
 };
 use modulo_images::{save_exr, save_png};
 use modulo_runtime::SensorModel;
+use modulo_runtime::output::free_folder;
 use ndarray::Array3;
 use serde::Serialize;
 
@@ -42,8 +43,8 @@ pub struct RunOptions {
     /// of full scale
     #[arg(long)]
     pub exr: bool,
-    /// Folder for the images and results.json
-    #[arg(short, long, value_name = "FOLDER")]
+    /// Folder for the images and results.json; without it a new one in runs
+    #[arg(short, long, value_name = "FOLDER", default_value_os_t = free_folder("images"), hide_default_value = true)]
     pub out: PathBuf,
 }
 

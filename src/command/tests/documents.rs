@@ -159,8 +159,11 @@ fn describe(command: &clap::Command, called: &str, page: &mut String) {
     }
     for argument in arguments {
         let switch = !argument.get_action().takes_values();
-        let default =
-            argument.get_default_values().iter().filter(|_| !switch).map(|value| value.to_string_lossy());
+        let default = argument
+            .get_default_values()
+            .iter()
+            .filter(|_| !switch && !argument.is_hide_default_value_set())
+            .map(|value| value.to_string_lossy());
         let default = default.collect::<Vec<_>>().join(",");
         let default = if default.is_empty() { default } else { format!("`{default}`") };
         let mut help = text(argument.get_long_help().or(argument.get_help()));

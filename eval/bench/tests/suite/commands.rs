@@ -85,7 +85,7 @@ fn radiance_goes_in_and_comes_out() {
     let recovered = read_image(&out.join("slope_alpha4_auto.exr")).expect("an EXR image").to_f32();
     let code = 64.0 / 1024.0;
     // The lens sees no further than the border.
-    let inside = s![8..-8, 8..-8, ..];
+    let inside = s![8..32, 8..120, ..];
     let pairs = recovered.slice(inside).into_iter().zip(radiance.slice(inside));
     let apart = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(apart <= 0.501 * code, "{apart} of {code}");
