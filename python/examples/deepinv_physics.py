@@ -35,7 +35,10 @@ class ModuloCamera(Physics):  # type: ignore[misc]
 
     def A_dagger(self, y: torch.Tensor, x_init: torch.Tensor | None = None, **kwargs: Any) -> torch.Tensor:
         """Returns the radiance relative to full scale, N x C x H x W, of the codes y by the method `auto`; `ValueError` for what are no codes."""
-        radiance = self.camera.unwrap(y.detach().cpu().numpy().astype("uint16"), channel_axis=1).radiance
+        codes = y.detach().cpu().to(torch.int64)
+        if not torch.equal(codes.to(y.dtype), y.detach().cpu()) or codes.min() < 0 or codes.max() > 65535:
+            raise ValueError("y holds numbers that are no codes; give the whole numbers that the camera delivers")
+        radiance = self.camera.unwrap(codes.numpy().astype("uint16"), channel_axis=1).radiance
         one = self.camera.parameters
         # The middle of each code.
         return torch.from_numpy((radiance + 0.5) / (one["headroom"] * one["alpha"] * 2 ** one["bits"])).to(y.device)
