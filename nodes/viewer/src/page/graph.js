@@ -119,8 +119,7 @@ export class Graph {
           : steps === 1
             ? `M ${x} ${start.middle} C ${(x + end) / 2} ${start.middle} ${(x + end) / 2} ${y} ${end} ${y}`
             : `M ${x} ${start.middle} H ${x + 4 + 3 * lane} V ${2 + 4 * lane} H ${end - 10} V ${y} H ${end}`;
-      const style = `stroke: var(--series-${(lane % 6) + 1})`;
-      return makeSvg("path", { d: `${way} m -6 -4 l 6 4 l -6 4`, style });
+      return makeSvg("path", { d: `${way} m -6 -4 l 6 4 l -6 4`, stroke: `var(--series-${(lane % 6) + 1})` });
     };
     this.lines.replaceChildren(...links.map(line));
   }
