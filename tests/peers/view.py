@@ -440,10 +440,10 @@ def main():
         with viewer(MODULO, "139", "--record", str(recordings[0])) as process:
             drive(browser.new_page(viewport={"width": 1500, "height": 1000}), address(process, "http://"), folder)
         scenes = [f"{camera}:=scene://{scene}?seed=3&frames=100000" for camera, scene in {"front": "tunnel", "rear": "glare"}.items()]
-        suite = [["launch", "launch/cameras.launch.yaml", "shared:=true", "engine:=rten", *scenes]]
+        suite = [["launch", "launch/cameras.launch.yaml", "shared:=true", "engine:=rten", "input:=recovered", *scenes]]
         with viewer(MODULO, "139", "--record", str(recordings[1]), suite=suite) as process:
             show_two_cameras(browser.new_page(viewport={"width": 1500, "height": 1000}), address(process, "http://"))
-        suite = [["launch", "launch/compare.launch.yaml", "engine:=rten", "rate:=5", "loop:=true", "source:=scene://day?seed=3&frames=20&width=320&height=96"]]
+        suite = [["launch", "launch/compare.launch.yaml", "engine:=rten", "rate:=10", "loop:=true", "source:=scene://day?seed=3&frames=20&width=320&height=96"]]
         with viewer(MODULO, "139", suite=suite) as process:
             keep_the_boxes(browser.new_page(viewport={"width": 1500, "height": 1000}), address(process, "http://"), folder)
         for recording, topics in zip(recordings, [["/recovered"], ["/front/recovered", "/rear/recovered"]]):

@@ -116,7 +116,7 @@ export class Tile {
       .filter(({ truth }) => truth.length)
       .map((image) => `found ${foundOf(image, state.choice.score)} of ${image.truth.length}`);
     const behind = images[0] ? stampMs(moment.stamp) - stampMs(images[0].stamp) : 0;
-    const unwrapped = images.find((image) => image?.topic.endsWith("/recovered"));
+    const unwrapped = images.find((image) => /\/(recovered|metered|hdr)$/.test(image?.topic));
     const { trusted = null, message = "" } = (unwrapped && frame(unwrapped)?.trust[namespaceOf(unwrapped.topic)]) ?? {};
     const facts = [
       scores.join(" | "),
