@@ -431,23 +431,29 @@ def open_the_recording(page, file, topics):
     check(not clashes and not errors, f"a recording of {file.stat().st_size >> 10} KiB shows its frames without a viewer: {clashes[:3]} {errors}")
 
 
+def opened(browser):
+    """A page that is closed before the next one: one without its viewer goes on trying to connect."""
+    return browser.new_page(viewport={"width": 1500, "height": 1000})
+
+
 def main():
     global MODULO
     MODULO, folder = str(Path(sys.argv[1]).resolve()), (sys.argv[2:] or [None])[0]
     with tempfile.TemporaryDirectory() as scratch, sync_playwright() as playwright:
         recordings = [Path(scratch) / name for name in ["one.html", "two.html"]]
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
-        with viewer(MODULO, "139", "--record", str(recordings[0])) as process:
-            drive(browser.new_page(viewport={"width": 1500, "height": 1000}), address(process, "http://"), folder)
+        with viewer(MODULO, "139", "--record", str(recordings[0])) as process, opened(browser) as page:
+            drive(page, address(process, "http://"), folder)
         scenes = [f"{camera}:=scene://{scene}?seed=3&frames=100000" for camera, scene in {"front": "tunnel", "rear": "glare"}.items()]
         suite = [["launch", "launch/cameras.launch.yaml", "shared:=true", "engine:=rten", "input:=recovered", *scenes]]
-        with viewer(MODULO, "139", "--record", str(recordings[1]), suite=suite) as process:
-            show_two_cameras(browser.new_page(viewport={"width": 1500, "height": 1000}), address(process, "http://"))
+        with viewer(MODULO, "139", "--record", str(recordings[1]), suite=suite) as process, opened(browser) as page:
+            show_two_cameras(page, address(process, "http://"))
         suite = [["launch", "launch/compare.launch.yaml", "engine:=rten", "rate:=10", "loop:=true", "source:=scene://day?seed=3&frames=20&width=320&height=96"]]
-        with viewer(MODULO, "139", suite=suite) as process:
-            keep_the_boxes(browser.new_page(viewport={"width": 1500, "height": 1000}), address(process, "http://"), folder)
+        with viewer(MODULO, "139", suite=suite) as process, opened(browser) as page:
+            keep_the_boxes(page, address(process, "http://"), folder)
         for recording, topics in zip(recordings, [["/recovered"], ["/front/recovered", "/rear/recovered"]]):
-            open_the_recording(browser.new_page(viewport={"width": 1500, "height": 1000}), recording, topics)
+            with opened(browser) as page:
+                open_the_recording(page, recording, topics)
         browser.close()
 
 
