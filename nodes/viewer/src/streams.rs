@@ -198,7 +198,8 @@ impl Streams {
         let fullest = || {
             let stamps = streams().flat_map(|(_, stream)| &stream.waiting).map(|image| image.stamp);
             let count = |stamp: &Time| streams().filter(|(_, stream)| is_there(stamp, stream)).count();
-            let best = stamps.filter(|_| waited_ns >= PATIENCE_NS).max_by_key(|s| (count(s), is_answered(s)))?;
+            let best =
+                stamps.filter(|_| waited_ns >= PATIENCE_NS).max_by_key(|s| (count(s), is_answered(s)))?;
             (waited_ns >= ANSWER_PATIENCE_NS || is_answered(&best)).then_some(best)
         };
         newest_first.map(|image| image.stamp).find(is_whole).or_else(fullest)
@@ -555,7 +556,8 @@ mod tests {
             {
                 streams.image(topic, image(ns), 0);
                 // An image that nobody answers is sent at the latest after ten seconds.
-                let next = one(&mut streams, &graph, 0).or_else(|| one(&mut streams, &graph, ANSWER_PATIENCE_NS));
+                let next =
+                    one(&mut streams, &graph, 0).or_else(|| one(&mut streams, &graph, ANSWER_PATIENCE_NS));
                 assert_eq!(stamp(next), Some((ns, count)), "{topic}, state is late: {is_late}");
                 streams.drawn(topic);
             }
