@@ -1,14 +1,15 @@
-"""Drives the page of `modulo view` in Debian's Chromium, over a replay of the sample bag.
+"""Drives the page of `modulo view` in Debian's Chromium, over a replay of the sample bag, two cameras, and six detectors on a busy machine.
 
     apt-get install chromium && pip install playwright==1.56.0
     python3 tests/peers/view.py target/debug/modulo
 
 Exit code 1 when the page shows no frame, shows images of two moments of a camera at once, lets one camera wait for another one, lays
-one text over another, has a control that the keyboard does not reach, or does not go on after a loss; when a control does not reach
+one text over another, draws a line between two nodes that have none, shows a frame without its boxes, has a control that the keyboard does not reach, or does not go on after a loss; when a control does not reach
 its node, the console has an error, the page asks for anything outside of its origin, or a script without the token can connect.
 """
 
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -33,6 +34,28 @@ MEAN = """(topic) => {
 }"""
 CAPTION = """(topic) => [...document.querySelectorAll(".large figure")].find((f) => f.querySelector("strong").textContent === topic)
     ?.querySelector("figcaption span").textContent ?? ''"""
+STAMP = """(topic) => [...document.querySelectorAll(".large figure")].find((f) => f.querySelector("strong").textContent === topic)
+    ?.querySelector(".picture").dataset.stamps ?? ''"""
+# Each shown stream with the number of detectors that have answered its frame, and its trust.
+LOOK = """() => [...document.querySelectorAll(".large figure")].map((figure) => {
+    const { stamps, answers, trust } = figure.querySelector(".picture").dataset;
+    return [figure.querySelector("strong").textContent, stamps, answers, trust, figure.innerText];
+})"""
+# For each line of the graph the cards whose border it touches, in the order in which it comes to them.
+EDGES = """() => [...document.querySelectorAll("#graph path")].map((path) => {
+    const origin = path.ownerSVGElement.getBoundingClientRect();
+    const touched = [];
+    for (let at = 0; at <= path.getTotalLength(); at += 1) {
+        const point = path.getPointAtLength(at);
+        const [x, y] = [point.x + origin.left, point.y + origin.top];
+        for (const card of document.querySelectorAll("article")) {
+            const { left, right, top, bottom } = card.getBoundingClientRect();
+            const name = card.querySelector("h3 span").textContent;
+            if (x > left - 2.5 && x < right + 2.5 && y > top - 2.5 && y < bottom + 2.5 && touched.at(-1) !== name) touched.push(name);
+        }
+    }
+    return touched.join(" -> ");
+}).sort()"""
 WITHOUT_TOKEN = """() => new Promise((done) => {
     const socket = new WebSocket(`ws://${location.host}/socket?token=0123456789abcdef`);
     socket.onopen = () => done("opened");
@@ -145,12 +168,12 @@ def stamps_agree(page, frames):
 
 def follow_the_input(page):
     page.select_option("#input", "modulo")
-    wait(page, f"(topic) => /boxes/.test(({CAPTION})(topic))", "/modulo")
+    wait(page, f"(topic) => /box/.test(({CAPTION})(topic))", "/modulo")
     read = subprocess.run([MODULO, "param", "get", "/detector", "input"], capture_output=True, text=True, check=True)
     check("modulo" in read.stdout, "the switch changes the input of the detector, and the boxes follow")
     page.select_option("#input", "recovered")
-    wait(page, f"(topic) => /boxes/.test(({CAPTION})(topic))", "/recovered")
-    wait(page, f"(topic) => !/boxes/.test(({CAPTION})(topic))", "/modulo")
+    wait(page, f"(topic) => /box/.test(({CAPTION})(topic))", "/recovered")
+    wait(page, f"(topic) => !/box/.test(({CAPTION})(topic))", "/modulo")
     check(True, "no boxes are drawn on the stream that the detector has left")
 
 
@@ -172,22 +195,22 @@ def stop_in_the_strip(page):
     wait(page, "() => document.querySelector('.kept').clientWidth > 8")
     kept, plots = page.locator(".kept").bounding_box(), page.locator(".plots").bounding_box()
     page.mouse.click(kept["x"] + kept["width"] / 2, plots["y"] + 60)
-    wait(page, "() => document.getElementById('live').textContent === 'Go on'")
+    wait(page, "() => document.getElementById('live').textContent === 'Play'")
     page.mouse.move(5, 5)
     page.wait_for_timeout(500)
-    shown = page.evaluate(CAPTION, "/recovered")
+    shown, stamp = page.evaluate(CAPTION, "/recovered"), page.evaluate(STAMP, "/recovered")
     told = page.evaluate("() => document.querySelector('.readout').textContent")
     # The detector may have answered the other stream then.
     captions = [page.evaluate(CAPTION, topic) for topic in ["/modulo", "/recovered"]]
-    count = sum(int(caption.split(" boxes")[0]) for caption in captions if " boxes" in caption)
+    count = sum(int(number) for caption in captions for number in re.findall(r"(\d+) box", caption))
     counts = [int(word) for word in told.split(";")[-1].replace(",", " ").split() if word.isdigit()]
-    check(shown.split(", ")[-1] in told and sum(counts) == count, f"a click in the strip shows that frame and its boxes: {captions} | {told}")
+    check(re.search(r"frame \d+", shown)[0] + "," in told and sum(counts) == count, f"a click in the strip shows that frame and its boxes: {captions} | {told}")
     page.wait_for_timeout(1500)
-    check(page.evaluate(CAPTION, "/recovered") == shown, "the page stays at that frame")
+    check(page.evaluate(STAMP, "/recovered") == stamp, "the page stays at that frame")
     page.keyboard.press("ArrowLeft")
-    wait(page, f"(before) => ({CAPTION})('/recovered') !== before", shown)
+    wait(page, f"(before) => ({STAMP})('/recovered') !== before", stamp)
     page.keyboard.press("Escape")
-    wait(page, "() => document.getElementById('live').textContent === 'Live'")
+    wait(page, "() => document.getElementById('live').textContent === 'Pause'")
     check(True, "an arrow key shows the frame before, escape goes on")
 
 
@@ -249,7 +272,7 @@ def reach_by_keyboard(page, width):
 
 
 def drive_the_replay(page):
-    page.get_by_role("button", name="Pause").click()
+    page.get_by_role("button", name="Pause the replay").click()
     wait_text(page, "notice", "The replay is paused")
     # What was on its way when the player paused.
     page.wait_for_timeout(1500)
@@ -261,10 +284,11 @@ def drive_the_replay(page):
             page.get_by_role("button", name="Next message").click()
             page.wait_for_timeout(500)
         stamp = f"{float(seconds):.9f}"
-        whole = f"(stamp) => ({CAPTION})('/modulo') === stamp && ({CAPTION})('/recovered').endsWith(` boxes, ${{stamp}}`)"
+        is_at = f"(topic, stamp) => ({STAMP})(topic) === stamp && /box/.test(({CAPTION})(topic)) === (topic === '/recovered')"
+        whole = f"(stamp) => ['/modulo', '/recovered'].every((topic) => ({is_at})(topic, stamp))"
         wait(page, whole, stamp)
     check(True, "a paused replay says so, seeks and plays single messages, whose images and boxes come together")
-    page.get_by_role("button", name="Play").click()
+    page.get_by_role("button", name="Play the replay").click()
     wait(page, "() => document.getElementById('notice').hidden")
 
 
@@ -280,7 +304,7 @@ def lose_a_node(page):
     again = subprocess.Popen([MODULO, "run", "detector", "--ros-args", "-p", "engine:=rten"], cwd=ROOT, start_new_session=True)
     try:
         wait(page, "() => !document.querySelector('article.gone')")
-        wait(page, f"(topic) => /[1-9][0-9]* boxes/.test(({CAPTION})(topic))", "/recovered")
+        wait(page, f"(topic) => /[1-9][0-9]* box/.test(({CAPTION})(topic))", "/recovered")
         check(True, "the page goes on with its boxes when it is back")
     finally:
         os.killpg(again.pid, signal.SIGTERM)
@@ -296,9 +320,17 @@ def drive(page, address, folder):
     for topic in ["/modulo", "/recovered"]:
         wait(page, f"(topic) => ({MEAN})(topic) > 5", topic)
         check(True, f"the page shows {topic}")
-    wait(page, f"(topic) => /[1-9][0-9]* boxes/.test(({CAPTION})(topic))", "/recovered")
+    wait(page, f"(topic) => /[1-9][0-9]* box/.test(({CAPTION})(topic))", "/recovered")
     check(True, "boxes are drawn on /recovered")
     stamps_agree(page, 20)
+    wait_text(page, "link", f"Domain {os.environ['ROS_DOMAIN_ID']}: 3 nodes")
+    check(True, "the page says the domain and the number of nodes")
+    first = page.evaluate("""() => [...document.querySelectorAll("details.node")].map((node) =>
+        [node.querySelector("summary").textContent, node.querySelector(".field label").textContent])""")
+    check(["/unwrap", "alpha"] in first and ["/detector", "score_threshold"] in first, f"what is changed most comes first: {first}")
+    lens = page.evaluate("""() => [...document.querySelectorAll("input[type=range]")].filter(({ ariaLabel }) => ariaLabel === "psf_sigma, slider")
+        .map(({ min, max }) => [min, max])""")
+    check(lens and all(most == "3" for _, most in lens), f"the slider of the lens has the useful range: {lens}")
     follow_the_input(page)
     look_at_pixels(page, relay)
     stop_in_the_strip(page)
@@ -317,18 +349,67 @@ def show_two_cameras(page, address):
     page.goto(address)
     topics = ["/front/recovered", "/rear/recovered"]
     for topic in topics:
-        wait(page, f"(topic) => /[1-9][0-9]* boxes/.test(({CAPTION})(topic))", topic)
+        wait(page, f"(topic) => /[1-9][0-9]* box/.test(({CAPTION})(topic))", topic)
     stamps, strips = {topic: set() for topic in topics}, set()
     for _ in range(50):
         page.wait_for_timeout(200)
         strips.add(page.evaluate("() => document.querySelector('.kept').style.cssText"))
         for topic in topics:
-            stamps[topic].add(page.evaluate(CAPTION, topic).split(", ")[-1])
+            stamps[topic].add(page.evaluate(STAMP, topic))
     counts = [len(stamps[topic] - {""}) for topic in topics]
     # A moment that waited for both would be shown once a second.
     check(min(counts) >= 6 and sum(counts) >= 16 and not any("" in all for all in stamps.values()),
           f"each of two cameras goes on by itself: {counts} frames in 10 s")
     check(len(strips) >= 15, f"the strip of time goes on with them: drawn {len(strips)} times")
+
+
+def keep_the_boxes(page, address, folder):
+    """Six detectors on a machine that has other work: no frame is shown without its boxes, and no line between nodes is false."""
+    page.goto(address)
+    page.wait_for_function(f"() => (({LOOK})()).length >= 2 && (({LOOK})()).every(([, , answers]) => Number(answers) > 0)", timeout=3 * PATIENCE_MS)
+    check_edges(page)
+    busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(4)]
+    try:
+        looks = []
+        for _ in range(200):
+            looks.append(page.evaluate(LOOK))
+            page.wait_for_timeout(100)
+    finally:
+        for process in busy:
+            process.kill()
+            process.wait()
+    bare = [(topic, stamp) for look in looks for topic, stamp, answers, *_ in look if not (stamp and answers == "1")]
+    moments = {stamp for look in looks for _, stamp, *_ in look}
+    check(not bare, f"200 looks at {len(looks[0])} streams, {len(moments)} moments: each shown frame has its boxes: {len(bare)} have none: {bare[:3]}")
+    check(len(moments) >= 3, "the page goes on")
+    wait(page, "() => /found [0-9]+ of [0-9]+/.test(document.querySelector('.large').innerText)")
+    trust = [(trust, text) for topic, _, _, trust, text in page.evaluate(LOOK) if topic == "/recovered"]
+    check(trust and trust[0][0] in ["true", "false"] and "trusted" in trust[0][1], f"the unwrapped stream says its trust: {trust}")
+    subprocess.run([MODULO, "param", "set", "/modulo_camera", "alpha", "16.0"], check=True, capture_output=True)
+    wait(page, "() => /not trusted: ./.test(document.querySelector('.picture[data-trust=false] .badge')?.textContent)")
+    check(True, "a frame that is not trusted says why: " + page.evaluate("() => document.querySelector('[data-trust=false] .badge').textContent"))
+    if folder:
+        for scheme in ["light", "dark"]:
+            page.emulate_media(color_scheme=scheme)
+            for width, height in WIDTHS.items():
+                page.set_viewport_size({"width": width, "height": height})
+                page.wait_for_timeout(1500)
+                page.screenshot(path=f"{folder}/compare_{scheme}_{width}.png", full_page=True)
+
+
+def check_edges(page):
+    wanted = set()
+    for topic in ["modulo", "recovered", "metered", "saturated", "auto_exposed", "ideal"]:
+        info = subprocess.run([MODULO, "topic", "info", "-v", f"/{topic}"], capture_output=True, text=True, check=True).stdout
+        senders, readers = (re.findall(r"^  /(\w+):", part, re.MULTILINE) for part in info.split("Subscription count"))
+        wanted |= {f"{sender} -> {reader}" for sender in senders for reader in readers if reader != "viewer"}
+    wanted = sorted(wanted)
+    for width in [390, 820, 1500, 2560]:
+        page.set_viewport_size({"width": width, "height": WIDTHS[width]})
+        page.wait_for_timeout(1500)
+        drawn = page.evaluate(EDGES)
+        check(drawn == wanted, f"{width} px: the lines between nodes are the real ones, {wanted}: {drawn if drawn != wanted else ''}")
+    page.set_viewport_size({"width": 1500, "height": 1000})
 
 
 def open_the_recording(page, file, topics):
@@ -338,16 +419,21 @@ def open_the_recording(page, file, topics):
     page.goto(f"file://{file}")
     for topic in topics:
         wait(page, f"(topic) => ({MEAN})(topic) > 5", topic)
-    before = [page.evaluate(CAPTION, topic) for topic in topics]
+    before = [page.evaluate(STAMP, topic) for topic in topics]
     # A moment has new images of one camera only.
-    for topic, caption in zip(topics, before):
+    for topic, stamp in zip(topics, before):
         for _ in range(20):
-            if page.evaluate(CAPTION, topic) == caption:
+            if page.evaluate(STAMP, topic) == stamp:
                 page.keyboard.press("ArrowLeft")
                 page.wait_for_timeout(200)
-        check(page.evaluate(CAPTION, topic) != caption, f"an arrow key shows the frame of {topic} before that of the recording's end")
+        check(page.evaluate(STAMP, topic) != stamp, f"an arrow key shows the frame of {topic} before that of the recording's end")
     clashes = page.evaluate(CLASHES)
     check(not clashes and not errors, f"a recording of {file.stat().st_size >> 10} KiB shows its frames without a viewer: {clashes[:3]} {errors}")
+
+
+def opened(browser):
+    """A page that is closed before the next one: one without its viewer goes on trying to connect."""
+    return browser.new_page(viewport={"width": 1500, "height": 1000})
 
 
 def main():
@@ -356,14 +442,18 @@ def main():
     with tempfile.TemporaryDirectory() as scratch, sync_playwright() as playwright:
         recordings = [Path(scratch) / name for name in ["one.html", "two.html"]]
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
-        with viewer(MODULO, "139", "--record", str(recordings[0])) as process:
-            drive(browser.new_page(viewport={"width": 1500, "height": 1000}), address(process, "http://"), folder)
+        with viewer(MODULO, "139", "--record", str(recordings[0])) as process, opened(browser) as page:
+            drive(page, address(process, "http://"), folder)
         scenes = [f"{camera}:=scene://{scene}?seed=3&frames=100000" for camera, scene in {"front": "tunnel", "rear": "glare"}.items()]
-        suite = [["launch", "launch/cameras.launch.yaml", "shared:=true", "engine:=rten", *scenes]]
-        with viewer(MODULO, "139", "--record", str(recordings[1]), suite=suite) as process:
-            show_two_cameras(browser.new_page(viewport={"width": 1500, "height": 1000}), address(process, "http://"))
+        suite = [["launch", "launch/cameras.launch.yaml", "shared:=true", "engine:=rten", "input:=recovered", *scenes]]
+        with viewer(MODULO, "139", "--record", str(recordings[1]), suite=suite) as process, opened(browser) as page:
+            show_two_cameras(page, address(process, "http://"))
+        suite = [["launch", "launch/compare.launch.yaml", "engine:=rten", "rate:=10", "loop:=true", "source:=scene://day?seed=3&frames=20&width=320&height=96"]]
+        with viewer(MODULO, "139", suite=suite) as process, opened(browser) as page:
+            keep_the_boxes(page, address(process, "http://"), folder)
         for recording, topics in zip(recordings, [["/recovered"], ["/front/recovered", "/rear/recovered"]]):
-            open_the_recording(browser.new_page(viewport={"width": 1500, "height": 1000}), recording, topics)
+            with opened(browser) as page:
+                open_the_recording(page, recording, topics)
         browser.close()
 
 

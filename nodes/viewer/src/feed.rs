@@ -59,6 +59,7 @@ impl Feed {
     pub fn look(&mut self, wanted: impl FnOnce(&GraphView) -> BTreeSet<String>) -> (GraphView, Vec<String>) {
         let graph = self.session.transport.graph();
         let mut view = GraphView::of(&graph, &self.session.node_name.fully_qualified());
+        view.domain = self.session.transport.domain();
         view.twins = self.session.transport.twins().iter().map(ToString::to_string).collect();
         let wanted = wanted(&view);
         self.guards.retain(|topic, _| wanted.contains(topic));
@@ -157,6 +158,7 @@ impl GraphView {
         let mut nodes = graph.nodes_with_parameters();
         nodes.remove(own);
         Self {
+            domain: 0,
             detectors,
             truths: labels.into_iter().map(|labels| labels.topic).collect(),
             links: links(graph, own),

@@ -71,6 +71,8 @@ pub enum Event {
 /// The part of the graph that the page shows.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct GraphView {
+    /// The ROS domain.
+    pub domain: u32,
     /// Image topics that have a publisher, in the order in which they are listed.
     pub images: Vec<String>,
     /// The image topics that are shown as long as the user has chosen none.
@@ -133,8 +135,8 @@ pub struct Notice {
 pub enum Step {
     /// The camera has described it, which it does right before it sends the images.
     Sensed,
-    /// It was unwrapped, and the result is `trusted` or not where the method makes a claim.
-    Unwrapped { trusted: Option<bool> },
+    /// It was unwrapped, and the result is `trusted` or not where the method makes a claim; `message` has the reason.
+    Unwrapped { camera: String, trusted: Option<bool>, message: String },
     /// Objects were looked for. `classes` has the number of boxes of each class.
     Detected { classes: BTreeMap<String, usize> },
 }

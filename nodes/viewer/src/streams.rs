@@ -21,8 +21,10 @@ const KEPT: usize = 60;
 const KEPT_BYTES: usize = 64 << 20;
 /// Results of one detector that wait for their image.
 const KEPT_BOXES: usize = 32;
-/// A moment waits at most this long for its images and boxes, ns.
+/// A moment waits at most this long for its images, ns.
 const PATIENCE_NS: u64 = 1_000_000_000;
+/// And this long for the boxes of a detector that has answered before: on a busy machine several detectors seldom answer the same frame.
+const ANSWER_PATIENCE_NS: u64 = 10 * PATIENCE_NS;
 
 /// The images and boxes of one browser.
 #[derive(Default)]
@@ -159,8 +161,8 @@ impl Streams {
     /// Returns the images that can be sent now: `together` those of one camera and one stamp, for which all topics of the camera wait,
     /// else the newest one of a topic. An image that detectors answer is held back until their boxes are there, so that boxes are drawn on the image that they were found in.
     ///
-    /// Nothing is waited for longer than a second, and what was not there after it is not waited for again before it has come: a
-    /// replay that is paused for long, and then plays a single message, loses neither a topic nor the boxes.
+    /// No image is waited for longer than a second and no box longer than ten, and what was not there then is not waited for again
+    /// before it has come: a replay that is paused for long, and then plays a single message, loses neither a topic nor the boxes.
     pub fn next(&mut self, graph: &GraphView, together: bool, now_ns: u64) -> Vec<NextImage> {
         let mut groups: BTreeMap<&str, Vec<&String>> = BTreeMap::new();
         for topic in self.topics.keys() {
@@ -177,26 +179,28 @@ impl Streams {
     }
 
     /// Returns the stamp of the images of `topics` that are sent next: the newest one of which all is there that is waited for, or after
-    /// a second the one with the most images.
+    /// a second the one with the most images, once it has its boxes or has waited long for them.
     fn next_stamp(&self, graph: &GraphView, topics: &[&String], now_ns: u64) -> Option<Time> {
         let streams = || topics.iter().map(|&topic| (topic, &self.topics[topic]));
         if streams().any(|(_, stream)| stream.busy) {
             return None;
         }
         let awaited = || streams().filter(|(topic, _)| self.awaited.contains(*topic));
-        let is_whole = |stamp: &Time| {
-            awaited().all(|(topic, stream)| {
-                let image = stream.place(*stamp).map(|place| &stream.waiting[place]);
-                image.is_some_and(|image| self.missing(graph, topic, image).next().is_none())
-            })
+        let is_there = |stamp: &Time, stream: &WatchedTopic| stream.place(*stamp).is_some();
+        let is_answered = |stamp: &Time| {
+            let mut images = streams().filter_map(|(topic, s)| Some((topic, &s.waiting[s.place(*stamp)?])));
+            images.all(|(topic, image)| self.missing(graph, topic, image).next().is_none())
         };
+        let is_whole = |stamp: &Time| awaited().all(|(_, s)| is_there(stamp, s)) && is_answered(stamp);
         let newest_first = awaited().next().into_iter().flat_map(|(_, stream)| stream.waiting.iter().rev());
-        let is_overdue = streams().any(|(_, stream)| stream.is_overdue(now_ns));
+        let waited_ns = streams().map(|(_, stream)| stream.waited_ns(now_ns)).max().unwrap_or(0);
         // Of moments with equally many images, the newest one.
         let fullest = || {
             let stamps = streams().flat_map(|(_, stream)| &stream.waiting).map(|image| image.stamp);
-            let count = |stamp: &Time| streams().filter(|(_, stream)| stream.place(*stamp).is_some()).count();
-            stamps.filter(|_| is_overdue).max_by_key(count)
+            let count = |stamp: &Time| streams().filter(|(_, stream)| is_there(stamp, stream)).count();
+            let best =
+                stamps.filter(|_| waited_ns >= PATIENCE_NS).max_by_key(|s| (count(s), is_answered(s)))?;
+            (waited_ns >= ANSWER_PATIENCE_NS || is_answered(&best)).then_some(best)
         };
         newest_first.map(|image| image.stamp).find(is_whole).or_else(fullest)
     }
@@ -284,9 +288,9 @@ impl WatchedTopic {
         self.waiting.iter().rposition(|image| image.stamp == stamp)
     }
 
-    /// Returns whether images have waited for a second.
-    fn is_overdue(&self, now_ns: u64) -> bool {
-        !self.waiting.is_empty() && now_ns.saturating_sub(self.since_ns) >= PATIENCE_NS
+    /// Returns how long images have waited.
+    fn waited_ns(&self, now_ns: u64) -> u64 {
+        if self.waiting.is_empty() { 0 } else { now_ns.saturating_sub(self.since_ns) }
     }
 }
 
@@ -520,15 +524,16 @@ mod tests {
         streams.drawn("/recovered");
         streams.image("/recovered", image(4), 20);
         streams.boxes(&origin(), boxes(5), 30);
-        assert_eq!(stamp(one(&mut streams, &graph, 19 + PATIENCE_NS)), None);
+        assert_eq!(stamp(one(&mut streams, &graph, 19 + ANSWER_PATIENCE_NS)), None);
         assert_eq!(
-            stamp(one(&mut streams, &graph, 20 + PATIENCE_NS)),
+            stamp(one(&mut streams, &graph, 20 + ANSWER_PATIENCE_NS)),
             Some((4, 0)),
             "the detector left it out"
         );
         streams.drawn("/recovered");
-        streams.image("/recovered", image(6), 5 * PATIENCE_NS);
-        assert_eq!(stamp(one(&mut streams, &graph, 5 * PATIENCE_NS)), Some((6, 0)), "the detector is silent");
+        let later = 2 * ANSWER_PATIENCE_NS;
+        streams.image("/recovered", image(6), later);
+        assert_eq!(stamp(one(&mut streams, &graph, later)), Some((6, 0)), "the detector is silent");
     }
 
     /// Both streams show the same frames, and the detector reads both while it changes from one to the other one.
@@ -550,8 +555,9 @@ mod tests {
                 [(1, "/recovered", 1), (1, "/modulo", 0), (2, "/recovered", 0), (2, "/modulo", 1)]
             {
                 streams.image(topic, image(ns), 0);
-                // An image that nobody answers is sent at the latest after a second.
-                let next = one(&mut streams, &graph, 0).or_else(|| one(&mut streams, &graph, PATIENCE_NS));
+                // An image that nobody answers is sent at the latest after ten seconds.
+                let next =
+                    one(&mut streams, &graph, 0).or_else(|| one(&mut streams, &graph, ANSWER_PATIENCE_NS));
                 assert_eq!(stamp(next), Some((ns, count)), "{topic}, state is late: {is_late}");
                 streams.drawn(topic);
             }

@@ -205,7 +205,9 @@ impl Inbox {
             self.note(watch, origin, array.header.stamp, Step::Sensed);
         } else if origin.topic.rsplit('/').next() == Some(RECOVERY_TOPIC) {
             let trusted = array.value("trusted").map(|trusted| trusted == "true");
-            self.note(watch, origin, array.header.stamp, Step::Unwrapped { trusted });
+            let message = array.status.first().map(|status| status.message.clone()).unwrap_or_default();
+            let step = Step::Unwrapped { camera: namespace(&origin.topic).to_owned(), trusted, message };
+            self.note(watch, origin, array.header.stamp, step);
         }
         // The page takes the sensor of the camera whose stream it shows.
         let topic = is_sensor.then_some(&*origin.topic);

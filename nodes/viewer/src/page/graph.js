@@ -95,33 +95,33 @@ export class Graph {
     }
   }
 
-  // From the right edge of a card, or the lower one where cards are below each other, to the entry of the topic in the next card.
+  // From the right edge of a card to the entry of the topic in a card of the next column; above the columns between to a later one.
+  // Where cards are below each other, in the lane of the sender beside them. No line touches a card that it does not belong to.
   drawLines(links) {
     const origin = byId("graph").getBoundingClientRect();
-    Object.entries({ width: origin.width, height: origin.height }).forEach(([name, value]) =>
-      this.lines.setAttribute(name, value),
-    );
-    this.lines.replaceChildren(
-      ...links.flatMap(({ from, to, topic }) => {
-        const start = this.card(from).element.getBoundingClientRect();
-        const entry =
-          [...this.card(to).inputs.children].find((item) => item.firstChild.textContent === topic) ?? this.card(to).element;
-        const end = entry.getBoundingClientRect();
-        const beside = end.left > start.right;
-        const [x1, y1] = beside ? [start.right, start.top + start.height / 2] : [start.left + 24, start.bottom];
-        const card = this.card(to).element.getBoundingClientRect();
-        const [x2, y2] = beside ? [card.left - 1, end.top + end.height / 2] : [card.left + 24, card.top - 1];
-        const [a, b] = [
-          [x1 - origin.left, y1 - origin.top],
-          [x2 - origin.left, y2 - origin.top],
-        ];
-        const bend = beside ? `C ${(a[0] + b[0]) / 2} ${a[1]} ${(a[0] + b[0]) / 2} ${b[1]} ${b[0]} ${b[1]}` : `L ${b[0]} ${b[1]}`;
-        const tip = beside
-          ? `M ${b[0] - 6} ${b[1] - 4} L ${b[0]} ${b[1]} L ${b[0] - 6} ${b[1] + 4}`
-          : `M ${b[0] - 4} ${b[1] - 6} L ${b[0]} ${b[1]} L ${b[0] + 4} ${b[1] - 6}`;
-        return [makeSvg("path", { d: `M ${a[0]} ${a[1]} ${bend} ${tip}` })];
-      }),
-    );
+    const columns = [...this.columns.children];
+    const lanes = [...new Set(links.map(({ from }) => from))];
+    byId("graph").style.setProperty("--lanes", lanes.length);
+    for (const name of ["width", "height"]) this.lines.setAttribute(name, origin[name]);
+    const of = (element) => {
+      const { left, right, top, bottom } = element.getBoundingClientRect();
+      return { left: left - origin.left, right: right - origin.left, middle: (top + bottom) / 2 - origin.top };
+    };
+    const line = ({ from, to, topic }) => {
+      const [sender, reader] = [this.card(from).element, this.card(to).element];
+      const entry = [...this.card(to).inputs.children].find((item) => item.firstChild.textContent === topic) ?? reader;
+      const [start, { left }, { middle: y }] = [of(sender), of(reader), of(entry)];
+      const [x, lane, end] = [start.right, lanes.indexOf(from), left - 1];
+      const steps = columns.indexOf(reader.parentElement) - columns.indexOf(sender.parentElement);
+      const way =
+        left <= x
+          ? `M ${start.left} ${start.middle} H ${4 + 6 * lane} V ${y} H ${end}`
+          : steps === 1
+            ? `M ${x} ${start.middle} C ${(x + end) / 2} ${start.middle} ${(x + end) / 2} ${y} ${end} ${y}`
+            : `M ${x} ${start.middle} H ${x + 4 + 3 * lane} V ${2 + 4 * lane} H ${end - 10} V ${y} H ${end}`;
+      return makeSvg("path", { d: `${way} m -6 -4 l 6 4 l -6 4`, stroke: `var(--series-${(lane % 6) + 1})` });
+    };
+    this.lines.replaceChildren(...links.map(line));
   }
 }
 

@@ -6,7 +6,7 @@ import { LAYOUTS } from "./stage.js";
 const KEYS = [
   ["1 to 9", "shows or hides a stream"],
   ["l", "changes the layout"],
-  ["space", "stops at this frame, or goes on"],
+  ["space", "pauses at this frame, or plays on"],
   ["← →", "show the frame before or after"],
   ["+ −", "change the exposure"],
   ["b t c", "boxes, ground truth, confidence"],

@@ -33,10 +33,12 @@ function redraw() {
 
 const header = {
   draw() {
-    write(byId("link"), state.link.text);
-    byId("link").className = state.link.level;
-    write(byId("live"), state.stopped ? "Go on" : "Live");
-    byId("live").setAttribute("aria-pressed", String(!state.stopped));
+    const { domain, nodes } = state.graph;
+    const isOn = state.link.level === "on" && domain !== undefined && !state.recorded;
+    const count = nodes.length === 1 ? "1 node" : `${nodes.length || "no"} nodes`;
+    write(byId("link"), isOn ? `Domain ${domain}: ${count}` : state.link.text);
+    byId("link").className = isOn && nodes.length === 0 ? "off" : state.link.level;
+    write(byId("live"), state.stopped ? "Play" : "Pause");
     const notice = noticeOf(state);
     write(byId("notice"), notice);
     byId("notice").hidden = !notice;

@@ -19,9 +19,10 @@ const COLOURS = [
   ["#c09060", "dog"],
 ];
 
+const groupColour = (name) => COLOURS.find(([, ...names]) => names.includes(name.toLowerCase()))?.[0];
+
 export function classColour(name) {
-  const known = COLOURS.find(([, ...names]) => names.includes(name.toLowerCase()));
-  if (known) return known[0];
+  if (groupColour(name)) return groupColour(name);
   let hash = 0x811c9dc5;
   for (const byte of new TextEncoder().encode(name)) hash = Math.imul(hash ^ byte, 0x01000193) >>> 0;
   return COLOURS[hash % COLOURS.length][0];
@@ -47,6 +48,22 @@ export function drawMarks(canvas, image, [width, height], choice, withLabels) {
       onScreen,
       [width, height],
     );
+}
+
+// How many labels have a box of their own: of the same class or its other name, not below the score, with an overlap of one half.
+export function foundOf({ boxes, truth }, score) {
+  const free = new Set(boxes.flatMap(([, found]) => found).filter((box) => box.score >= score));
+  const group = (box) => groupColour(box.class) ?? box.class;
+  const area = ([left, top, right, bottom]) => Math.max(0, right - left) * Math.max(0, bottom - top);
+  const overlap = ({ edges: a }, { edges: b }) => {
+    const both = area(a.map((edge, side) => (side < 2 ? Math.max(edge, b[side]) : Math.min(edge, b[side]))));
+    return both / (area(a) + area(b) - both);
+  };
+  const isFound = (label) => {
+    const [best] = [...free].filter((box) => group(box) === group(label)).sort((a, b) => overlap(label, b) - overlap(label, a));
+    return best && overlap(label, best) >= 0.5 && free.delete(best);
+  };
+  return truth.filter(isFound).length;
 }
 
 // A dark line around each line separates it from bright images.

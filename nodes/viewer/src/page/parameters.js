@@ -1,8 +1,11 @@
 // The parameters of all nodes, in groups, with what their nodes say of them.
 
 import { byId, make, offer, write } from "./dom.js";
-import { sensorOf, shortName } from "./state.js";
+import { nodesInOrder, sensorOf, shortName } from "./state.js";
 
+const FIRST = ["alpha", "psf_sigma", "method", "score_threshold"]; // what is changed most
+const USEFUL = { alpha: 16, psf_sigma: 3 }; // the ends of sliders, where the field takes more
+const MOST_USED = "Most used";
 const SENSOR = "Sensor";
 const QOS = "Quality of service";
 // A slider of a wider range would skip most values.
@@ -16,7 +19,7 @@ export class Parameters {
   }
 
   draw(state) {
-    const nodes = state.graph.nodes.filter((node) => state.parameters.has(node));
+    const nodes = nodesInOrder(state).filter((node) => state.graph.nodes.includes(node) && state.parameters.has(node));
     byId("settings").hidden = nodes.length === 0;
     const shape = JSON.stringify(nodes.map((node) => [node, state.parameters.get(node).map(({ name }) => name)]));
     if (this.shape !== shape) this.build(state, nodes, shape);
@@ -39,15 +42,14 @@ export class Parameters {
 
   buildNode(state, node, open) {
     const fields = new Map();
-    const groups = new Map();
+    const groups = new Map([MOST_USED, shortName(node), SENSOR, QOS].map((group) => [group, []]));
     for (const parameter of state.parameters.get(node)) {
       const field = new Field(node, parameter, this.actions);
       fields.set(parameter.name, field);
       const group = groupOf(parameter.name, node, sensorOf(state, node));
-      groups.set(group, [...(groups.get(group) ?? []), field]);
+      groups.get(group).push(field);
     }
-    const order = [...groups].sort(([a], [b]) => (a === QOS) - (b === QOS) || (a === SENSOR) - (b === SENSOR));
-    const elements = order.map(([group, all]) => {
+    const elements = [...groups].filter(([, all]) => all.length).map(([group, all]) => {
       const details = make(
         "details",
         { className: "group", open: group !== QOS },
@@ -99,6 +101,7 @@ export class Parameters {
 }
 
 function groupOf(name, node, sensor) {
+  if (FIRST.includes(name)) return MOST_USED;
   if (name.startsWith("qos_overrides.")) return QOS;
   return name in sensor ? SENSOR : shortName(node);
 }
@@ -124,10 +127,10 @@ class Field {
     this.control = controlOf(parameter, set);
     Object.assign(this.control, { id, disabled: fixed });
     this.control.setAttribute("aria-describedby", `${id}-text`);
-    const slides =
-      range && !fixed && !words.length && range[1] - range[0] <= SLIDER_SPAN && (type === "double" || type === "integer");
+    const most = Math.min(range?.[1], USEFUL[name] ?? Infinity);
+    const slides = range && !fixed && !words.length && most - range[0] <= SLIDER_SPAN && (type === "double" || type === "integer");
     this.slider = slides
-      ? make("input", { type: "range", min: range[0], max: range[1], step: type === "integer" ? 1 : "any" })
+      ? make("input", { type: "range", min: range[0], max: most, step: type === "integer" ? 1 : "any" })
       : null;
     if (this.slider) {
       this.slider.setAttribute("aria-label", `${name}, slider`);

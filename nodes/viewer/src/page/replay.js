@@ -26,7 +26,7 @@ export class Replay {
 
   draw({ graph, player }) {
     byId("replay").hidden = !graph.player;
-    write(this.toggle, player.paused ? "Play" : "Pause");
+    write(this.toggle, `${player.paused ? "Play" : "Pause"} the replay`);
     this.next.disabled = !player.paused;
     write(this.state, `${player.paused ? "paused" : "playing"} at speed ${player.rate}`);
     if (document.activeElement !== this.rate) this.rate.value = player.rate;

@@ -15,6 +15,7 @@ export function newState(recorded) {
     parameters: new Map(), // node -> list of parameters
     refusals: new Map(), // "node name" -> the node's sentence
     frames: [], // in the order of their arrival
+    counted: 0, // frames since the page was opened
     moments: [], // the newest ones, with their files
     stopped: false,
     shown: null, // the moment that is drawn, with its decoded images
@@ -123,13 +124,16 @@ function hearNotice(state, { at_ms: at, stamp, node, step }) {
   const taken =
     frame && { sensed: frame.sensed !== null, unwrapped: frame.unwrapped !== null, detected: frame.detected.has(node) }[kind];
   if (!frame || (taken && at - frame.at > 500)) {
-    frame = { key, stamp, at, sensed: null, unwrapped: null, detected: new Map(), trusted: null, classes: {} };
+    const number = (state.counted += 1);
+    frame = { key, number, stamp, at, sensed: null, unwrapped: null, detected: new Map(), trusted: null, trust: {}, classes: {} };
     state.frames.push(frame);
     while (state.frames[0].at < at - STRIP_MS) state.frames.shift();
   }
   if (kind === "sensed") frame.sensed ??= at;
-  else if (kind === "unwrapped") Object.assign(frame, { unwrapped: at, trusted: body.trusted });
-  else if (kind === "detected") {
+  else if (kind === "unwrapped") {
+    Object.assign(frame, { unwrapped: at, trusted: body.trusted });
+    frame.trust[body.camera] = body;
+  } else if (kind === "detected") {
     frame.detected.set(node, at);
     for (const [name, count] of Object.entries(body.classes)) frame.classes[name] = (frame.classes[name] ?? 0) + count;
   }
@@ -174,6 +178,10 @@ export const topicsOf = (state) => state.choice.topics ?? state.graph.first;
 export function frameOf(state, moment) {
   return state.frames.findLast((frame) => frame.key === moment.key && frame.at <= moment.at);
 }
+
+// What people call a frame, or an image of none that has come at a time.
+export const nameOf = (state, frame, at = frame.at) =>
+  `${frame ? `frame ${frame.number}, ` : ""}${((now(state) - (frame?.at ?? at)) / 1000).toFixed(1)} s ago`;
 
 export function momentOf(state, frame) {
   const isOf = (moment) => moment?.key === frame.key && moment.at >= frame.at;

@@ -2,8 +2,8 @@
 
 import { filterOf, veilFilter } from "./curve.js";
 import { make, write } from "./dom.js";
-import { drawMarks } from "./marks.js";
-import { namespaceOf, stampMs } from "./state.js";
+import { drawMarks, foundOf } from "./marks.js";
+import { frameOf, nameOf, namespaceOf, stampMs } from "./state.js";
 
 export class Tile {
   constructor(actions) {
@@ -11,6 +11,7 @@ export class Tile {
     this.veil = make("canvas", { className: "veil" });
     this.edge = make("div", { className: "edge" });
     this.none = make("p", { className: "none" });
+    this.badge = make("p", { className: "badge" });
     this.picture = make(
       "div",
       { className: "picture", tabIndex: 0, role: "img" },
@@ -18,6 +19,7 @@ export class Tile {
       this.veil,
       this.edge,
       this.none,
+      this.badge,
     );
     this.title = make("strong");
     this.facts = make("span");
@@ -66,6 +68,7 @@ export class Tile {
     this.edge.hidden = !wiped;
     this.edge.style.left = `${choice.wipe}%`;
     this.picture.dataset.stamps = images.map((image) => image?.key ?? "").join(" ");
+    this.picture.dataset.answers = images.map((image) => image?.boxes.length ?? "").join(" ");
     this.figure.classList.toggle("selected", !small && choice.selected === topics[0]);
     this.describe(state, images, small);
   }
@@ -105,16 +108,28 @@ export class Tile {
     const missing = images[0] ? "" : missingText(state, this.topics[0]);
     write(this.none, missing);
     this.none.hidden = !missing;
-    const count = images.reduce((sum, image) => sum + (image?.boxes ?? []).reduce((all, [, boxes]) => all + boxes.length, 0), 0);
-    const answered = images.some((image) => image?.boxes.length);
-    const behind = images[0] ? stampMs(state.shown.moment.stamp) - stampMs(images[0].stamp) : 0;
+    const { moment } = state.shown ?? {};
+    const frame = (image) => frameOf(state, { key: image.key, at: moment.at });
+    const answered = images.filter((image) => image?.boxes.length);
+    const count = answered.flatMap(({ boxes }) => boxes.flatMap(([, found]) => found)).length;
+    const scores = answered
+      .filter(({ truth }) => truth.length)
+      .map((image) => `found ${foundOf(image, state.choice.score)} of ${image.truth.length}`);
+    const behind = images[0] ? stampMs(moment.stamp) - stampMs(images[0].stamp) : 0;
+    const unwrapped = images.find((image) => /\/(recovered|metered|hdr)$/.test(image?.topic));
+    const { trusted = null, message = "" } = (unwrapped && frame(unwrapped)?.trust[namespaceOf(unwrapped.topic)]) ?? {};
     const facts = [
-      answered ? `${count} boxes` : "",
+      scores.join(" | "),
+      answered.length ? `${count} ${count === 1 ? "box" : "boxes"}` : "",
       behind > 0 ? `${behind.toFixed(0)} ms behind` : "",
-      small || !images[0] ? "" : images[0].key,
-    ];
-    write(this.facts, facts.filter((fact) => fact).join(", "));
-    this.picture.setAttribute("aria-label", `${names}: ${[missing, ...facts].filter((fact) => fact).join(", ")}`);
+      small || !images[0] ? "" : nameOf(state, frame(images[0]), moment.at),
+    ].filter((fact) => fact);
+    write(this.facts, facts.join(", "));
+    this.facts.title = images[0] ? `Stamp ${images[0].key}; found: labels with a box not below the score of "Labels above"` : "";
+    const trust = trusted === null ? "" : small ? message.split(":")[0] : message;
+    write(this.badge, trust);
+    this.picture.dataset.trust = trusted ?? "";
+    this.picture.setAttribute("aria-label", `${names}: ${[missing, trust, ...facts].filter((fact) => fact).join(", ")}`);
   }
 }
 

@@ -2,7 +2,7 @@
 
 import { byId, fitted, make, rounded, style, write } from "./dom.js";
 import { classColour } from "./marks.js";
-import { STRIP_MS, droppedOf, frameOf, nodesInOrder, now, quantile, shortName, stagesOf } from "./state.js";
+import { STRIP_MS, droppedOf, frameOf, nameOf, nodesInOrder, now, quantile, shortName, stagesOf } from "./state.js";
 
 const STAGES = ["camera", "unwrap", "detector"];
 const STAGE_COLOURS = ["--series-1", "--series-2", "--series-3"];
@@ -265,7 +265,7 @@ export class Timeline {
     this.cursor.style.left = `${Math.min(this.width, Math.max(0, this.x(at)))}px`;
     this.plots.setAttribute("aria-valuenow", Math.round((at - this.end) / 1000));
     const frame = state.hover === null ? frameOf(state, state.shown.moment) : nearest(state.frames, at);
-    write(this.readout, frame ? textOf(frame, this.end) : "No frame.");
+    write(this.readout, frame ? textOf(state, frame) : "No frame.");
   }
 }
 
@@ -287,11 +287,11 @@ function scaleOf(most) {
   return [1, 2, 5, 10].map((step) => step * power).find((end) => end >= most);
 }
 
-function textOf(frame, end) {
+function textOf(state, frame) {
   const stages = Object.entries(stagesOf(frame)).filter(([, value]) => value !== null);
   const boxes = Object.entries(frame.classes).map(([name, count]) => `${count} ${name}`);
   const trust = frame.trusted === null ? [] : [frame.trusted ? "trusted" : "not trusted"];
   const found = frame.detected.size ? [boxes.length ? boxes.join(", ") : "no boxes"] : ["no detector has answered it"];
   const facts = [...stages.map(([stage, value]) => `${stage} ${rounded(value)} ms`), ...trust, ...found];
-  return `${((end - frame.at) / 1000).toFixed(1)} s ago, stamp ${frame.key}: ${facts.join("; ")}`;
+  return `${nameOf(state, frame)}: ${facts.join("; ")}`;
 }

@@ -78,6 +78,11 @@ impl ZenohTransport {
         lock(&self.graph).clone()
     }
 
+    /// Returns the ROS domain of the session.
+    pub fn domain(&self) -> u32 {
+        self.domain
+    }
+
     /// Returns the form of type hashes in this domain.
     pub fn hashes(&self) -> Hashes {
         self.hashes
