@@ -347,7 +347,7 @@ def drive(page, address, folder):
 def show_two_cameras(page, address):
     """Two cameras have no stamp in common: the page shows one stream of each, and none waits for the other one."""
     page.goto(address)
-    topics = ["/front/recovered", "/rear/recovered"]
+    topics = ["/front/metered", "/rear/metered"]
     for topic in topics:
         wait(page, f"(topic) => /[1-9][0-9]* box/.test(({CAPTION})(topic))", topic)
     stamps, strips = {topic: set() for topic in topics}, set()
@@ -445,13 +445,13 @@ def main():
         with viewer(MODULO, "139", "--record", str(recordings[0])) as process, opened(browser) as page:
             drive(page, address(process, "http://"), folder)
         scenes = [f"{camera}:=scene://{scene}?seed=3&frames=100000" for camera, scene in {"front": "tunnel", "rear": "glare"}.items()]
-        suite = [["launch", "launch/cameras.launch.yaml", "shared:=true", "engine:=rten", "input:=recovered", *scenes]]
+        suite = [["launch", "launch/cameras.launch.yaml", "shared:=true", "engine:=rten", *scenes]]
         with viewer(MODULO, "139", "--record", str(recordings[1]), suite=suite) as process, opened(browser) as page:
             show_two_cameras(page, address(process, "http://"))
         suite = [["launch", "launch/compare.launch.yaml", "engine:=rten", "rate:=10", "loop:=true", "source:=scene://day?seed=3&frames=20&width=320&height=96"]]
         with viewer(MODULO, "139", suite=suite) as process, opened(browser) as page:
             keep_the_boxes(page, address(process, "http://"), folder)
-        for recording, topics in zip(recordings, [["/recovered"], ["/front/recovered", "/rear/recovered"]]):
+        for recording, topics in zip(recordings, [["/recovered"], ["/front/metered", "/rear/metered"]]):
             with opened(browser) as page:
                 open_the_recording(page, recording, topics)
         browser.close()

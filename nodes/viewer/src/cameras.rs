@@ -78,7 +78,8 @@ pub(crate) struct FirstStreams {
 }
 
 impl FirstStreams {
-    /// Returns the streams of the only camera, one of each of several cameras, or any image where there are no streams.
+    /// Returns the streams of the only camera, of each of several cameras the one that a detector reads, or any image where there are no
+    /// streams.
     pub fn of(&mut self, graph: &GraphView) -> Vec<String> {
         let streams = graph.images.iter().filter(|topic| rank(topic) < StreamScale::STREAMS.len());
         for topic in streams {
@@ -91,7 +92,12 @@ impl FirstStreams {
         self.seen.iter().for_each(|topic| cameras.entry(namespace(topic)).or_default().push(topic));
         cameras.values_mut().for_each(|topics| topics.sort_by_key(|topic| rank(topic)));
         let one_of = |topics: &Vec<&String>| {
-            let shown = topics.iter().find(|topic| topic.ends_with(SHOWN)).or(topics.first());
+            let is_read = |topic: &&&String| {
+                let mut links = graph.links.iter().filter(|link| link.topic == ***topic);
+                links.any(|link| graph.detectors.iter().any(|detector| detector.node == link.to))
+            };
+            let read = topics.iter().find(is_read);
+            let shown = read.or(topics.iter().find(|topic| topic.ends_with(SHOWN))).or(topics.first());
             shown.map(|topic| (*topic).clone())
         };
         match cameras.len() {
@@ -105,6 +111,7 @@ impl FirstStreams {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::protocol::LinkView;
 
     fn pairs(all: &[(&str, &str)]) -> BTreeSet<(String, String)> {
         all.iter().map(|(node, topic)| ((*node).to_owned(), (*topic).to_owned())).collect()
@@ -181,6 +188,14 @@ mod tests {
         let two = ["/front/modulo", "/front/recovered", "/rear/modulo"];
         assert_eq!(first.of(&graph(&two)), ["/front/recovered", "/rear/modulo"]);
         assert_eq!(first.of(&graph(&["/rear/recovered"])), ["/front/recovered", "/rear/recovered"]);
+        let mut read = graph(&["/front/metered", "/front/recovered", "/rear/modulo"]);
+        let link = |topic: &str| LinkView {
+            topic: topic.to_owned(),
+            to: "/detector".to_owned(),
+            ..LinkView::default()
+        };
+        (read.detectors, read.links) = (vec![detector("/detector")], vec![link("/front/metered")]);
+        assert_eq!(FirstStreams::default().of(&read), ["/front/metered", "/rear/modulo"]);
         let many: Vec<String> = (0..2 * MOST_SEEN).map(|camera| format!("/{camera}/modulo")).collect();
         let many: Vec<&str> = many.iter().map(String::as_str).collect();
         assert!(first.of(&graph(&many)).len() <= MOST_SEEN);

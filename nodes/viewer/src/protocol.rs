@@ -109,7 +109,7 @@ pub struct DetectorView {
 }
 
 /// A topic from one node to another one.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 pub struct LinkView {
     pub from: String,
     pub to: String,
