@@ -105,17 +105,13 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
     let evaluable = evaluable(&plan).is_ok();
     let LaunchResult { summary, failure, completed } =
         if args.compose { run_composed(&plan)? } else { run_processes(plan, args)? };
-    // Where a node has refused its arguments, the reason stands alone.
-    let has_run = !matches!(failure, Some(Failure::Usage(_)));
-    // Printed first, so that a full disk does not take it. It ends with a line break of its own.
-    if has_run {
+    // Where a node has refused its arguments, the reason stands alone. Printed first, so that a full disk does not take it.
+    if !matches!(failure, Some(Failure::Usage(_))) {
         say!("{}", summary.to_string().trim_end());
+        tell_slower_engine(&summary);
     }
     if let Some(file) = &args.summary {
         summary.write(file)?;
-    }
-    if has_run {
-        tell_slower_engine(&summary);
     }
     if evaluable && completed && failure.is_none() && summary.frames > 0 && !summary.detections.is_empty() {
         tell_pictures(named, &args.arguments);

@@ -71,13 +71,7 @@ impl Evaluation {
         recordings: &mut Recordings,
         tell: &dyn Fn(&Lockstep<'_>) -> ControlFlow<()>,
     ) -> Result<(), LockstepError> {
-        // A stream without any frame has a result, too: that no image arrived.
-        for stream in plan.streams() {
-            self.streams.entry(stream.name.clone()).or_default();
-        }
-        let names = |camera: &CameraPlan| camera.streams.iter().map(|stream| stream.name.clone()).collect();
-        self.cameras = plan.cameras.iter().map(|camera| (camera.name.clone(), names(camera))).collect();
-        self.sources += 1;
+        self.begin(plan);
         let mut running: Vec<&CameraPlan> = plan.cameras.iter().collect();
         // The time of the chain goes on over all sources, as in one long run. The camera whose frame is due first comes first.
         let due = |evaluation: &Self, camera: &CameraPlan| {
@@ -98,11 +92,7 @@ impl Evaluation {
             let timeline = self.timelines.entry(camera.name.clone()).or_default();
             let number = timeline.frames;
             timeline.place(&mut out, camera.interval);
-            // A detector of several cameras says once what it knows.
-            for stream in plan.streams() {
-                let known = stream.labels.as_deref().and_then(|topic| classes(&out, topic));
-                self.known.extend(known.map(|known| (stream.name.clone(), known)));
-            }
+            self.learn_classes(&out, plan);
             self.add_frame(&out, camera);
             recordings.add(plan, (camera, number), &out, next + 1 == running.len());
             if tell(chain).is_break() {
@@ -110,6 +100,24 @@ impl Evaluation {
             }
         }
         Ok(())
+    }
+
+    /// Counts a source, and notes the streams of its cameras. A stream without any frame has a result, too: that no image arrived.
+    fn begin(&mut self, plan: &EvaluationPlan) {
+        for stream in plan.streams() {
+            self.streams.entry(stream.name.clone()).or_default();
+        }
+        let names = |camera: &CameraPlan| camera.streams.iter().map(|stream| stream.name.clone()).collect();
+        self.cameras = plan.cameras.iter().map(|camera| (camera.name.clone(), names(camera))).collect();
+        self.sources += 1;
+    }
+
+    /// Notes the classes of detectors that say in `out` what they know. A detector of several cameras says it once.
+    fn learn_classes(&mut self, out: &[OnTopic], plan: &EvaluationPlan) {
+        for stream in plan.streams() {
+            let known = stream.labels.as_deref().and_then(|topic| classes(out, topic));
+            self.known.extend(known.map(|known| (stream.name.clone(), known)));
+        }
     }
 
     fn add_frame(&mut self, out: &[OnTopic], camera: &CameraPlan) {

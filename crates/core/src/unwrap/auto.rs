@@ -149,14 +149,11 @@ impl Auto {
         }
         // In a single colour, nothing contradicts a wrong region behind a hard edge. Differences between colours have few edges.
         let may_hide = is_steep && y.channels() == 1 && self.needs_offset;
-        let mut trust = if !is_accepted {
-            Trust::Untrusted
-        } else if may_hide || range.bits() < FEWEST_BITS {
-            Trust::Unobservable
-        } else if self.needs_offset {
-            offset::trust(out, range)
-        } else {
-            Trust::Trusted
+        let mut trust = match is_accepted {
+            false => Trust::Untrusted,
+            true if may_hide || range.bits() < FEWEST_BITS => Trust::Unobservable,
+            true if self.needs_offset => offset::trust(out, range),
+            true => Trust::Trusted,
         };
         // A region behind a hard edge, whose counts leave no trace in y, must not raise the whole image.
         if is_accepted && is_steep && trust != Trust::Trusted && self.needs_offset && range.black() == 0 {
