@@ -27,7 +27,7 @@ REPLAY = [
 def viewer(modulo, domain, *options, suite=REPLAY):
     """Starts the commands of `suite` (by default unwrap, the detector and a player) and the viewer with `options` in the ROS domain
     `domain`, and ends them all. Gives the process of the viewer, whose standard output can be read."""
-    os.environ.setdefault("ROS_DOMAIN_ID", domain)
+    os.environ["ROS_DOMAIN_ID"] = domain
     started = []
 
     def start(*command, **more):
@@ -45,6 +45,8 @@ def viewer(modulo, domain, *options, suite=REPLAY):
         for process in started:
             if process.poll() is None:
                 os.killpg(process.pid, signal.SIGTERM)
+        for process in started:
+            process.wait(30)
 
 
 def address(process, scheme):
