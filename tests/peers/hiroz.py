@@ -137,7 +137,8 @@ def cameras(folder):
     """An image in each encoding of cameras, and the ideal image that the suite makes of it."""
     each, images = list(encodings()), folder / "encodings.json"
     images.write_text(json.dumps([[name, WIDTH, HEIGHT, step, data.hex()] for name, step, data, _ in each]))
-    source = ["-p", "source:=topic:/camera/image_raw", "-p", "alpha:=1.0"]
+    # Black columns would shade all of such small images.
+    source = ["-p", "source:=topic:/camera/image_raw", "-p", "alpha:=1.0", "-p", "psf_sigma:=0.0", "-p", "optical_black:=0"]
     with Suite(MODULO, "run", "modulo_camera", "--ros-args", *source):
         reader = start("receive", "/ideal", "100000", "4")
         time.sleep(1.0)
