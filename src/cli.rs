@@ -102,8 +102,7 @@ const RARE: &str = "\
     shot_noise full_well_electrons prnu hot_pixels psf gain_ratio headroom transfer black_level \
     optical_black metering metering_target exposure_delay exposure_step white black knees seed repeats \
     threads protocol device jobs time_frames class_map groups fresh list coco_images bag topics verbose \
-    deblur token address foxglove compression max_file_size max_file_duration record \
-    qos_profile_overrides_path difficulty";
+    deblur token address foxglove compression record difficulty";
 
 /// Gives each option with a text of several clauses the first one for -h, which then has one line for it. --help has all of the text.
 fn with_short_help(command: clap::Command) -> clap::Command {
@@ -127,4 +126,23 @@ pub(crate) fn with_negative_numbers(command: clap::Command) -> clap::Command {
         value => argument.allow_negative_numbers(value),
     };
     command.mut_args(takes).mut_subcommands(with_negative_numbers)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A name in [`RARE`] that no option has would hide nothing.
+    #[test]
+    fn each_rare_option_exists() {
+        fn names(command: &clap::Command, all: &mut Vec<String>) {
+            all.extend(command.get_arguments().map(|argument| argument.get_id().to_string()));
+            command.get_subcommands().for_each(|below| names(below, all));
+        }
+        let mut all = Vec::new();
+        names(&Cli::command(), &mut all);
+        let missing: Vec<&str> =
+            RARE.split(' ').filter(|rare| !all.iter().any(|name| name == rare)).collect();
+        assert_eq!(missing, [""; 0]);
+    }
 }

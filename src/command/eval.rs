@@ -168,7 +168,7 @@ fn print_result(stream: &str, result: &StreamResult, Evaluation { difficulty, ..
     let score = match result {
         StreamResult::Scored(score) => score,
         other => {
-            return say!("AP50 on {stream}: none, {}", other.missing().unwrap_or_default());
+            return say!("AP50 on {stream}: none, {}", other.missing().expect("only a score is not missing"));
         }
     };
     let classes: Vec<_> = score.classes.iter().map(|(c, (ap, n))| format!("{c} {ap:.3} ({n})")).collect();

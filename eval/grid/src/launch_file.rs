@@ -24,6 +24,7 @@ pub use scores::{StreamResult, StreamScore};
 use timeline::Timeline;
 
 use crate::messages::{arrays, classes, found};
+use crate::report::PAGE;
 
 /// Boxes and ground truth of all frames so far.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -174,7 +175,7 @@ impl Evaluation {
     ) -> Result<(), FileError> {
         let mut files: Vec<_> =
             self.streams.iter().map(|(name, frames)| (format!("{name}.json"), boxes(frames))).collect();
-        files.push((page::PAGE.to_owned(), page::page(self, pictured, results, stopped)));
+        files.push((PAGE.to_owned(), page::page(self, pictured, results, stopped)));
         let scores: BTreeMap<&str, Value> = results
             .iter()
             .filter_map(|(stream, result)| match result {

@@ -421,12 +421,10 @@ impl RecoveryCounts {
 
 /// Returns the level and the text of the status of a frame with this `report`.
 fn level_of(report: &Report) -> (u8, String) {
-    match report.trust {
-        Trust::Trusted => (DiagnosticStatus::OK, "trusted".to_owned()),
-        Trust::Unknown => (DiagnosticStatus::OK, "the method makes no claim".to_owned()),
-        Trust::Relative | Trust::Untrusted | Trust::Unobservable => {
-            (DiagnosticStatus::WARN, format!("not trusted: {}", report.reason().unwrap_or_default()))
-        }
+    match report.reason() {
+        Some(reason) => (DiagnosticStatus::WARN, format!("not trusted: {reason}")),
+        None if report.trust == Trust::Trusted => (DiagnosticStatus::OK, "trusted".to_owned()),
+        None => (DiagnosticStatus::OK, "the method makes no claim".to_owned()),
     }
 }
 

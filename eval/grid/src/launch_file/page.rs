@@ -6,7 +6,6 @@ use maud::{Markup, html};
 use modulo_draw::{html_page, number};
 
 use super::{Evaluation, GRID, StreamResult, StreamScore};
-pub use crate::report::PAGE;
 use crate::report::tables::{Td, table};
 
 /// The whole page of the `results`, beside which [`GRID`] shows the frame `pictured`.
@@ -40,7 +39,11 @@ fn scores(evaluation: &Evaluation, results: &BTreeMap<&str, StreamResult>) -> Ma
             StreamResult::Scored(score) => row.extend(scored(score)),
             other => {
                 row.extend([Td::number(None, 1), Td::Text("-".to_owned()), Td::number(None, 0)]);
-                row.extend(["-", other.missing().unwrap_or_default()].map(str::to_owned).map(Td::Text));
+                row.extend(
+                    ["-", other.missing().expect("only a score is not missing")]
+                        .map(str::to_owned)
+                        .map(Td::Text),
+                );
             }
         }
         row

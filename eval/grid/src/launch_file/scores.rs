@@ -19,7 +19,7 @@ pub enum StreamResult {
     NoImage,
     /// None of its frames has labels.
     NoLabels,
-    /// The labels have no object that counts.
+    /// The labels have no object that counts and has a class that the model knows.
     NoObject,
 }
 
@@ -57,18 +57,19 @@ impl StreamResult {
             return Self::NoImage;
         }
         // In a frame without labels, every box would count as wrong.
-        let labelled: Vec<_> = frames.iter().filter(|frame| frame.truth.is_some()).collect();
-        let boxes = |frame: &&EvaluatedFrame| -> ScoredFrame {
-            (frame.found.clone().unwrap_or_default(), frame.truth.clone().unwrap_or_default())
-        };
-        let scored: Vec<ScoredFrame> = labelled.iter().map(boxes).collect();
+        let labelled: Vec<_> =
+            frames.iter().filter_map(|frame| Some((frame, frame.truth.clone()?))).collect();
+        // A frame without an answer counts as one without a box.
+        let boxes = |frame: &EvaluatedFrame| frame.found.clone().unwrap_or_default();
+        let scored: Vec<ScoredFrame> =
+            labelled.iter().map(|(frame, truth)| (boxes(frame), truth.clone())).collect();
         if scored.is_empty() {
             return Self::NoLabels;
         }
         let (samples, unknown) = matched(&scored, known, difficulty);
         let once = vec![1; scored.len()];
         let Some(ap50) = mean_ap(&samples, &once) else { return Self::NoObject };
-        let drives: Vec<_> = labelled.iter().map(|frame| Some(frame.source.to_string())).collect();
+        let drives: Vec<_> = labelled.iter().map(|(frame, _)| Some(frame.source.to_string())).collect();
         let units = Units::new(&drives, 0);
         let class = |(class, sample): (&String, &Sample)| {
             Some((class.clone(), (sample.ap(&once)?, sample.objects())))
@@ -79,7 +80,7 @@ impl StreamResult {
             classes: samples.iter().filter_map(class).collect(),
             unknown,
             frames: scored.len(),
-            unanswered: labelled.iter().filter(|frame| frame.found.is_none()).count(),
+            unanswered: labelled.iter().filter(|(frame, _)| frame.found.is_none()).count(),
             unlabelled: frames.len() - scored.len(),
             samples,
             units,
@@ -92,7 +93,7 @@ impl StreamResult {
             Self::Scored(_) => None,
             Self::NoImage => Some("no image arrived"),
             Self::NoLabels => Some("no frame has labels"),
-            Self::NoObject => Some("there is no labelled object"),
+            Self::NoObject => Some("there is no labelled object of a class that the model knows"),
         }
     }
 
@@ -153,7 +154,7 @@ impl StreamScore {
         self.classes.values().map(|(_, objects)| objects).sum()
     }
 
-    /// What is not scored, and what counts as not found, each in a sentence.
+    /// Returns a sentence for each kind of frame and object that is not scored or counts as not found.
     pub fn notes(&self) -> Vec<String> {
         let Self { unanswered, frames, unlabelled, unknown, .. } = self;
         let mut notes = Vec::new();
@@ -205,7 +206,10 @@ pub(super) fn verdict(streams: &[(&str, &StreamScore)]) -> Option<String> {
         streams.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ")
     };
     let objects = best.1.objects();
-    let chance = format!("with {objects} objects, the 95 % interval of the difference contains 0");
+    let chance = match best.1.interval95 {
+        Some(_) => format!("with {objects} objects, the 95 % interval of the difference contains 0"),
+        None => "a single frame gives no interval".to_owned(),
+    };
     let (name, is_one) = (best.0, below.is_empty() && equal.is_empty());
     let text = match (below.is_empty(), equal.is_empty()) {
         (false, true) => format!("it is above {}, by more than chance", list(below)),
@@ -266,6 +270,13 @@ mod tests {
         );
         assert!(of_three.contains("cannot be ranked against again: with 40 objects"), "{of_three}");
         let of_two = verdict(&[("again", &again), ("half", &half)]).expect("two streams");
+        let of_one_frame = |n| score(&frames(&["car"], ("car", n))[1..2], &["car"]);
+        let of_one =
+            verdict(&[("found", &of_one_frame(1)), ("missed", &of_one_frame(2))]).expect("two streams");
+        assert!(
+            of_one.ends_with("cannot be ranked against missed: a single frame gives no interval"),
+            "{of_one}"
+        );
         assert_eq!(of_two, "again has the highest AP50; it is above half, by more than chance");
     }
 
