@@ -23,8 +23,10 @@ const KEPT_BYTES: usize = 64 << 20;
 const KEPT_BOXES: usize = 32;
 /// A moment waits at most this long for its images, ns.
 const PATIENCE_NS: u64 = 1_000_000_000;
-/// And this long for the boxes of a detector that has answered before: on a busy machine several detectors seldom answer the same frame.
+/// A detector that has answered nothing for this long is not waited for.
 const ANSWER_PATIENCE_NS: u64 = 10 * PATIENCE_NS;
+/// Nor is one that answers, but not these frames: on a busy machine several detectors seldom answer the same one.
+const LONGEST_WAIT_NS: u64 = 60 * PATIENCE_NS;
 
 /// The images and boxes of one browser.
 #[derive(Default)]
@@ -161,8 +163,9 @@ impl Streams {
     /// Returns the images that can be sent now: `together` those of one camera and one stamp, for which all topics of the camera wait,
     /// else the newest one of a topic. An image that detectors answer is held back until their boxes are there, so that boxes are drawn on the image that they were found in.
     ///
-    /// No image is waited for longer than a second and no box longer than ten, and what was not there then is not waited for again
-    /// before it has come: a replay that is paused for long, and then plays a single message, loses neither a topic nor the boxes.
+    /// No image is waited for longer than a second, no box longer than a minute or ten seconds after the last boxes of its detector,
+    /// and what was not there then is not waited for again before it has come: a replay that is paused for long, and then plays a
+    /// single message, loses neither a topic nor the boxes.
     pub fn next(&mut self, graph: &GraphView, together: bool, now_ns: u64) -> Vec<NextImage> {
         let mut groups: BTreeMap<&str, Vec<&String>> = BTreeMap::new();
         for topic in self.topics.keys() {
@@ -179,28 +182,28 @@ impl Streams {
     }
 
     /// Returns the stamp of the images of `topics` that are sent next: the newest one of which all is there that is waited for, or after
-    /// a second the one with the most images, once it has its boxes or has waited long for them.
+    /// a second, of those that have their boxes, the one with the most images.
     fn next_stamp(&self, graph: &GraphView, topics: &[&String], now_ns: u64) -> Option<Time> {
         let streams = || topics.iter().map(|&topic| (topic, &self.topics[topic]));
         if streams().any(|(_, stream)| stream.busy) {
             return None;
         }
+        let waited_ns = streams().map(|(_, stream)| stream.waited_ns(now_ns)).max().unwrap_or(0);
         let awaited = || streams().filter(|(topic, _)| self.awaited.contains(*topic));
         let is_there = |stamp: &Time, stream: &WatchedTopic| stream.place(*stamp).is_some();
         let is_answered = |stamp: &Time| {
             let mut images = streams().filter_map(|(topic, s)| Some((topic, &s.waiting[s.place(*stamp)?])));
-            images.all(|(topic, image)| self.missing(graph, topic, image).next().is_none())
+            images.all(|(topic, image)| {
+                self.missing(graph, topic, image).all(|boxes| self.is_silent(boxes, waited_ns, now_ns))
+            })
         };
         let is_whole = |stamp: &Time| awaited().all(|(_, s)| is_there(stamp, s)) && is_answered(stamp);
         let newest_first = awaited().next().into_iter().flat_map(|(_, stream)| stream.waiting.iter().rev());
-        let waited_ns = streams().map(|(_, stream)| stream.waited_ns(now_ns)).max().unwrap_or(0);
         // Of moments with equally many images, the newest one.
         let fullest = || {
             let stamps = streams().flat_map(|(_, stream)| &stream.waiting).map(|image| image.stamp);
             let count = |stamp: &Time| streams().filter(|(_, stream)| is_there(stamp, stream)).count();
-            let best =
-                stamps.filter(|_| waited_ns >= PATIENCE_NS).max_by_key(|s| (count(s), is_answered(s)))?;
-            (waited_ns >= ANSWER_PATIENCE_NS || is_answered(&best)).then_some(best)
+            stamps.filter(|stamp| waited_ns >= PATIENCE_NS && is_answered(stamp)).max_by_key(count)
         };
         newest_first.map(|image| image.stamp).find(is_whole).or_else(fullest)
     }
@@ -243,6 +246,13 @@ impl Streams {
                 && self.boxes_of(graph, detector, topic, image).is_none()
         };
         graph.detectors.iter().filter(is_missing).map(|detector| &detector.topic)
+    }
+
+    /// Returns whether the detector that publishes `boxes` is no longer waited for, by images that have waited for `waited_ns`.
+    fn is_silent(&self, boxes: &str, waited_ns: u64, now_ns: u64) -> bool {
+        let newest = self.results.get(boxes).and_then(|results| results.newest.back());
+        let silent_ns = newest.map_or(waited_ns, |result| now_ns.saturating_sub(result.at_ns));
+        waited_ns.min(silent_ns) >= ANSWER_PATIENCE_NS || waited_ns >= LONGEST_WAIT_NS
     }
 
     fn boxes_of(
@@ -524,16 +534,32 @@ mod tests {
         streams.drawn("/recovered");
         streams.image("/recovered", image(4), 20);
         streams.boxes(&origin(), boxes(5), 30);
-        assert_eq!(stamp(one(&mut streams, &graph, 19 + ANSWER_PATIENCE_NS)), None);
+        assert_eq!(stamp(one(&mut streams, &graph, 29 + ANSWER_PATIENCE_NS)), None);
         assert_eq!(
-            stamp(one(&mut streams, &graph, 20 + ANSWER_PATIENCE_NS)),
+            stamp(one(&mut streams, &graph, 30 + ANSWER_PATIENCE_NS)),
             Some((4, 0)),
-            "the detector left it out"
+            "the detector has answered nothing for long"
         );
         streams.drawn("/recovered");
         let later = 2 * ANSWER_PATIENCE_NS;
         streams.image("/recovered", image(6), later);
         assert_eq!(stamp(one(&mut streams, &graph, later)), Some((6, 0)), "the detector is silent");
+    }
+
+    /// Two detectors that skip frames on a busy machine seldom answer the same one: frames without boxes are not shown for that.
+    #[test]
+    fn a_detector_that_answers_other_frames_is_waited_for_a_minute() {
+        let (mut streams, graph) = (Streams::default(), detector(&["/recovered"]));
+        streams.watch(&["/recovered".into()]);
+        streams.boxes(&origin(), boxes(0), 0);
+        for second in 1..60 {
+            streams.image("/recovered", image(2 * second), second * PATIENCE_NS);
+            streams.boxes(&origin(), boxes(2 * second + 1), second * PATIENCE_NS);
+            assert_eq!(stamp(one(&mut streams, &graph, second * PATIENCE_NS)), None, "after {second} s");
+        }
+        let now_ns = PATIENCE_NS + LONGEST_WAIT_NS;
+        streams.boxes(&origin(), boxes(9), now_ns);
+        assert_eq!(stamp(one(&mut streams, &graph, now_ns)), Some((118, 0)), "the newest one");
     }
 
     /// Both streams show the same frames, and the detector reads both while it changes from one to the other one.
