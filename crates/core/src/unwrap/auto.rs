@@ -18,6 +18,7 @@
 use super::budget::{self, Budget};
 use super::congruence::{FEW_OUTLIERS, OUTLIERS};
 use super::defects::Defects;
+use super::lines::Scanned;
 use super::smoothed_tree::SmoothedTree;
 use super::{
     GradientTree, Integers, Lines, Options, PASS_THROUGH, QualityMetrics, Range, Recovered, SMOOTHED_TREE,
@@ -124,24 +125,22 @@ impl Auto {
         Ok(Self { needs_offset: false, few_outliers: 0.0, outliers: 0.0, ..Self::new(options)? })
     }
 
-    /// Unwraps the image that `lines` has scanned, of whose samples a share of `defects` was replaced.
+    /// Unwraps the image that `lines` has scanned, with the metrics that it has given.
     fn unwrap_scanned(
         &mut self,
         y: &Frame,
-        defects: f32,
+        mut quality: QualityMetrics,
         range: Range,
         out: &mut Recovered,
     ) -> Result<(), UnwrapError> {
-        self.finish_lines(y, range, out)?;
-        // Another candidate overwrites the report, but the metrics of y remain those of `lines`.
-        let quality = out.report.quality.expect("lines always gives its quality");
-        let [per_sample, per_steep] = budget::LINES;
-        let work = per_sample + per_steep * f64::from(quality.steep);
-        self.budget.spend(work * out.k.len() as f64);
-        let mut quality = QualityMetrics { defects, ..quality };
+        self.budget.spend(budget::LINES * samples(y) as f64);
         let is_steep = f64::from(quality.steep) > self.limits.lines;
+        let mut is_accepted = false;
         // Behind a hard edge, lines take the offset of the wrong side.
-        let mut is_accepted = !is_steep && self.accepts(jumps_of_lines(out, &quality, range));
+        if !is_steep {
+            self.finish_lines(y, range, &mut quality, out)?;
+            is_accepted = self.accepts(jumps_of_lines(out, &quality, range));
+        }
         if !is_accepted {
             is_accepted = self.try_others(y, range, &mut quality, out)?;
         } else if out.k.iter().all(|&k| k == 0) {
@@ -181,7 +180,7 @@ impl Auto {
     }
 
     /// Writes the result of the first candidate after `lines` that is accepted, else the one that bends least, and its jumps. Without the work
-    /// for any of them, the result of `lines` stays. Returns whether one is accepted.
+    /// for any of them, the result is that of `lines`. Returns whether one is accepted.
     fn try_others(
         &mut self,
         y: &Frame,
@@ -212,6 +211,12 @@ impl Auto {
                 std::mem::swap(out, &mut self.other);
             }
         }
+        if least == f64::MAX {
+            let defects = quality.defects;
+            *quality = self.lines.scan_from(0, y, range, f64::INFINITY)?;
+            quality.defects = defects;
+            self.finish_lines(y, range, quality, out)?;
+        }
         Ok(false)
     }
 
@@ -233,8 +238,7 @@ impl Auto {
                 // Without a tree there is nothing to grow from.
                 let grown =
                     if self.growable { smoothed_tree.grow(range, *few, budget, other) } else { Some(false) };
-                let samples = y.height() * y.width() * y.channels();
-                let needs_spud = grown == Some(false) && budget.take(budget::SPUD * samples as f64);
+                let needs_spud = grown == Some(false) && budget.take(budget::SPUD * samples(y) as f64);
                 if needs_spud {
                     spud.unwrap(y, range, other)?;
                 }
@@ -264,22 +268,35 @@ impl Auto {
         Ok(Some(jumps::share(&self.other.x, range)))
     }
 
-    /// Writes the result of `lines` for the image that it has scanned. Where counts leave the range, alpha may be a little
+    /// Writes the result of `lines` for the image that it has scanned, and its metrics. Where counts leave the range, alpha may be a little
     /// larger than it was given.
-    fn finish_lines(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
+    fn finish_lines(
+        &mut self,
+        y: &Frame,
+        range: Range,
+        quality: &mut QualityMetrics,
+        out: &mut Recovered,
+    ) -> Result<(), UnwrapError> {
         let is_clamped = |out: &Recovered| out.report.quality.is_some_and(|quality| quality.clamped > 0.0);
         self.lines.finish(y, range, self.few_outliers, out)?;
         if is_clamped(out) && range.widened().max_wraps() > range.max_wraps() {
             let range = range.widened();
-            self.lines.scan_from(0, y, range)?;
+            self.lines.scan_from(0, y, range, f64::INFINITY)?;
             self.lines.finish(y, range, self.few_outliers, &mut self.other)?;
             // The counts beyond the range are right only if they explain the whole image.
             if !is_clamped(&self.other) {
                 std::mem::swap(out, &mut self.other);
             }
         }
+        let of_lines = out.report.quality.expect("lines always gives its quality");
+        *quality = QualityMetrics { defects: quality.defects, ..of_lines };
         Ok(())
     }
+}
+
+/// Returns the number of the samples of `y`.
+fn samples(y: &Frame) -> usize {
+    y.height() * y.width() * y.channels()
 }
 
 /// Returns the jumps of the result of `lines` that speak against it. A clamped count contradicts the range; only few single samples may do so: a
@@ -304,23 +321,27 @@ impl Unwrap for Auto {
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
         self.budget = Budget::of_ms(self.work);
         // A defect that matters makes loops steep: an image without steep loops is not searched.
-        let Some(rows) = self.lines.scan_to_steep(y, range)? else {
-            return self.unwrap_scanned(y, 0.0, range, out);
+        let rows = match self.lines.scan_to_steep(y, range)? {
+            Scanned::Whole(quality) => return self.unwrap_scanned(y, quality, range, out),
+            Scanned::ToSteep(rows) => rows,
         };
+        let most = self.limits.lines;
         // The colours between which a difference was taken have no defects any more.
         if !self.needs_offset {
-            self.lines.scan_from(rows, y, range)?;
-            return self.unwrap_scanned(y, 0.0, range, out);
+            let quality = self.lines.scan_from(rows, y, range, most)?;
+            return self.unwrap_scanned(y, quality, range, out);
         }
         let codes = Integers::of(y, range)?;
         let mut defects = std::mem::take(&mut self.defects);
         let done = match defects.remove(y, codes, range) {
             None => {
-                self.lines.scan_from(rows, y, range).and_then(|()| self.unwrap_scanned(y, 0.0, range, out))
+                let quality = self.lines.scan_from(rows, y, range, most);
+                quality.and_then(|quality| self.unwrap_scanned(y, quality, range, out))
             }
             Some((sound, share)) => {
-                let scanned = self.lines.scan_from(0, sound, range);
-                let done = scanned.and_then(|()| self.unwrap_scanned(sound, share, range, out));
+                let quality = self.lines.scan_from(0, sound, range, most);
+                let quality = quality.map(|quality| QualityMetrics { defects: share, ..quality });
+                let done = quality.and_then(|quality| self.unwrap_scanned(sound, quality, range, out));
                 done.map(|()| defects.restore(codes, range, out))
             }
         };

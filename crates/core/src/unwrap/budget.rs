@@ -9,24 +9,24 @@
 
 use crate::simd::widest;
 
-/// The work of `lines`: per sample, and per steep loop.
-pub(super) const LINES: [f64; 2] = [2.0, 60.0];
+/// The work of `lines` per sample.
+pub(super) const LINES: f64 = 2.0;
 /// The work of smoothing, and of SPUD, per sample.
-pub(super) const SMOOTHING: f64 = 12.0;
-pub(super) const SPUD: f64 = 22.0;
+pub(super) const SMOOTHING: f64 = 8.0;
+pub(super) const SPUD: f64 = 10.0;
 /// The work to find the part from which an image grows, per pixel, and of growth, per pixel of the rest.
-pub(super) const FIND_PART: f64 = 40.0;
+pub(super) const FIND_PART: f64 = 20.0;
 pub(super) const GROWTH: f64 = 600.0;
 /// The work of gradient sums on a mosaic, per pixel, and of the second tree by three colours.
-pub(super) const SUMS: f64 = 30.0;
-pub(super) const SUMS_BY_COLOURS: f64 = 40.0;
+pub(super) const SUMS: f64 = 15.0;
+pub(super) const SUMS_BY_COLOURS: f64 = 15.0;
 /// The work of the lattice of a mosaic before its trees, per pixel of the lattice.
 pub(super) const LATTICE: f64 = 120.0;
 
 /// The work of `gradient_tree` on an image of noise, in ns per pixel: the most that it does.
-pub const WORK_OF_NOISE: f64 = 450.0;
+pub const WORK_OF_NOISE: f64 = 500.0;
 /// The work of `gradient_tree`, per pixel, without steep differences, and what one that has them adds.
-const TREE: [f64; 2] = [30.0, 2000.0];
+const TREE: [f64; 2] = [70.0, 900.0];
 /// Second differences above this share of the peak, 80 of 256 codes, are steep for `gradient_tree`.
 const STEEP: i16 = 80 << 8;
 /// One row of so many is read.

@@ -242,7 +242,8 @@ pub struct QualityMetrics {
     /// The fraction of the 2 x 2 loops whose wrapped mixed difference `|M_b(d_x d_y y)|` is above 3/8 of the peak
     /// (96 of 256).
     pub steep: f32,
-    /// The fraction of the samples whose count was out of range and was clamped: they contradict the others.
+    /// The fraction of the samples whose count was out of range and was clamped: they contradict the others. `auto` leaves 0 where it does
+    /// without the result of `lines`.
     pub clamped: f32,
     /// The second differences of the result along rows and columns that are above one peak, per sample. Only `auto`
     /// and `lines` compute them; other methods leave 0.

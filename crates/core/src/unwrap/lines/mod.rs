@@ -49,43 +49,60 @@ pub struct Lines {
     words: Buffers<u16>,
 }
 
+/// What was read of an image.
+pub(super) enum Scanned {
+    /// So many rows, the last ones of which have a steep loop.
+    ToSteep(usize),
+    /// All rows, with the metrics that depend on y alone.
+    Whole(QualityMetrics),
+}
+
 impl Lines {
-    /// Takes the first steps, which need not the whole range: sums the rows of `y`, up to the first ones with a steep loop. Returns the
-    /// number of rows that were summed, or `None` if the image has no steep loop.
+    /// Takes the first steps, which need not the whole range: sums the rows of `y`, up to the first ones with a steep loop.
     ///
     /// # Errors
     /// Those of [`Unwrap::unwrap`].
-    pub(super) fn scan_to_steep(&mut self, y: &Frame, range: Range) -> Result<Option<usize>, UnwrapError> {
-        self.scan(y, range, 0, true)
+    pub(super) fn scan_to_steep(&mut self, y: &Frame, range: Range) -> Result<Scanned, UnwrapError> {
+        self.scan(0, y, range, None)
     }
 
-    /// Sums the rows of `y` from row `from` on; `scan_to_steep` has summed those before.
+    /// Reads the rows of `y` from row `from` on; `scan_to_steep` has summed those before. Once more than the share `most` of the loops is
+    /// steep, rows are no longer summed, and [`Self::finish`] must not follow.
     ///
     /// # Errors
     /// Those of [`Unwrap::unwrap`].
-    pub(super) fn scan_from(&mut self, from: usize, y: &Frame, range: Range) -> Result<(), UnwrapError> {
-        self.scan(y, range, from, false).map(|_| ())
+    pub(super) fn scan_from(
+        &mut self,
+        from: usize,
+        y: &Frame,
+        range: Range,
+        most: f64,
+    ) -> Result<QualityMetrics, UnwrapError> {
+        match self.scan(from, y, range, Some(most))? {
+            Scanned::Whole(quality) => Ok(quality),
+            Scanned::ToSteep(_) => unreachable!("a scan with a limit reads all rows"),
+        }
     }
 
     fn scan(
         &mut self,
+        from: usize,
         y: &Frame,
         range: Range,
-        from: usize,
-        pauses: bool,
-    ) -> Result<Option<usize>, UnwrapError> {
+        most: Option<f64>,
+    ) -> Result<Scanned, UnwrapError> {
         let layout = RowLayout::of(y);
         Ok(match Integers::checked(y, range)? {
             Integers::U8(codes) => {
                 let samples = CodeRows::new(codes, layout, range);
                 if is_narrow(range) {
-                    self.bytes.scan(&samples, layout, range, from, pauses)
+                    self.bytes.scan(&samples, layout, range, from, most)
                 } else {
-                    self.words.scan(&samples, layout, range, from, pauses)
+                    self.words.scan(&samples, layout, range, from, most)
                 }
             }
             Integers::U16(codes) => {
-                self.words.scan(&CodeRows::new(codes, layout, range), layout, range, from, pauses)
+                self.words.scan(&CodeRows::new(codes, layout, range), layout, range, from, most)
             }
         })
     }
@@ -131,7 +148,7 @@ impl Unwrap for Lines {
     }
 
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
-        self.scan_from(0, y, range)?;
+        self.scan_from(0, y, range, f64::INFINITY)?;
         self.finish(y, range, OUTLIERS, out)
     }
 }
@@ -150,15 +167,16 @@ struct Buffers<W> {
 }
 
 impl<W: Word> Buffers<W> {
-    /// Sums the rows from row `from` on. If it `pauses`, it ends after the first rows with a steep loop, and returns their number.
+    /// Reads the rows from row `from` on, and sums them as long as at most the share `most` of the loops is steep. Without `most`, it
+    /// ends after the first rows with a steep loop.
     fn scan<S>(
         &mut self,
         samples: &CodeRows<'_, S>,
         layout: RowLayout,
         range: Range,
         from: usize,
-        pauses: bool,
-    ) -> Option<usize>
+        most: Option<f64>,
+    ) -> Scanned
     where
         S: Copy + Into<u16>,
     {
@@ -167,14 +185,24 @@ impl<W: Word> Buffers<W> {
             self.sums.start(layout);
             self.rows.start(layout, range);
         }
+        let mut sums = true;
         for i in from..layout.height {
-            widest!(self.take_row(i, samples, layout));
+            widest!(self.take_row(i, samples, layout, sums));
             let rows = i + 1;
-            if pauses && (rows % PAUSE == 0 || rows == layout.height) && self.gradient.has_steep_loops() {
-                return Some(rows);
+            if rows % PAUSE == 0 || rows == layout.height {
+                match most {
+                    None if self.gradient.has_steep_loops() => return Scanned::ToSteep(rows),
+                    None => {}
+                    Some(most) => {
+                        // The counters of the last rows are not full, but belong to the totals.
+                        self.gradient.settle();
+                        sums = f64::from(layout.share_of_loops(self.gradient.suspect)) <= most;
+                    }
+                }
             }
         }
-        None
+        self.gradient.settle();
+        Scanned::Whole(self.quality(layout, 0, 0))
     }
 
     fn finish<S>(
@@ -187,8 +215,6 @@ impl<W: Word> Buffers<W> {
     ) where
         S: Copy + Into<u16>,
     {
-        // The counters of the last rows are not full, but belong to the totals.
-        self.gradient.settle();
         self.constants.find(&self.gradient, &SummedImage { samples, layout, rows: &self.rows }, range);
         let levels = Levels { layout, rows: &self.rows, constants: &self.constants.sums };
         let Self { offsets, counts, .. } = self;
@@ -200,15 +226,23 @@ impl<W: Word> Buffers<W> {
     }
 
     #[inline(always)]
-    fn take_row<S: Copy + Into<u16>>(&mut self, i: usize, samples: &CodeRows<'_, S>, layout: RowLayout) {
+    fn take_row<S: Copy + Into<u16>>(
+        &mut self,
+        i: usize,
+        samples: &CodeRows<'_, S>,
+        layout: RowLayout,
+        sums: bool,
+    ) {
         self.codes.rotate_right(1);
         samples.read(i, &mut self.codes[0]);
         let [here, up, upper] = &self.codes;
         // The first row is its own neighbour: no difference, and so n = 0.
         let up = if i == 0 { here } else { up };
         self.gradient.follow(up, here, layout.channels, self.sums.steps());
-        self.sums.widen();
-        self.rows.append(&self.sums, [here, up, upper]);
+        if sums {
+            self.sums.widen();
+            self.rows.append(&self.sums, [here, up, upper]);
+        }
     }
 
     fn quality(&self, layout: RowLayout, outside: usize, jumps: u64) -> QualityMetrics {
