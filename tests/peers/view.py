@@ -190,6 +190,34 @@ def look_at_pixels(page, relay):
     check(True, "the page says that the connection is lost, and goes on with the next one")
 
 
+def zoom_in(page):
+    """Ctrl and the wheel zoom into all streams alike, at the pixel under the pointer; a drag moves them."""
+    box = page.locator(".large .picture").first.bounding_box()
+    at = [box["x"] + 0.7 * box["width"], box["y"] + 0.4 * box["height"]]
+    pixel = "() => document.getElementById('pixel').textContent.match(/Column ([0-9]+), row ([0-9]+)/)?.slice(1).map(Number) ?? []"
+    page.mouse.move(*at)
+    wait(page, f"() => ({pixel})().length === 2")
+    page.wait_for_timeout(300)
+    before = page.evaluate(pixel)
+    page.keyboard.down("Control")
+    page.mouse.wheel(0, -400)
+    page.keyboard.up("Control")
+    page.mouse.move(at[0] + 1, at[1])
+    page.wait_for_timeout(500)
+    after, zoomed = page.evaluate(pixel), page.locator(".picture.zoomed").count()
+    shapes = page.evaluate("() => [...new Set([...document.querySelectorAll('.large .picture canvas.image')].map(({ style }) => style.transform))]")
+    near = all(abs(a - b) <= 1 for a, b in zip(before, after))
+    check(near and zoomed >= 2 and shapes[0].startswith("scale(4)") and len(shapes) == 1, f"the wheel zooms at the pixel {before}, {after}: {shapes}")
+    page.mouse.down()
+    page.mouse.move(at[0] - 60, at[1], steps=4)
+    page.mouse.up()
+    page.mouse.move(*at)
+    page.wait_for_timeout(500)
+    check(page.evaluate(pixel)[0] > after[0] + 5, f"a drag moves the images: {page.evaluate(pixel)}")
+    page.keyboard.press("0")
+    check(page.locator(".picture.zoomed").count() == 0, "0 shows the whole images again")
+
+
 def stop_in_the_strip(page):
     """A click in the strip shows the frame of that time with its boxes."""
     wait(page, "() => document.querySelector('.kept').clientWidth > 8")
@@ -333,6 +361,7 @@ def drive(page, address, folder):
     check(lens and all(most == "3" for _, most in lens), f"the slider of the lens has the useful range: {lens}")
     follow_the_input(page)
     look_at_pixels(page, relay)
+    zoom_in(page)
     stop_in_the_strip(page)
     set_parameters(page)
     fit_each_window(page, folder)

@@ -21,12 +21,12 @@ const KEPT: usize = 60;
 const KEPT_BYTES: usize = 64 << 20;
 /// Results of one detector that wait for their image.
 const KEPT_BOXES: usize = 32;
-/// A moment waits at most this long for its images, ns.
-const PATIENCE_NS: u64 = 1_000_000_000;
+/// A moment waits at most this long for its images, ns: a busy machine needs more than a second.
+const PATIENCE_NS: u64 = 3_000_000_000;
 /// A detector that has answered nothing for this long is not waited for.
-const ANSWER_PATIENCE_NS: u64 = 10 * PATIENCE_NS;
+const ANSWER_PATIENCE_NS: u64 = 10_000_000_000;
 /// Nor is one that answers, but not these frames: on a busy machine several detectors seldom answer the same one.
-const LONGEST_WAIT_NS: u64 = 60 * PATIENCE_NS;
+const LONGEST_WAIT_NS: u64 = 60_000_000_000;
 
 /// The images and boxes of one browser.
 #[derive(Default)]
@@ -163,7 +163,7 @@ impl Streams {
     /// Returns the images that can be sent now: `together` those of one camera and one stamp, for which all topics of the camera wait,
     /// else the newest one of a topic. An image that detectors answer is held back until their boxes are there, so that boxes are drawn on the image that they were found in.
     ///
-    /// No image is waited for longer than a second, no box longer than a minute or ten seconds after the last boxes of its detector,
+    /// No image is waited for longer than three seconds, no box longer than a minute or ten seconds after the last boxes of its detector,
     /// and what was not there then is not waited for again before it has come: a replay that is paused for long, and then plays a
     /// single message, loses neither a topic nor the boxes.
     pub fn next(&mut self, graph: &GraphView, together: bool, now_ns: u64) -> Vec<NextImage> {
@@ -182,7 +182,7 @@ impl Streams {
     }
 
     /// Returns the stamp of the images of `topics` that are sent next: the newest one of which all is there that is waited for, or after
-    /// a second, of those that have their boxes, the one with the most images.
+    /// three seconds, of those with the most images, the newest one that has its boxes.
     fn next_stamp(&self, graph: &GraphView, topics: &[&String], now_ns: u64) -> Option<Time> {
         let streams = || topics.iter().map(|&topic| (topic, &self.topics[topic]));
         if streams().any(|(_, stream)| stream.busy) {
@@ -199,11 +199,12 @@ impl Streams {
         };
         let is_whole = |stamp: &Time| awaited().all(|(_, s)| is_there(stamp, s)) && is_answered(stamp);
         let newest_first = awaited().next().into_iter().flat_map(|(_, stream)| stream.waiting.iter().rev());
-        // Of moments with equally many images, the newest one.
+        // Of the moments with the most images, the newest one that has its boxes.
         let fullest = || {
-            let stamps = streams().flat_map(|(_, stream)| &stream.waiting).map(|image| image.stamp);
+            let stamps = || streams().flat_map(|(_, stream)| &stream.waiting).map(|image| image.stamp);
             let count = |stamp: &Time| streams().filter(|(_, stream)| is_there(stamp, stream)).count();
-            stamps.filter(|stamp| waited_ns >= PATIENCE_NS && is_answered(stamp)).max_by_key(count)
+            let most = stamps().map(|stamp| count(&stamp)).max().filter(|_| waited_ns >= PATIENCE_NS)?;
+            stamps().filter(|stamp| count(stamp) == most && is_answered(stamp)).last()
         };
         newest_first.map(|image| image.stamp).find(is_whole).or_else(fullest)
     }
@@ -340,6 +341,8 @@ mod tests {
 
     use super::*;
 
+    const SECOND_NS: u64 = 1_000_000_000;
+
     fn header(ns: u64) -> Header {
         Header { stamp: Time::from_ns(ns), frame_id: String::new() }
     }
@@ -440,7 +443,7 @@ mod tests {
         let both = ["/modulo".to_owned(), "/recovered".to_owned()];
         streams.watch(&both);
         for round in 0..3 {
-            let pressed_ns = round * 60 * PATIENCE_NS;
+            let pressed_ns = round * 180 * SECOND_NS;
             let moment_at =
                 |streams: &mut Streams, ms: u64| moment(streams, &graph, pressed_ns + ms * 1_000_000);
             streams.image("/modulo", image(round), pressed_ns);
@@ -552,14 +555,30 @@ mod tests {
         let (mut streams, graph) = (Streams::default(), detector(&["/recovered"]));
         streams.watch(&["/recovered".into()]);
         streams.boxes(&origin(), boxes(0), 0);
-        for second in 1..60 {
-            streams.image("/recovered", image(2 * second), second * PATIENCE_NS);
-            streams.boxes(&origin(), boxes(2 * second + 1), second * PATIENCE_NS);
-            assert_eq!(stamp(one(&mut streams, &graph, second * PATIENCE_NS)), None, "after {second} s");
+        for second in 1..=60 {
+            streams.image("/recovered", image(2 * second), second * SECOND_NS);
+            streams.boxes(&origin(), boxes(2 * second + 1), second * SECOND_NS);
+            assert_eq!(stamp(one(&mut streams, &graph, second * SECOND_NS)), None, "after {second} s");
         }
-        let now_ns = PATIENCE_NS + LONGEST_WAIT_NS;
+        let now_ns = SECOND_NS + LONGEST_WAIT_NS;
         streams.boxes(&origin(), boxes(9), now_ns);
-        assert_eq!(stamp(one(&mut streams, &graph, now_ns)), Some((118, 0)), "the newest one");
+        assert_eq!(stamp(one(&mut streams, &graph, now_ns)), Some((120, 0)), "the newest one");
+    }
+
+    /// Where the detectors of two streams answer different frames, no frame is shown without the image of one of them for that.
+    #[test]
+    fn a_moment_without_boxes_is_no_reason_to_show_fewer_images() {
+        let (mut streams, graph) = (Streams::default(), detector(&["/recovered"]));
+        let both = ["/modulo".to_owned(), "/recovered".to_owned()];
+        streams.watch(&both);
+        streams.boxes(&origin(), boxes(0), 0);
+        for (ns, topics) in [(1, &both[..]), (2, &both[..1])] {
+            topics.iter().for_each(|topic| streams.image(topic, image(ns), 0));
+        }
+        streams.boxes(&origin(), boxes(9), PATIENCE_NS);
+        assert_eq!(moment(&mut streams, &graph, 2 * PATIENCE_NS), [], "frame 1 waits for its boxes");
+        streams.boxes(&origin(), boxes(1), 2 * PATIENCE_NS);
+        assert_eq!(moment(&mut streams, &graph, 2 * PATIENCE_NS).len(), 2);
     }
 
     /// Both streams show the same frames, and the detector reads both while it changes from one to the other one.

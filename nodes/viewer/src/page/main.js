@@ -9,7 +9,7 @@ import { Parameters } from "./parameters.js";
 import { Quick, Replay } from "./replay.js";
 import { openSocket, playRecording, recordingText } from "./source.js";
 import { Stage } from "./stage.js";
-import { addressOf, choiceOf, find, hear, hearImages, momentOf, namespaceOf, newState, noticeOf, now, topicsOf } from "./state.js";
+import { addressOf, choiceOf, find, hear, hearImages, momentOf, namespaceOf, newState, noticeOf, now, topicsOf, zoomed } from "./state.js";
 import { Timeline, nearest } from "./timeline.js";
 
 const TICK_MS = 500;
@@ -138,6 +138,7 @@ const actions = {
   select: (topic) => actions.choose(state.choice.layout === "grid" ? { selected: topic } : { selected: topic, left: topic }),
   open: (topic) => actions.choose({ layout: state.choice.layout === "one" ? "grid" : "one", left: topic, selected: topic }),
   wipe: (share) => actions.choose({ wipe: Math.round(100 * Math.min(1, Math.max(0, share))) }),
+  zoom: (factor, share = [0.5, 0.5], at = share) => actions.choose({ zoom: zoomed(state.choice.zoom, factor, share, at) }),
   point(topic, share) {
     pointed = { topic, share };
     askPixel();

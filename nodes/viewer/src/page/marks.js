@@ -34,8 +34,13 @@ const LABEL_PX = 11;
 export function drawMarks(canvas, image, [width, height], choice, withLabels) {
   const context = fitted(canvas, width, height);
   if (!image) return;
-  const scale = width / image.width;
-  const onScreen = ({ edges }) => edges.map((edge) => edge * scale);
+  const { scale, origin } = choice.zoom;
+  const sides = [
+    [width, image.width],
+    [height, image.height],
+  ];
+  const onScreen = ({ edges }) =>
+    edges.map((edge, side) => (edge / sides[side % 2][1] - origin[side % 2]) * scale * sides[side % 2][0]);
   if (choice.truth) image.truth.forEach((label) => outline(context, onScreen(label), "#ffffff", 1.5, [5, 4]));
   if (!choice.boxes) return;
   const boxes = image.boxes.flatMap(([, found]) => found).sort((a, b) => b.score - a.score);
@@ -44,11 +49,13 @@ export function drawMarks(canvas, image, [width, height], choice, withLabels) {
   if (withLabels)
     drawLabels(
       context,
-      boxes.filter((box) => box.score >= choice.score),
+      boxes.filter((box) => box.score >= choice.score && isSeen(onScreen(box), [width, height])),
       onScreen,
       [width, height],
     );
 }
+
+const isSeen = ([left, top, right, bottom], [width, height]) => right > 0 && bottom > 0 && left < width && top < height;
 
 // How many labels have a box of their own: of the same class or its other name, not below the score, with an overlap of one half.
 export function foundOf({ boxes, truth }, score) {

@@ -33,11 +33,11 @@ export class Stage {
     const { choice } = state;
     const topics = topicsOf(state).slice().sort((a, b) => state.graph.images.indexOf(a) - state.graph.images.indexOf(b));
     byId("empty").hidden = topics.length > 0;
-    this.drawControls(state, topics);
-    const left = topics.includes(choice.left) ? choice.left : topics[0];
-    const right = topics.includes(choice.right)
-      ? choice.right
-      : (topics.find((topic) => topic.endsWith("/recovered") && topic !== left) ?? topics.find((topic) => topic !== left));
+    const of = (name) => topics.find((topic) => topic.endsWith(name));
+    const left = topics.includes(choice.left) ? choice.left : ((choice.layout === "wipe" && of("/saturated")) || topics[0]);
+    const others = topics.filter((topic) => topic !== left);
+    const right = topics.includes(choice.right) ? choice.right : (others.find((topic) => topic.endsWith("/recovered")) ?? others[0]);
+    this.drawControls(state, topics, { left, right });
     const size = this.size(state, topics);
     let large = topics.map((topic) => [topic]);
     if (choice.layout === "one") large = left ? [[left]] : [];
@@ -90,19 +90,12 @@ export class Stage {
     };
   }
 
-  drawControls({ choice, graph }, topics) {
+  drawControls({ choice, graph }, topics, chosen) {
     for (const button of byId("layouts").children) button.setAttribute("aria-checked", String(button.value === choice.layout));
-    for (const [side, index] of [
-      ["left", 0],
-      ["right", 1],
-    ]) {
+    for (const [side, topic] of Object.entries(chosen)) {
       byId(`${side}-control`).hidden =
         choice.layout === "grid" || (side === "right" && choice.layout !== "wipe") || topics.length === 0;
-      offer(
-        byId(side),
-        topics,
-        topics.includes(choice[side]) ? choice[side] : (topics[Math.min(index, topics.length - 1)] ?? ""),
-      );
+      offer(byId(side), topics, topic ?? "");
     }
     byId("left-control").firstChild.textContent = choice.layout === "one" ? "Image " : "Left ";
     this.drawTopics(graph.images, topics);

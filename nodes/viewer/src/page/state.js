@@ -39,6 +39,7 @@ export function newState(recorded) {
       truth: false,
       confidence: false,
       selected: "",
+      zoom: { scale: 1, origin: [0, 0] }, // of all images: the origin is the share of an image at its left and upper edge
       search: "",
     },
   };
@@ -73,6 +74,12 @@ function advance(state, at) {
   if (at <= state.nowAt) return;
   state.nowAt = at;
   state.heardAt = performance.now();
+}
+
+// A zoom by `factor` more, at which the share `share` of an image is seen at the share `at` of its tile.
+export function zoomed({ scale: before }, factor, share, at = share) {
+  const scale = Math.min(16, Math.max(1, before * factor));
+  return { scale, origin: share.map((part, axis) => Math.min(1 - 1 / scale, Math.max(0, part - at[axis] / scale))) };
 }
 
 // ---- messages ----

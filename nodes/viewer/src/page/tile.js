@@ -33,16 +33,28 @@ export class Tile {
   }
 
   listen() {
-    const point = (event) => {
+    const shareOf = (event) => {
       const area = this.picture.getBoundingClientRect();
-      const share = [(event.clientX - area.left) / area.width, (event.clientY - area.top) / area.height];
-      this.actions.point(this.topics[0], share);
+      return [(event.clientX - area.left) / area.width, (event.clientY - area.top) / area.height];
     };
+    const inImage = (share) => share.map((part, axis) => this.zoom.origin[axis] + part / this.zoom.scale);
     this.picture.onpointermove = (event) => {
-      point(event);
-      if (event.buttons && this.topics.length > 1) this.actions.wipe(event.offsetX / this.picture.clientWidth);
+      const share = shareOf(event);
+      if (!event.buttons) this.actions.point(this.topics[0], inImage(share));
+      else if (this.topics.length > 1) this.actions.wipe(share[0]);
+      else if (this.grabbed && this.zoom.scale > 1) this.actions.zoom(1, this.grabbed, share);
     };
-    this.picture.onpointerdown = point;
+    this.picture.onpointerdown = (event) => {
+      this.grabbed = inImage(shareOf(event));
+      this.actions.point(this.topics[0], this.grabbed);
+    };
+    this.picture.onwheel = (event) => {
+      // Without the key, the wheel moves the page.
+      if (!event.ctrlKey) return;
+      event.preventDefault();
+      const share = shareOf(event);
+      this.actions.zoom(2 ** (-event.deltaY / 200), inImage(share), share);
+    };
     this.picture.onclick = () => this.actions.select(this.topics[0]);
     this.picture.onkeydown = (event) => {
       if (event.key === "Enter") this.actions.open(this.topics[0]);
@@ -52,8 +64,8 @@ export class Tile {
 
   // Draws the images of `topics` (the second one, if there is one, right of the wipe), `width` px wide.
   draw(state, topics, width, small) {
-    this.topics = topics;
     const { shown, choice } = state;
+    [this.topics, this.zoom] = [topics, choice.zoom];
     const images = topics.map((topic) => shown?.moment.images.get(topic) ?? null);
     const [first] = images;
     const aspect = first ?? images[1] ?? state.newest.get(topics[0]);
@@ -63,7 +75,13 @@ export class Tile {
     this.drawVeil(state, first, size);
     const wiped = topics.length > 1;
     const right = `inset(0 0 0 ${choice.wipe}%)`;
-    for (const canvas of [this.layers[1].image, this.layers[1].marks]) canvas.style.clipPath = right;
+    this.layers[1].marks.style.clipPath = right;
+    // The image is larger than its tile: its own share lies at the wipe.
+    const { scale, origin } = choice.zoom;
+    this.layers[1].image.style.clipPath = `inset(0 0 0 ${100 * origin[0] + choice.wipe / scale}%)`;
+    const place = `scale(${scale}) translate(${origin.map((share) => `${-100 * share}%`)})`;
+    for (const canvas of [...this.layers.map(({ image }) => image), this.veil]) canvas.style.transform = place;
+    this.picture.classList.toggle("zoomed", scale > 1);
     this.layers[0].marks.style.clipPath = wiped ? `inset(0 ${100 - choice.wipe}% 0 0)` : "none";
     this.edge.hidden = !wiped;
     this.edge.style.left = `${choice.wipe}%`;
@@ -84,8 +102,8 @@ export class Tile {
     }
     layer.image.style.filter = filterOf(image.peaks, state.choice);
     // Marks are drawn anew only when something about them has changed.
-    const { boxes, truth, score } = state.choice;
-    const marks = `${size} ${small} ${boxes} ${truth} ${score} ${window.devicePixelRatio}`;
+    const { boxes, truth, score, zoom } = state.choice;
+    const marks = `${size} ${small} ${boxes} ${truth} ${score} ${zoom.scale} ${zoom.origin} ${window.devicePixelRatio}`;
     if (layer.drawn !== image || layer.marksAre !== marks) drawMarks(layer.marks, image, size, state.choice, !small);
     Object.assign(layer, { drawn: image, marksAre: marks });
   }
