@@ -2,12 +2,13 @@
 
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use anyhow::{Context as _, anyhow};
 use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 use modulo_bags::source::{self, SourceOptions};
-use modulo_bench::engines::{EngineFigures, EngineOutcome, EnginesRequest};
+use modulo_bench::engines::{EngineFigures, EngineOutcome, EngineRow, EnginesRequest};
 use modulo_bench::{BenchError, BenchEvent, below_100, engines, pipeline, stability};
 use modulo_core::{SensorError, UnwrapError, WorkersError};
 use modulo_detector::{EngineChoice, EngineOptions, embedded, measure};
@@ -28,6 +29,8 @@ const BARE_RUNS: NonZeroUsize = NonZeroUsize::new(20).expect("not zero");
 
 /// Template of the progress bar.
 pub const STEPS: &str = "{bar:30} {pos}/{len} {eta} {msg}";
+/// Work that takes longer says without a terminal, too, how far it is.
+const SOON: Duration = Duration::from_secs(2);
 
 #[derive(Subcommand)]
 pub enum Bench {
@@ -86,6 +89,7 @@ fn bench_pipeline(request: &pipeline::PipelineRequest) -> Result<Ended, Failure>
     let launch_file = &launch_file("recovered".as_ref()).map_err(usage)?;
     let (program, now_ns) = (&this_program()?, monotonic_ns);
     let mut bench = pipeline::PipelineBench { program, launch_file, now_ns, bare: &mut bare };
+    say!("{}", load());
     let bar = progress_bar(STEPS);
     let rows = pipeline::pipeline(request, &mut bench, &mut |event| tell(&bar, event)).map_err(failure)?;
     bar.finish_and_clear();
@@ -133,6 +137,7 @@ fn bench_detector(args: &DetectorBench) -> Result<Ended, Failure> {
     if options.is_empty() {
         options = vec!["--source".into(), source.into()];
     }
+    say!("{}", load());
     let bar = progress_bar(STEPS);
     let rows = engines::engines(request, &options, &this_program()?, &mut |event| tell(&bar, event))
         .map_err(failure)?;
@@ -155,8 +160,11 @@ fn bench_detector(args: &DetectorBench) -> Result<Ended, Failure> {
             EngineOutcome::Missing(why) => say!("{name} {why}; {}", row.model),
         }
     }
-    if let Some(row) = engines::choice(&rows) {
-        say!("The fastest that loses less than 0.5 points of AP50: {}", row.arguments());
+    let all = engines::choice(&rows).into_iter().map(EngineRow::arguments).collect::<Vec<_>>();
+    match &*all {
+        [] => {}
+        [one] => say!("The fastest that loses less than 0.5 points of AP50: {one}"),
+        several => say!("No clear winner, since the times of two turns overlap: {}", several.join("; ")),
     }
     Ok(Ended::Done)
 }
@@ -212,6 +220,14 @@ pub fn processor() -> String {
     }
 }
 
+/// How busy the machine is before a measurement.
+fn load() -> String {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let load = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
+    let load = load.split(' ').next().filter(|load| !load.is_empty()).unwrap_or("unknown");
+    format!("{}, {cores} cores, load of other programs {load}", processor())
+}
+
 /// A progress bar in the form of `template`, which is shown only on a terminal.
 pub fn progress_bar(template: &str) -> ProgressBar {
     ProgressBar::new(0).with_style(style(template))
@@ -228,6 +244,10 @@ pub fn tell(bar: &ProgressBar, event: BenchEvent<'_>) {
             bar.set_length(total as u64);
             bar.set_position(done as u64);
             bar.set_message(next.to_owned());
+            // Without a terminal there is no bar, and at most twenty lines.
+            if bar.is_hidden() && bar.elapsed() >= SOON && done % total.div_ceil(20) == 0 {
+                eprintln!("modulo: {done} of {total} done, next: {next}");
+            }
         }
         // A line that is printed while a bar is drawn would tear it apart, so the bar is taken away
         // meanwhile.

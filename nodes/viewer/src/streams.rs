@@ -204,7 +204,7 @@ impl Streams {
             let stamps = || streams().flat_map(|(_, stream)| &stream.waiting).map(|image| image.stamp);
             let count = |stamp: &Time| streams().filter(|(_, stream)| is_there(stamp, stream)).count();
             let most = stamps().map(|stamp| count(&stamp)).max().filter(|_| waited_ns >= PATIENCE_NS)?;
-            stamps().filter(|stamp| count(stamp) == most && is_answered(stamp)).last()
+            stamps().rfind(|stamp| count(stamp) == most && is_answered(stamp))
         };
         newest_first.map(|image| image.stamp).find(is_whole).or_else(fullest)
     }
