@@ -8,7 +8,7 @@ use modulo_runtime::embedded;
 use modulo_runtime::input::{LARGEST_TEXT, read_text};
 use modulo_runtime::name::did_you_mean;
 
-use crate::LaunchError;
+use crate::{LaunchError, files_in};
 
 /// The name of the package of this suite.
 pub const SUITE: &str = "modulo";
@@ -109,8 +109,8 @@ pub struct FoundFile {
 pub fn launch_files() -> Result<Vec<FoundFile>, LaunchError> {
     let here = PathBuf::from(FOLDER);
     let suite = share(SUITE, Path::new(""), &BTreeMap::new()).map_err(LaunchError::Other)?;
-    let mut files = files_in(&here);
-    for file in files_in(&suite.join(FOLDER)) {
+    let mut files = launch_files_in(&here);
+    for file in launch_files_in(&suite.join(FOLDER)) {
         if files.iter().all(|other| other.name != file.name) {
             files.push(file);
         }
@@ -182,17 +182,14 @@ pub fn copy(file: &Path, folder: &Path) -> Result<Vec<(PathBuf, bool)>, LaunchEr
     Ok(copied)
 }
 
-fn files_in(folder: &Path) -> Vec<FoundFile> {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+fn launch_files_in(folder: &Path) -> Vec<FoundFile> {
     let found = |path: PathBuf| {
         let file = path.file_name()?.to_string_lossy().into_owned();
         let is_launch_file =
             path.is_file() && ["launch.yaml", "launch.yml"].iter().any(|ending| file.ends_with(ending));
         is_launch_file.then_some(FoundFile { name: name_of(file.as_ref())?, about: about(&path), path })
     };
-    let mut files: Vec<FoundFile> = entries.filter_map(found).collect();
-    files.sort_by(|one, other| one.path.cmp(&other.path));
-    files
+    files_in(folder).unwrap_or_default().into_iter().filter_map(found).collect()
 }
 
 fn about(file: &Path) -> String {

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use modulo_runtime::report::{Histogram, Percentiles, add, quantile};
 use serde::Serialize;
 
-use crate::LaunchError;
+use crate::{LaunchError, files_in};
 pub use crash::LostInCrash;
 pub use foreign::ForeignMessages;
 pub use modulo_runtime::report::NodeReport;
@@ -206,11 +206,8 @@ pub fn reports_so_far(folder: &Path) -> Vec<NodeReport> {
 
 /// Reads each report in `folder`, in the order of their names. An error names the file.
 fn read_files(folder: &Path) -> impl Iterator<Item = Result<NodeReport, (PathBuf, String)>> {
-    let files = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
-    let mut files: Vec<_> = files.filter(|file| file.extension().is_some_and(|e| e == "json")).collect();
-    // A folder is listed in any order: sorted, the same run gives the same summary and the same warnings.
-    files.sort();
-    files.into_iter().map(|file| {
+    let files = files_in(folder).unwrap_or_default().into_iter();
+    files.filter(|file| file.extension().is_some_and(|e| e == "json")).map(|file| {
         let text = std::fs::read_to_string(&file).map_err(|e| e.to_string());
         text.and_then(|text| serde_json::from_str(&text).map_err(|e| e.to_string()))
             .map_err(|why| (file, why))

@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use modulo_runtime::trace::ENDING;
 use serde_json::{Value, json};
 
-use crate::LaunchError;
+use crate::{LaunchError, files_in};
 
 /// The content of a joined trace.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -43,7 +43,8 @@ pub fn join(folder: &Path, out: &Path) -> Result<TraceCounts, LaunchError> {
         comma = ",\n";
         Ok(())
     };
-    for file in &trace_files(folder)? {
+    let files = files_in(folder).map_err(|why| LaunchError::file(folder, why))?;
+    for file in files.iter().filter(|file| file.extension().is_some_and(|e| e == ENDING)) {
         let mut lines = events(file)?;
         let Some(node) = lines.next().and_then(|head| head["node"].as_str().map(str::to_owned)) else {
             continue;
@@ -76,14 +77,6 @@ pub fn join(folder: &Path, out: &Path) -> Result<TraceCounts, LaunchError> {
 fn events(file: &Path) -> Result<impl Iterator<Item = Value> + use<>, LaunchError> {
     let lines = BufReader::new(File::open(file).map_err(|why| LaunchError::file(file, why))?).lines();
     Ok(lines.map_while(Result::ok).filter_map(|line| serde_json::from_str(&line).ok()))
-}
-
-fn trace_files(folder: &Path) -> Result<Vec<PathBuf>, LaunchError> {
-    let entries = std::fs::read_dir(folder).map_err(|why| LaunchError::file(folder, why))?;
-    let paths = entries.flatten().map(|entry| entry.path());
-    let mut files: Vec<_> = paths.filter(|file| file.extension().is_some_and(|e| e == ENDING)).collect();
-    files.sort();
-    Ok(files)
 }
 
 #[cfg(test)]

@@ -188,15 +188,14 @@ impl Dynamic {
                     writeln!(f, "{:indent$}-", "")?;
                     item.write(f, depth + 1)?;
                 }
-                write_rest(f, items.len(), indent)
+                match items.len().saturating_sub(SHOWN) {
+                    0 => Ok(()),
+                    more => writeln!(f, "{:indent$}# and {more} more", ""),
+                }
             }
             value => writeln!(f, "{:indent$}{name}: {}", "", Inline(value)),
         }
     }
-}
-
-fn write_rest(f: &mut fmt::Formatter<'_>, length: usize, indent: usize) -> fmt::Result {
-    if length > SHOWN { writeln!(f, "{:indent$}# and {} more", "", length - SHOWN) } else { Ok(()) }
 }
 
 /// A value on the line of its name.

@@ -189,7 +189,10 @@ fn copy(reader: &BagReader, args: &BagCopy) -> Result<Ended, Failure> {
 
 /// Tells a new bag without a place, which is a wrong command line, from an error of a run.
 fn without_place(why: BagError) -> Failure {
-    if why.is_without_place() { usage(why) } else { why.into() }
+    match why {
+        BagError::Output(_) | BagError::Exists(_) | BagError::Name(_) => usage(why),
+        _ => why.into(),
+    }
 }
 
 fn write_options(form: &Form) -> WriteOptions {

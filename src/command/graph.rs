@@ -2,7 +2,6 @@
 
 use std::collections::{BTreeSet, VecDeque};
 use std::io::Write as _;
-use std::ops::ControlFlow;
 use std::time::Duration;
 
 use anyhow::{Context as _, anyhow};
@@ -212,7 +211,7 @@ fn echo(transport: &ZenohTransport, args: &Echo) -> Result<(), Failure> {
         // Nothing comes when the command was asked to end meanwhile.
         let Some(sample) = listening.next(None) else { continue };
         let value = dynamic::from_slice(&description, &sample.item.payload)?;
-        if print(&format!("{value}---")).is_break() || args.once {
+        if !print(&format!("{value}---")) || args.once {
             break;
         }
     }
@@ -236,13 +235,9 @@ fn tell_twins(transport: &ZenohTransport, reported: &mut Vec<Twins>) {
     }
 }
 
-/// Prints a line of a command without an end of its own, which a reader ends by closing the pipe.
-fn print(line: &str) -> ControlFlow<()> {
-    if writeln!(std::io::stdout(), "{line}").is_ok() {
-        ControlFlow::Continue(())
-    } else {
-        ControlFlow::Break(())
-    }
+/// Prints a line of a command without an end of its own. Returns whether a reader is there, who ends it by closing the pipe.
+fn print(line: &str) -> bool {
+    writeln!(std::io::stdout(), "{line}").is_ok()
 }
 
 /// Prints the rate of the messages, and its spread, once a second.
@@ -263,7 +258,7 @@ fn hz(transport: &ZenohTransport, clock: &dyn Clock, topic: &str, window: usize)
         if now() >= due {
             // The next line is due one second after this one was due, so that delays do not add up.
             due += 1.0;
-            if print(&rate(arrived.make_contiguous(), listening.lost())).is_break() {
+            if !print(&rate(arrived.make_contiguous(), listening.lost())) {
                 break;
             }
         }

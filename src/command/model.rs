@@ -263,11 +263,8 @@ fn transport() {
             return;
         }
     };
-    let from = if std::env::var_os("ROS_DOMAIN_ID").is_some() {
-        "ROS_DOMAIN_ID"
-    } else {
-        "ROS_DOMAIN_ID is not set"
-    };
+    let is_set = std::env::var_os("ROS_DOMAIN_ID").is_some();
+    let from = if is_set { "ROS_DOMAIN_ID" } else { "ROS_DOMAIN_ID is not set" };
     say!("domain   {number} ({from})");
     for name in ZENOH_VARIABLES {
         match std::env::var(name) {

@@ -45,13 +45,13 @@ pub(super) struct BagFile {
     disk: File,
     channels: Vec<u16>,
     counts: Vec<u64>,
-    contents: FileContents,
+    pub(super) contents: FileContents,
     /// The file's size without its open chunk, bytes.
     closed: u64,
     /// Bytes of messages in the open chunk, before compression.
     pending: u64,
     /// Bytes of messages since the last flush, before compression.
-    unflushed: u64,
+    pub(super) unflushed: u64,
 }
 
 impl BagFile {
@@ -116,16 +116,6 @@ impl BagFile {
     /// is compressed.
     pub(super) fn size_with(&self, more: usize) -> u64 {
         self.closed + self.pending + MESSAGE_HEAD + more as u64
-    }
-
-    /// Returns the number of bytes of messages since the last [`BagFile::flush`], before compression.
-    pub(super) fn unflushed(&self) -> u64 {
-        self.unflushed
-    }
-
-    /// Returns the first and last log time; `None` without messages.
-    pub(super) fn span(&self) -> Option<(u64, u64)> {
-        self.contents.span
     }
 
     fn close_chunk(&mut self) -> Result<(), BagError> {

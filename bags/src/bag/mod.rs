@@ -178,13 +178,6 @@ pub enum BagError {
     TypeConflict(String, String, String),
 }
 
-impl BagError {
-    /// Returns whether a new bag has no place: nothing was written then.
-    pub fn is_without_place(&self) -> bool {
-        matches!(self, Self::Output(_) | Self::Exists(_) | Self::Name(_))
-    }
-}
-
 /// Messages of a bag that cannot be read, while those after them can.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{}: {}messages of {place} are left out: {why}", path.display(), .messages.map_or(String::new(), |n| format!("{n} ")))]

@@ -63,7 +63,8 @@ impl BagReader {
             }
         }
         if files.is_empty() {
-            return Err(unread.into_iter().next().unwrap_or_else(|| no_bag(path)));
+            let why = "no bag here, a metadata.yaml or a .mcap or .db3 file is needed".to_owned();
+            return Err(unread.into_iter().next().unwrap_or(BagError::File(path.to_owned(), why)));
         }
         warnings.extend(unread.iter().map(|why| BagWarning::Part(why.to_string())));
         warnings.extend(files.iter().flat_map(|(_, file)| file.summary().warnings.iter().cloned()));
@@ -203,11 +204,6 @@ fn metadata_of(path: &Path, warnings: &mut Vec<BagWarning>) -> Result<Option<Met
         Err(other) => return Err(other),
     }
     Ok(None)
-}
-
-fn no_bag(path: &Path) -> BagError {
-    let why = "no bag here, a metadata.yaml or a .mcap or .db3 file is needed".to_owned();
-    BagError::File(path.to_owned(), why)
 }
 
 /// Returns the warning of the `metadata.yaml` at `path` that cannot be used.

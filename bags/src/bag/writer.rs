@@ -145,7 +145,7 @@ impl BagWriter {
     pub fn settle(&mut self, now: u64) -> Result<(), BagError> {
         let flushed = *self.flushed.get_or_insert(now);
         // The clock of the machine may also be set back.
-        if now.abs_diff(flushed) < FLUSH_EVERY && self.bag_file.unflushed() < FLUSH_BYTES {
+        if now.abs_diff(flushed) < FLUSH_EVERY && self.bag_file.unflushed < FLUSH_BYTES {
             return Ok(());
         }
         self.flushed = Some(now);
@@ -155,7 +155,7 @@ impl BagWriter {
     /// Returns whether a message of `length` bytes at `log_time` belongs into a new file.
     fn is_full(&self, log_time: u64, length: usize) -> bool {
         // A file without messages takes one, however large it is, or an empty file would stay behind.
-        let Some((start, _)) = self.bag_file.span() else { return false };
+        let Some((start, _)) = self.bag_file.contents.span else { return false };
         let WriteOptions { max_bytes, max_duration, .. } = self.options;
         let lasts = Duration::from_nanos(log_time.saturating_sub(start));
         max_duration.is_some_and(|max| lasts > max)

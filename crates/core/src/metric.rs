@@ -22,16 +22,6 @@ fn check_shapes(left: (usize, usize, usize), right: (usize, usize, usize)) -> Re
     if left == right { Ok(()) } else { Err(ShapesDiffer { left, right }) }
 }
 
-/// Returns the share, 0 to 1, of samples of all channels whose wrap count is the true one; no offset is removed.
-///
-/// # Errors
-/// [`ShapesDiffer`] when the shapes differ.
-pub fn exact_share(found: &Array3<u8>, truth: &Array3<u8>) -> Result<f64, ShapesDiffer> {
-    check_shapes(found.dim(), truth.dim())?;
-    let exact = found.iter().zip(truth).filter(|(a, b)| a == b).count();
-    Ok(exact as f64 / truth.len().max(1) as f64)
-}
-
 /// Returns the mean of the squared differences over all samples of all channels, 0 to 255^2.
 ///
 /// # Errors
@@ -159,15 +149,6 @@ fn add(sums: &mut [f64], values: &[f64], weight: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn counts_samples() {
-        let truth = Array3::from_shape_fn((2, 2, 3), |(i, j, c)| (i + j + c) as u8);
-        let mut found = truth.clone();
-        found[(1, 0, 2)] += 1;
-        assert_eq!(exact_share(&found, &truth), Ok(11.0 / 12.0));
-        assert!(exact_share(&Array3::zeros((2, 3, 2)), &truth).is_err());
-    }
 
     #[test]
     fn is_the_ratio_to_the_peak() {

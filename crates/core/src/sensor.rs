@@ -161,15 +161,11 @@ pub enum SensorError {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Sensor {
+    config: SensorConfig,
     range: Range,
-    transfer: Transfer,
     /// The share of the radiance that passes the field stop in each of the first columns.
     shade: Vec<f32>,
     taps: Vec<f32>,
-    read_noise: f64,
-    shot_noise: f64,
-    prnu: f64,
-    hot_pixels: f64,
     layout: PixelArrangement,
 }
 
@@ -222,10 +218,8 @@ impl Sensor {
                 return Err(SensorError::GainRatio { ratio, most });
             }
         }
-        let layout = PixelArrangement { gains, mosaic };
-        let (transfer, shade, taps) =
-            (config.transfer, shade(config.optical_black, range.black()), config.psf.taps());
-        Ok(Self { range, transfer, shade, taps, read_noise, shot_noise, prnu, hot_pixels, layout })
+        let (shade, taps) = (shade(config.optical_black, range.black()), config.psf.taps());
+        Ok(Self { config, range, shade, taps, layout: PixelArrangement { gains, mosaic } })
     }
 
     /// Returns the bits, alpha, the headroom and the number of columns that are black.
@@ -284,7 +278,7 @@ impl Sensor {
             return Err(SensorError::NotFinite { at: position_of(index, dim), value });
         }
         let x = Array3::from_shape_vec((height, width, seen), x).expect("x has the rows of this shape");
-        Ok(Exposure { x, range: self.range, transfer: self.transfer, layout: self.layout })
+        Ok(Exposure { x, range: self.range, transfer: self.config.transfer, layout: self.layout })
     }
 
     /// Copies a row of radiance (W x C) into `to`, clamped to `[0, 1)` and shaded by the field stop, which lies in front of the lens: a value above
@@ -325,15 +319,16 @@ impl Sensor {
 
     /// Applies the gains of the pixels to the row `x` (>= 0, code units) and adds the dark signal of the hot ones.
     fn add_fixed_pattern(&self, x: &mut [f32], pattern: &mut Pcg64Mcg) {
-        if self.prnu == 0.0 && self.hot_pixels == 0.0 {
+        let SensorConfig { prnu, hot_pixels, .. } = self.config;
+        if prnu == 0.0 && hot_pixels == 0.0 {
             return;
         }
         for sample in x {
             // All numbers of a sample are drawn whether they are used or not, so that the hot pixels do not depend on the gains.
             let deviate: f64 = StandardNormal.sample(pattern);
             let [chance, level]: [f64; 2] = [(); 2].map(|()| StandardUniform.sample(pattern));
-            let dark = if chance < self.hot_pixels { level * f64::from(self.range.peak()) } else { 0.0 };
-            *sample = (f64::from(*sample) * (1.0 + self.prnu * deviate).max(0.0) + dark) as f32;
+            let dark = if chance < hot_pixels { level * f64::from(self.range.peak()) } else { 0.0 };
+            *sample = (f64::from(*sample) * (1.0 + prnu * deviate).max(0.0) + dark) as f32;
         }
     }
 
@@ -341,7 +336,7 @@ impl Sensor {
     ///
     /// Shot and read noise are independent, so one random number stands for both.
     fn add_noise(&self, x: &mut [f32], (row, channels): (usize, usize), random: &mut Pcg64Mcg) {
-        let (shot, read) = (self.shot_noise, self.read_noise);
+        let SensorConfig { shot_noise: shot, read_noise: read, .. } = self.config;
         // A sensor without noise is the common case, and drawing numbers for it would only cost time.
         if shot == 0.0 && read == 0.0 {
             return;

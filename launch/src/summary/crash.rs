@@ -84,31 +84,40 @@ impl<'a> Lives<'a> {
 /// reads a topic for the whole launch. Without a number is the loss of a reader whose inputs were changed at run time,
 /// and of messages whose sender is no node of the launch.
 pub(super) fn losses(reports: &[NodeReport]) -> Vec<LostInCrash> {
+    of_readings(reports, |node, reader, topic, senders| {
+        // Without a crash nothing can be missing: counts differ when a reader joins or leaves by itself.
+        if !reader.crashed() && !senders.iter().any(|sender| sender.crashed()) {
+            return None;
+        }
+        let (lost, sent) = if senders.is_empty() || !reader.reads_always_the_same() {
+            (None, None)
+        } else {
+            let made =
+                |node: &&Lives<'_>| node.sum(|r| &r.published, topic) + node.sum(|r| &r.unwanted, topic);
+            // A message that was not made because the reader was down is lost for it as well.
+            let made: u64 = senders.iter().map(made).sum();
+            let accounted = reader.sum(|r| &r.received, topic) + reader.sum(|r| &r.lost, topic);
+            (Some(made.saturating_sub(accounted)), Some(made))
+        };
+        (lost != Some(0)).then(|| LostInCrash { topic: topic.to_owned(), node: node.to_owned(), lost, sent })
+    })
+}
+
+/// Returns what `find` tells of each node and each topic that it reads: it gets the name of the node, its lives, the topic, and the
+/// nodes that write it.
+pub(super) fn of_readings<T>(
+    reports: &[NodeReport],
+    find: impl Fn(&str, &Lives<'_>, &str, &[&Lives<'_>]) -> Option<T>,
+) -> Vec<T> {
     let nodes = Lives::of_nodes(reports);
-    let mut losses = Vec::new();
+    let mut found = Vec::new();
     for (name, reader) in &nodes {
         for topic in reader.reads() {
             let senders: Vec<&Lives<'_>> = nodes.values().filter(|node| node.writes(topic)).collect();
-            // Without a crash nothing can be missing: counts differ when a reader joins or leaves by itself.
-            if !reader.crashed() && !senders.iter().any(|sender| sender.crashed()) {
-                continue;
-            }
-            let (lost, sent) = if senders.is_empty() || !reader.reads_always_the_same() {
-                (None, None)
-            } else {
-                let made =
-                    |node: &&Lives<'_>| node.sum(|r| &r.published, topic) + node.sum(|r| &r.unwanted, topic);
-                // A message that was not made because the reader was down is lost for it as well.
-                let made: u64 = senders.iter().map(made).sum();
-                let accounted = reader.sum(|r| &r.received, topic) + reader.sum(|r| &r.lost, topic);
-                (Some(made.saturating_sub(accounted)), Some(made))
-            };
-            if lost != Some(0) {
-                losses.push(LostInCrash { topic: topic.to_owned(), node: (*name).to_owned(), lost, sent });
-            }
+            found.extend(find(name, reader, topic, &senders));
         }
     }
-    losses
+    found
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::fmt;
 use serde::Serialize;
 
 use super::NodeReport;
-use super::crash::Lives;
+use super::crash::of_readings;
 
 /// Messages of one topic that a node has received from outside of the launch: its results are not those of one camera.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -30,28 +30,16 @@ impl fmt::Display for ForeignMessages {
 /// Computes the messages that no node of the launch has sent, for each reader of each topic that one of them publishes:
 /// `received + lost - sent`, where that is above zero. A topic whose publisher has crashed is left out.
 pub(super) fn foreign(reports: &[NodeReport]) -> Vec<ForeignMessages> {
-    let nodes = Lives::of_nodes(reports);
-    let mut found = Vec::new();
-    for (name, reader) in &nodes {
-        for topic in reader.reads() {
-            let senders: Vec<&Lives<'_>> = nodes.values().filter(|node| node.writes(topic)).collect();
-            if senders.is_empty() || senders.iter().any(|sender| sender.crashed()) {
-                continue;
-            }
-            let sent: u64 = senders.iter().map(|sender| sender.sum(|life| &life.published, topic)).sum();
-            let received = reader.sum(|life| &life.received, topic);
-            let foreign = (received + reader.sum(|life| &life.lost, topic)).saturating_sub(sent);
-            if foreign > 0 {
-                found.push(ForeignMessages {
-                    topic: topic.to_owned(),
-                    node: (*name).to_owned(),
-                    foreign,
-                    received,
-                });
-            }
+    of_readings(reports, |node, reader, topic, senders| {
+        if senders.is_empty() || senders.iter().any(|sender| sender.crashed()) {
+            return None;
         }
-    }
-    found
+        let sent: u64 = senders.iter().map(|sender| sender.sum(|life| &life.published, topic)).sum();
+        let received = reader.sum(|life| &life.received, topic);
+        let foreign = (received + reader.sum(|life| &life.lost, topic)).saturating_sub(sent);
+        let (topic, node) = (topic.to_owned(), node.to_owned());
+        (foreign > 0).then_some(ForeignMessages { topic, node, foreign, received })
+    })
 }
 
 #[cfg(test)]

@@ -521,25 +521,11 @@ modulo_runtime::parameters! {
         frame_id: String = String::new(),
         /// Exposure of the modulo sensor. fixed: the saturation factor is alpha. trusted: it starts at alpha and becomes as large, up to
         /// alpha_most, as unwrap trusts the frames (on the topic recovery), so that the sensor collects as much light as can be unwrapped.
-        exposure: ExposureChoice = ExposureChoice::Fixed => ExposureChoice::WORDS; fixed,
+        exposure: bool = false => [("fixed", false), ("trusted", true)]; fixed,
         /// Largest saturation factor of exposure: trusted.
         alpha_most: f64 = 8.0 => 1.0..=256.0; fixed,
         ..sensor: SensorModel,
     }
-}
-
-/// The choice of the exposure of the modulo sensor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ExposureChoice {
-    /// The parameter alpha.
-    Fixed,
-    /// The trust of the unwrapper.
-    Trusted,
-}
-
-impl ExposureChoice {
-    /// Every choice with its word.
-    pub const WORDS: [(&'static str, Self); 2] = [("fixed", Self::Fixed), ("trusted", Self::Trusted)];
 }
 
 impl CameraParameters {
@@ -584,7 +570,7 @@ impl CameraParameters {
         // A little less, since 1 / (1 / ratio) may be below the ratio.
         let of_gains = 0.999 / gain_ratio;
         let most = if gains && gain_ratio > 0.0 { alpha_most.min(of_gains) } else { alpha_most };
-        (self.exposure == ExposureChoice::Trusted).then(|| TrustedExposure::new(alpha, most))
+        self.exposure.then(|| TrustedExposure::new(alpha, most))
     }
 
     /// Returns the sensor with the exposure of `control`.
@@ -595,8 +581,7 @@ impl CameraParameters {
 
     /// Returns the topic that an exposure control follows.
     fn feedback(&self) -> Option<Topic> {
-        let follows = self.exposure == ExposureChoice::Trusted;
-        follows.then(|| Topic::new(RECOVERY_TOPIC, MessageKind::Diagnostics))
+        self.exposure.then(|| Topic::new(RECOVERY_TOPIC, MessageKind::Diagnostics))
     }
 
     /// Returns the time between two frames. Zero: as fast as its readers take them.

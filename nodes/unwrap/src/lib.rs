@@ -89,12 +89,9 @@ impl UnwrapParameters {
     /// [`ParameterError`] of the first parameter that is out of its range, or of `threads` that the machine does not have.
     pub fn method(&self) -> Result<Box<dyn Unwrap>, ParameterError> {
         self.check()?;
-        self.method.build(&self.options()).map_err(|why| self.refused_threads(&why))
-    }
-
-    /// Returns the error of a method whose other parameters are possible: the machine may have no more threads.
-    fn refused_threads(&self, why: &UnwrapError) -> ParameterError {
-        ParameterError::new("threads", self.threads, why.to_string())
+        // The other parameters are possible: the machine may have no more threads.
+        let refused = |why: UnwrapError| ParameterError::new("threads", self.threads, why.to_string());
+        self.method.build(&self.options()).map_err(refused)
     }
 }
 

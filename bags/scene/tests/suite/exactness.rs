@@ -1,7 +1,6 @@
 //! The share of exact wrap counts on rendered scenes, and on KITTI frames if they are available.
 
 use crate::data;
-use modulo_core::metric::exact_share;
 use modulo_core::unwrap::{METHODS, Options, SMOOTHED_TREE, Trust, by_name};
 use modulo_core::{Exposure, Psf, Recovered, Sensor, SensorConfig};
 use modulo_scene::{Preset, Scene};
@@ -32,7 +31,7 @@ fn expose(radiance: &Array3<f32>, alpha: f64, psf: Psf) -> Exposure {
 fn score(method: &str, exposure: &Exposure) -> f64 {
     let (mut unwrap, mut out) = (by_name(method, &Options::default()).unwrap(), Recovered::default());
     unwrap.unwrap(&exposure.modulo(), exposure.range(), &mut out).unwrap();
-    exact_share(&out.k, &exposure.wraps()).unwrap()
+    exposure.exact_share(&out.k).unwrap()
 }
 
 /// Returns the mean share over exposures, and prints it with the number of images without an error.
@@ -78,7 +77,7 @@ fn rendered_scenes_in_strong_noise() {
         let exposure = sensor.expose(radiance.view(), 0).unwrap();
         let (mut unwrap, mut out) = (by_name("auto", &Options::default()).unwrap(), Recovered::default());
         unwrap.unwrap(&exposure.modulo(), exposure.range(), &mut out).unwrap();
-        let share = exact_share(&out.k, &exposure.wraps()).unwrap();
+        let share = exposure.exact_share(&out.k).unwrap();
         let spud = score("spud", &exposure);
         let tree = score("gradient_tree", &exposure);
         println!(

@@ -1,7 +1,6 @@
 //! Tests `auto` with the properties of ordinary chips and scenes, on rendered scenes: defects, an alpha that is known to some percent, scenes in which
 //! nothing is dark.
 
-use modulo_core::metric::exact_share;
 use modulo_core::unwrap::{OffsetEvidence, Options, PASS_THROUGH, Trust, Unwrap as _, by_name};
 use modulo_core::{Exposure, Frame, Gains, Mosaic, Psf, Range, Recovered, Sensor, SensorConfig, TwoGains};
 use modulo_scene::{Preset, Scene};
@@ -203,7 +202,7 @@ fn the_last_trusted_frame_gives_the_offset_until_a_cut() {
         let exposure = expose(light, 4.0, 0.0);
         let mut out = Recovered::default();
         method.unwrap(&exposure.modulo(), exposure.range(), &mut out).unwrap();
-        let exact = exact_share(&out.k, &exposure.wraps()).unwrap();
+        let exact = exposure.exact_share(&out.k).unwrap();
         (exact >= 0.999, out.report.trust, out.report.offset)
     };
     let (day, night) = (frames(Preset::Glare, 0), frames(Preset::Night, 0));

@@ -59,7 +59,8 @@ impl<Out: Copy + Default + Send + Sync> ImageDct<Out> {
     #[inline(always)]
     pub fn outs(&self, sample: usize) -> &[Out] {
         let band = sample / LANES;
-        self.column_parts[band / self.shape.bands_per_part].outs(self.shape, band)
+        let part = &self.column_parts[band / self.shape.bands_per_part];
+        &part.out[(band - part.bands.start) * self.shape.height..][..self.shape.height]
     }
 
     /// Transforms the samples of `load`, applies `filter`, transforms back, and stores the output of `keep`.
@@ -75,15 +76,16 @@ impl<Out: Copy + Default + Send + Sync> ImageDct<Out> {
         let shape = *shape;
         // The three passes are separated by barriers: each reads what all workers have written in the one before.
         workers.each(column_parts, |_, part| {
-            part.bands().for_each(|band| part.forward(shape, column_plan, band, &load));
+            part.bands.clone().for_each(|band| part.forward(shape, column_plan, band, &load));
         });
         workers.each(row_parts, |_, part| {
-            part.blocks().for_each(|block| {
-                part.filter(row_plan, block, tiles_of_block(shape, block, column_parts), filter)
+            part.blocks.clone().for_each(|block| {
+                let tile = |band: usize| column_parts[band / shape.bands_per_part].tile(shape, block, band);
+                part.filter(row_plan, block, tile, filter)
             });
         });
         workers.each(column_parts, |_, part| {
-            part.bands().for_each(|band| {
+            part.bands.clone().for_each(|band| {
                 let tile =
                     |block: usize| row_parts[block / shape.blocks_per_part].tile(row_plan, block, band);
                 part.inverse(
@@ -97,16 +99,6 @@ impl<Out: Copy + Default + Send + Sync> ImageDct<Out> {
             });
         });
     }
-}
-
-/// Returns the tile of `block` by its band.
-#[inline(always)]
-fn tiles_of_block<'a, Out>(
-    shape: GridShape,
-    block: usize,
-    column_parts: &'a [ColumnPart<Out>],
-) -> impl Fn(usize) -> &'a Tile + use<'a, Out> {
-    move |band| column_parts[band / shape.bands_per_part].tile(shape, block, band)
 }
 
 /// A range of neighbouring bands, the share of one worker: it transforms a band of sixteen columns at once, from the
@@ -134,20 +126,10 @@ impl<Out: Copy + Default> ColumnPart<Out> {
 }
 
 impl<Out> ColumnPart<Out> {
-    pub fn bands(&self) -> Range<usize> {
-        self.bands.clone()
-    }
-
     /// Returns a tile of the result of [`ColumnPart::forward`].
     #[inline(always)]
     pub fn tile(&self, shape: GridShape, block: usize, band: usize) -> &Tile {
         &self.spectrum[(band - self.bands.start) * shape.blocks() + block]
-    }
-
-    /// Returns the output of [`ColumnPart::inverse`] by row.
-    #[inline(always)]
-    pub fn outs(&self, shape: GridShape, band: usize) -> &[Out] {
-        &self.out[(band - self.bands.start) * shape.height..][..shape.height]
     }
 
     pub fn forward(

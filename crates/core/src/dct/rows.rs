@@ -60,7 +60,7 @@ pub(super) struct RowPlan {
 
 /// A range of neighbouring blocks, the share of one worker.
 pub(super) struct RowPart {
-    blocks: Range<usize>,
+    pub blocks: Range<usize>,
     /// The tiles by block and band.
     tiles: Vec<Tile>,
     /// The data by channel, and one number for columns beyond the end of the row.
@@ -103,10 +103,6 @@ impl RowPart {
             scratch: plan.cosine.scratch(),
             blocks,
         }
-    }
-
-    pub fn blocks(&self) -> Range<usize> {
-        self.blocks.clone()
     }
 
     /// Returns a tile of the result of [`RowPart::filter`].

@@ -30,7 +30,7 @@ fn frontier(results: &Results, cells: &[&Cell], alpha: f64, conditions: &Conditi
     let title = format!("Speed against accuracy, alpha {alpha}, {}", labels::conditions(conditions));
     let body = ChartBody::Panels(groups.iter().map(|group| frontier_panel(&cells, group)).collect());
     let name = format!("frontier_alpha{alpha}_{}", labels::suffix(conditions, &["alpha"]));
-    NamedChart::new(name, title, results, footer.to_owned(), body)
+    NamedChart::new(name, title, results, footer, body)
 }
 
 fn frontier_panel(cells: &[&Cell], group: &str) -> ChartPanel {

@@ -39,14 +39,9 @@ pub struct RenderedChart {
 
 impl NamedChart {
     /// A chart whose subtitle names the data and the machine of `results`.
-    pub(crate) fn new(
-        name: String,
-        title: String,
-        results: &Results,
-        footer: String,
-        body: ChartBody,
-    ) -> Self {
-        Self { name, chart: Chart { title, subtitle: subtitle(results), footer, body } }
+    pub(crate) fn new(name: String, title: String, results: &Results, footer: &str, body: ChartBody) -> Self {
+        let (subtitle, footer) = (subtitle(results), footer.to_owned());
+        Self { name, chart: Chart { title, subtitle, footer, body } }
     }
 
     /// Renders both widths.
@@ -137,7 +132,7 @@ fn over_setting(
     let title = format!("Accuracy over {}: {model}, {}", setting.name(), labels::sensor(others, &without));
     let body = ChartBody::Panels(groups.iter().map(|group| panel(&cells, group, setting)).collect());
     let name = format!("{}_{}_{}", setting.file(), file_name(model), labels::suffix(others, &without));
-    NamedChart::new(name, title, results, footer.to_owned(), body)
+    NamedChart::new(name, title, results, footer, body)
 }
 
 fn panel(cells: &[&Cell], group: &str, setting: GridSetting) -> ChartPanel {

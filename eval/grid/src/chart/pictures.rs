@@ -61,7 +61,7 @@ impl PictureChart {
             rows: self.rows.into_iter().map(row).collect(),
             legend: classes.into_iter().map(|class| (class.clone(), class_colour(&class))).collect(),
         });
-        let mut named = NamedChart::new(PICTURES.to_owned(), self.title, results, FOOTER.to_owned(), body);
+        let mut named = NamedChart::new(PICTURES.to_owned(), self.title, results, FOOTER, body);
         if let Some(point) = self.columns.first() {
             let conditions = labels::conditions(&labels::conditions_of(point));
             let subtitle = &mut named.chart.subtitle;

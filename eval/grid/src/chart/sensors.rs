@@ -75,7 +75,7 @@ fn chart(results: &Results, cells: &[&Cell], model: &str, group: &str) -> NamedC
     );
     let suffix = labels::suffix(&sensor, &without);
     let name = format!("sensors_{}_{group}_{mosaic}_{suffix}", file_name(model));
-    NamedChart::new(file_name(&name), title, results, footer.to_owned(), body)
+    NamedChart::new(file_name(&name), title, results, footer, body)
 }
 
 /// Behaviour of the pixels at the peak.

@@ -20,7 +20,11 @@ impl Scorer {
     /// Returns whether each frame has the nearest of its scored objects among its boxes of a score of at least [`COUNTED`]; `None` without a scored
     /// object. The nearest object has the highest box.
     pub(super) fn nearest_found(&self, found: &Found) -> Vec<Option<bool>> {
-        found.iter().zip(&self.truths).map(|(found, truth)| self.is_nearest_found(found, truth)).collect()
+        found
+            .iter()
+            .zip(&self.frames)
+            .map(|(found, frame)| self.is_nearest_found(found, &frame.truth))
+            .collect()
     }
 
     fn is_nearest_found(&self, found: &[Detection], truth: &[GroundTruth]) -> Option<bool> {
@@ -51,7 +55,8 @@ impl Scorer {
                         change.is_darker == is_darker && (frame..frame + LENGTH).contains(&change.frames)
                     })
                 };
-                let here: Vec<usize> = (0..nearest.len()).filter(|&at| is_here(&self.changes[at])).collect();
+                let here: Vec<usize> =
+                    (0..nearest.len()).filter(|&at| is_here(&self.frames[at].change)).collect();
                 let ap50 = groups.iter().filter_map(|images| {
                     let images: Vec<ImageBoxes> = here.iter().map(|&at| images[at].clone()).collect();
                     average::ap(&images, 0.5)

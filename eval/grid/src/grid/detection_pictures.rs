@@ -32,12 +32,12 @@ pub fn draw_pictures(
 ) -> Result<Option<NamedChart>, GridError> {
     let mut frames = Frames::inspect(&request.data, &request.source())?;
     let busy = |truth: &Vec<GroundTruth>| truth.iter().filter(|label| label.class != DONT_CARE).count();
-    let busiest = (0..frames.len()).rev().max_by_key(|&number| busy(&frames.truths[number]));
+    let busiest = (0..frames.len()).rev().max_by_key(|&number| busy(&frames.scored[number].truth));
     let busiest = busiest.expect("data without a scored frame is refused");
     // The folder may have cells of models that are not at hand.
     let mut results = results.clone();
     results.cells.retain(|cell| request.model(&cell.point.model).is_ok());
-    let Some(chart) = pictures::planned(&results, &frames.names[busiest]) else { return Ok(None) };
+    let Some(chart) = pictures::planned(&results, &frames.scored[busiest].name) else { return Ok(None) };
     let wanted = distinct(chart.wanted().cloned());
     let pictures = detect(request, nodes, timer, (&mut frames, busiest), wanted)?;
     Ok((!pictures.is_empty()).then(|| chart.with(&results, &pictures)))
@@ -51,7 +51,7 @@ fn detect(
     (frames, number): (&mut Frames, usize),
     wanted: Vec<Point>,
 ) -> Result<Vec<DetectionPicture>, GridError> {
-    let truth = frames.truths[number].clone();
+    let truth = frames.scored[number].truth.clone();
     let frame = FramesWithNeighbours::new(frames, false)?.nth(number).transpose()?;
     let Some(frame) = frame else { return Ok(Vec::new()) };
     let (mut runner, mut pictures) = (CellRunner::new(request, nodes, timer), Vec::new());

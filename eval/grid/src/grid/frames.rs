@@ -22,18 +22,23 @@ pub struct Frames {
     drives: Vec<Drive>,
     /// Number of each scored frame by its index over all drives.
     kept: BTreeMap<usize, usize>,
-    /// Names of the scored frames.
-    pub names: Vec<String>,
-    /// Labels of the scored frames.
-    pub truths: Vec<Vec<GroundTruth>>,
-    /// Drive of each scored frame, if it is known.
-    pub drive_of: Vec<Option<String>>,
-    /// The change of the light around each scored frame.
-    pub changes: Vec<Option<LightChange>>,
+    /// The frames that are scored.
+    pub scored: Vec<ScoredFrame>,
     /// Description of the data for the results.
     pub input: Input,
     place: usize,
     drive: usize,
+}
+
+/// What is known of a frame that is scored.
+#[derive(Clone)]
+pub struct ScoredFrame {
+    pub name: String,
+    pub truth: Vec<GroundTruth>,
+    /// Its drive, if it is known.
+    pub drive: Option<String>,
+    /// The change of the light around it.
+    pub change: Option<LightChange>,
 }
 
 /// A frame of the data, scored or not.
@@ -66,8 +71,8 @@ impl Frames {
         // All frames are read once before the first cell. A frame that turned out to be damaged in the middle of a run
         // would be scored in some cells only.
         let drives = data.open(options)?;
-        let (kept, names, truths, drive_of, changes, input) = Default::default();
-        let mut frames = Self { drives, kept, names, truths, drive_of, changes, input, place: 0, drive: 0 };
+        let (kept, scored, input) = Default::default();
+        let mut frames = Self { drives, kept, scored, input, place: 0, drive: 0 };
         let mut notes = Notes::default();
         let mut seen = 0;
         while let Some(raw) = frames.raw() {
@@ -78,11 +83,12 @@ impl Frames {
         let found =
             frames.drives.iter().flat_map(|(_, source)| [source.losses(), source.warnings()].concat());
         warnings.extend(found);
-        if frames.truths.is_empty() {
+        if frames.scored.is_empty() {
             let why = warnings.into_iter().next().unwrap_or_else(|| "there is no frame".to_owned());
             return Err(GridError::Nothing(data.name(), seen, why));
         }
-        let drives = frames.drive_of.iter().flatten().collect::<BTreeSet<_>>().len();
+        let drives =
+            frames.scored.iter().filter_map(|frame| frame.drive.as_ref()).collect::<BTreeSet<_>>().len();
         let digest = modulo_models::hex(&notes.digest.finalize());
         let labelled = frames.len();
         frames.input = Input { frames: seen, labelled, drives, digest, warnings, ..Input::default() };
@@ -91,7 +97,7 @@ impl Frames {
 
     /// Number of scored frames.
     pub fn len(&self) -> usize {
-        self.truths.len()
+        self.scored.len()
     }
 
     /// Reads the next frame, scored or not.
@@ -129,11 +135,8 @@ impl Frames {
         // The digest covers the pixels, too: results of other images with the same names and labels must not be joined.
         let pixels: Vec<u8> = frame.radiance.iter().flat_map(|value| value.to_le_bytes()).collect();
         notes.digest.update(pixels);
-        self.kept.insert(place, self.truths.len());
-        self.names.push(frame.name);
-        self.truths.push(truth);
-        self.drive_of.push(drive);
-        self.changes.push(change);
+        self.kept.insert(place, self.scored.len());
+        self.scored.push(ScoredFrame { name: frame.name, truth, drive, change });
     }
 }
 

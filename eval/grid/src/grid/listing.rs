@@ -56,11 +56,11 @@ impl Scorer {
         let found = self.mapped_detections(frames);
         let mut lines = Vec::new();
         for (frame, paper) in self.papers(&found).into_iter().enumerate() {
-            let (groups, boxes) = self.matched(&found[frame], &self.truths[frame]);
+            let (groups, boxes) = self.matched(&found[frame], &self.frames[frame].truth);
             let line = FrameLine {
                 frame,
-                name: &self.names[frame],
-                drive: self.drives[frame].as_deref(),
+                name: &self.frames[frame].name,
+                drive: self.frames[frame].drive.as_deref(),
                 answered: frames[frame].found.is_some(),
                 recovery: frames[frame].recovery.as_ref(),
                 paper,

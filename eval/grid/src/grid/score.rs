@@ -6,12 +6,11 @@ use modulo_ap::Difficulty;
 use modulo_ap::average::{self, Membership, image_boxes};
 use modulo_ap::difficulty::DONT_CARE;
 use modulo_ap::matching::ImageBoxes;
-use modulo_bags::source::{GroundTruth, LightChange};
 use modulo_core::Detection;
 use modulo_detector::{EngineOptions, describe};
 
 use super::around;
-use super::frames::Frames;
+use super::frames::{Frames, ScoredFrame};
 use super::pipeline::{ImageSimilarity, RecoveryQuality};
 use super::runner::FrameResult;
 use super::{Axes, Request};
@@ -25,14 +24,7 @@ const LEAST_TRUSTED_SHARE: f64 = 0.999;
 
 /// The ground truth and the rules of scoring.
 pub struct Scorer {
-    /// Names of the frames.
-    pub names: Vec<String>,
-    /// Drives of the frames, where known.
-    pub drives: Vec<Option<String>>,
-    /// Labels of every frame.
-    pub truths: Vec<Vec<GroundTruth>>,
-    /// The changes of the light around the frames.
-    pub changes: Vec<Option<LightChange>>,
+    pub frames: Vec<ScoredFrame>,
     /// Mapping from the classes of the models to those of the labels.
     map: ClassMap,
     /// Groups of classes.
@@ -58,23 +50,13 @@ impl Scorer {
         groups: ClassGroups,
         frames: &mut Frames,
     ) -> Result<Self, GridError> {
-        frames.input.warnings.extend(groups.unnamed(frames.truths.iter().flatten()));
-        let units = bootstrap::Units::new(&frames.drive_of, request.options.seed);
+        frames.input.warnings.extend(groups.unnamed(frames.scored.iter().flat_map(|frame| &frame.truth)));
+        let drives: Vec<_> = frames.scored.iter().map(|frame| frame.drive.clone()).collect();
+        let units = bootstrap::Units::new(&drives, request.options.seed);
         frames.input.drawn = Some(units.drawn());
         let mapped = mapped_classes(request, &map, frames)?;
-        let (names, drives, truths) = (frames.names.clone(), frames.drive_of.clone(), frames.truths.clone());
-        let changes = frames.changes.clone();
-        Ok(Self {
-            names,
-            drives,
-            truths,
-            changes,
-            map,
-            groups,
-            mapped,
-            difficulty: request.difficulty(),
-            units,
-        })
+        let (frames, difficulty) = (frames.scored.clone(), request.difficulty());
+        Ok(Self { frames, map, groups, mapped, difficulty, units })
     }
 
     pub fn cell(&self, point: Point, frames: &[FrameResult]) -> Cell {
@@ -136,8 +118,8 @@ impl Scorer {
         difficulty: Difficulty,
         membership: impl Fn(&str) -> Membership,
     ) -> Vec<ImageBoxes> {
-        let frames = found.iter().zip(&self.truths);
-        frames.map(|(found, truth)| image_boxes(found, truth, difficulty, &membership)).collect()
+        let frames = found.iter().zip(&self.frames);
+        frames.map(|(found, frame)| image_boxes(found, &frame.truth, difficulty, &membership)).collect()
     }
 
     fn classes(&self, found: &Found, mapped: &BTreeSet<String>) -> BTreeMap<String, ClassScore> {
@@ -162,12 +144,12 @@ impl Scorer {
     }
 
     pub(super) fn papers(&self, found: &Found) -> Vec<Paper> {
-        let of_image = |(found, truth): (&Vec<Detection>, &Vec<GroundTruth>)| {
-            let labels = truth.iter().filter(|label| label.class != DONT_CARE);
+        let of_image = |(found, frame): (&Vec<Detection>, &ScoredFrame)| {
+            let labels = frame.truth.iter().filter(|label| label.class != DONT_CARE);
             let labels: Vec<_> = labels.map(|label| (label.bbox, label.class.as_str())).collect();
             paper::of_image(found, &labels)
         };
-        found.iter().zip(&self.truths).map(of_image).collect()
+        found.iter().zip(&self.frames).map(of_image).collect()
     }
 
     fn intervals(
@@ -212,8 +194,10 @@ fn mapped_classes(
     map: &ClassMap,
     frames: &mut Frames,
 ) -> Result<MappedClasses, GridError> {
-    let labels: BTreeSet<String> =
-        of_labels(frames.truths.iter().flatten()).into_iter().map(str::to_owned).collect();
+    let labels: BTreeSet<String> = of_labels(frames.scored.iter().flat_map(|frame| &frame.truth))
+        .into_iter()
+        .map(str::to_owned)
+        .collect();
     let mut all = MappedClasses::new();
     for model in &request.options.axes.model {
         let name = Axes::model_name(model);
