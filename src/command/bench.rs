@@ -2,7 +2,6 @@
 
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use anyhow::{Context as _, anyhow};
 use clap::{Args, Subcommand};
@@ -29,8 +28,6 @@ const BARE_RUNS: NonZeroUsize = NonZeroUsize::new(20).expect("not zero");
 
 /// Template of the progress bar.
 pub const STEPS: &str = "{bar:30} {pos}/{len} {eta} {msg}";
-/// Work that takes longer says without a terminal, too, how far it is.
-const SOON: Duration = Duration::from_secs(2);
 
 #[derive(Subcommand)]
 pub enum Bench {
@@ -89,10 +86,12 @@ fn bench_pipeline(request: &pipeline::PipelineRequest) -> Result<Ended, Failure>
     let launch_file = &launch_file("recovered".as_ref()).map_err(usage)?;
     let (program, now_ns) = (&this_program()?, monotonic_ns);
     let mut bench = pipeline::PipelineBench { program, launch_file, now_ns, bare: &mut bare };
-    say!("{}", load());
+    let load = load();
     let bar = progress_bar(STEPS);
-    let rows = pipeline::pipeline(request, &mut bench, &mut |event| tell(&bar, event)).map_err(failure)?;
+    let rows =
+        pipeline::pipeline(request, &mut bench, &mut |event| tell_long(&bar, event)).map_err(failure)?;
     bar.finish_and_clear();
+    say!("{load}");
     print_pipeline(&rows);
     Ok(Ended::Done)
 }
@@ -137,11 +136,12 @@ fn bench_detector(args: &DetectorBench) -> Result<Ended, Failure> {
     if options.is_empty() {
         options = vec!["--source".into(), source.into()];
     }
-    say!("{}", load());
+    let load = load();
     let bar = progress_bar(STEPS);
-    let rows = engines::engines(request, &options, &this_program()?, &mut |event| tell(&bar, event))
+    let rows = engines::engines(request, &options, &this_program()?, &mut |event| tell_long(&bar, event))
         .map_err(failure)?;
     bar.finish_and_clear();
+    say!("{load}");
     say!(
         "engine        device    p50 ms    p99 ms  memory MB  loss of AP50  AP50 with its 95 % interval; model"
     );
@@ -200,7 +200,7 @@ pub fn failure(why: BenchError) -> Failure {
 
 fn bench_stability(out: &Path) -> Result<Ended, Failure> {
     let bar = progress_bar(STEPS);
-    let outcome = stability::run(out, |event| tell(&bar, event)).map_err(failure)?;
+    let outcome = stability::run(out, |event| tell_long(&bar, event)).map_err(failure)?;
     bar.finish_and_clear();
     outcome.better.iter().for_each(|what| say!("better than documented: {what}"));
     outcome.broken.iter().for_each(|what| say!("broken: {what}"));
@@ -237,6 +237,17 @@ pub fn style(template: &str) -> ProgressStyle {
     ProgressStyle::with_template(template).expect("the templates of this program are valid")
 }
 
+/// As [`tell`], for work that takes long: without a terminal there is no bar, but up to twenty lines.
+fn tell_long(bar: &ProgressBar, event: BenchEvent<'_>) {
+    if let BenchEvent::Step { done, total, next } = event
+        && bar.is_hidden()
+        && done % total.div_ceil(20) == 0
+    {
+        eprintln!("modulo: {done} of {total} done, next: {next}");
+    }
+    tell(bar, event);
+}
+
 /// Shows the progress on the bar, and writes warnings to standard error.
 pub fn tell(bar: &ProgressBar, event: BenchEvent<'_>) {
     match event {
@@ -244,10 +255,6 @@ pub fn tell(bar: &ProgressBar, event: BenchEvent<'_>) {
             bar.set_length(total as u64);
             bar.set_position(done as u64);
             bar.set_message(next.to_owned());
-            // Without a terminal there is no bar, and at most twenty lines.
-            if bar.is_hidden() && bar.elapsed() >= SOON && done % total.div_ceil(20) == 0 {
-                eprintln!("modulo: {done} of {total} done, next: {next}");
-            }
         }
         // A line that is printed while a bar is drawn would tear it apart, so the bar is taken away
         // meanwhile.
