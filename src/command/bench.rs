@@ -142,10 +142,16 @@ fn bench_detector(args: &DetectorBench) -> Result<Ended, Failure> {
         .map_err(failure)?;
     bar.finish_and_clear();
     say!("{load}");
+    print_engines(&rows);
+    Ok(Ended::Done)
+}
+
+/// Prints a line for each engine, and the fastest of them.
+fn print_engines(rows: &[EngineRow]) {
     say!(
         "engine        device    p50 ms    p99 ms  memory MB  loss of AP50  AP50 with its 95 % interval; model"
     );
-    for row in &rows {
+    for row in rows {
         let name = format!("{:<13} {:<8}", row.engine, row.device);
         match &row.outcome {
             EngineOutcome::Measured(figures) => say!(
@@ -160,13 +166,12 @@ fn bench_detector(args: &DetectorBench) -> Result<Ended, Failure> {
             EngineOutcome::Missing(why) => say!("{name} {why}; {}", row.model),
         }
     }
-    let all = engines::choice(&rows).into_iter().map(EngineRow::arguments).collect::<Vec<_>>();
+    let all = engines::choice(rows).into_iter().map(EngineRow::arguments).collect::<Vec<_>>();
     match &*all {
         [] => {}
         [one] => say!("The fastest that loses less than 0.5 points of AP50: {one}"),
         several => say!("No clear winner, since the times of two turns overlap: {}", several.join("; ")),
     }
-    Ok(Ended::Done)
 }
 
 /// The AP50 of each group in percent, with its interval.
