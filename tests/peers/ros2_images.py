@@ -95,7 +95,7 @@ def check(start, failure):
     executor.add_node(camera)
     threading.Thread(target=executor.spin, daemon=True).start()
     namespace = ["--ros-args", "-r", "__ns:=/suite"]
-    start("modulo", "run", "modulo_camera", *namespace, "-p", "source:=topic:/camera/image_raw", "-p", "alpha:=1.0")
+    start("modulo", "run", "modulo_camera", *namespace, "-p", "source:=topic:/camera/image_raw", "-p", "alpha:=1.0", "-p", "optical_black:=0")
     start("modulo", "run", "unwrap", *namespace)
     start("modulo", "run", "detector", *namespace, "-p", "input:=/twelve/image_raw", "-p", "engine:=rten")
     try:
