@@ -53,4 +53,4 @@ def main(package, source, prefix, out):
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], *map(Path, sys.argv[2:5]))
+    main(sys.argv[1], *(Path(path).resolve() for path in sys.argv[2:5]))
