@@ -359,7 +359,7 @@ def images():
 def dds():
     """The suite on CycloneDDS: its nodes under their own names, their parameters, the stream swapped, a node that dies."""
     with on_dds():
-        start("modulo", "launch", str(ROOT / "launch/dds.launch.yaml"), "rate:=5.0", f"{SCENE}5000")
+        start("modulo", "launch", str(ROOT / "launch/dds.launch.yaml"), "input:=recovered", "rate:=5.0", f"{SCENE}5000")
         expect("/modulo_camera\n/unwrap\n/detector\n/ros2_bridge", "ros2", "node", "list")
         expect("/detector/detections: vision_msgs/msg/Detection2DArray\n"
                "/detector/set_parameters: rcl_interfaces/srv/SetParameters", "ros2", "node", "info", "/detector")
