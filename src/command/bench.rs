@@ -242,7 +242,7 @@ pub fn style(template: &str) -> ProgressStyle {
     ProgressStyle::with_template(template).expect("the templates of this program are valid")
 }
 
-/// As [`tell`], for work that takes long: without a terminal there is no bar, but up to twenty lines.
+/// Shows the progress of long work as [`tell`] does. Without a terminal, it prints up to twenty lines in place of the bar.
 fn tell_long(bar: &ProgressBar, event: BenchEvent<'_>) {
     if let BenchEvent::Step { done, total, next } = event
         && bar.is_hidden()

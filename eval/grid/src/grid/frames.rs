@@ -30,7 +30,7 @@ pub struct Frames {
     drive: usize,
 }
 
-/// What is known of a frame that is scored.
+/// A frame that is scored, with all that the scores need of it.
 #[derive(Clone)]
 pub struct ScoredFrame {
     pub name: String,

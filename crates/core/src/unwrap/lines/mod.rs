@@ -49,7 +49,7 @@ pub struct Lines {
     words: Buffers<u16>,
 }
 
-/// What was read of an image.
+/// The part of an image that a scan has read.
 pub(super) enum Scanned {
     /// So many rows, the last ones of which have a steep loop.
     ToSteep(usize),
