@@ -4,18 +4,18 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap_complete::CompleteEnv;
 
 use crate::LONG_VERSION;
-use crate::command::{bag, bench, demo, eval, graph, images, launch, model, param, run, view};
+use crate::command::{bag, bench, demo, detect, eval, graph, images, launch, model, param, run, view};
 
-/// Simulate a modulo camera, unwrap its images to high dynamic range and detect objects in them, as ROS 2-compatible
-/// nodes
+/// Simulate a modulo camera, unwrap its images to high dynamic range and detect objects in them, as ROS 2 nodes
 #[derive(Parser)]
 #[command(
     name = "modulo",
     version,
     arg_required_else_help = true,
-    after_help = "As in ROS 2: modulo run, topic, node and param. For your shell: modulo completions."
+    after_help = "As in ROS 2: modulo run, topic, node and param. To complete words in bash: source <(COMPLETE=bash modulo)."
 )]
 pub struct Cli {
     /// What to do.
@@ -26,15 +26,17 @@ pub struct Cli {
 /// What to do.
 #[derive(Subcommand)]
 pub enum Command {
-    /// Show what a modulo camera sees at a low sun: the suite on an embedded scene, on a web page or as one picture
+    /// Show what a modulo camera sees at a low sun, on a web page or as a picture
     Demo(demo::Demo),
-    /// Start the nodes of a ROS 2 launch file and supervise them
+    /// Write the pictures of a source with the boxes of its objects
+    Detect(detect::Detect),
+    /// Start and supervise the nodes of a ROS 2 launch file
     Launch(launch::Launch),
-    /// Show the streams, boxes and latencies of a running suite on a web page, with controls for its parameters
+    /// Show the streams, boxes, times and parameters of a running suite on a web page
     View(view::ViewCommand),
-    /// Evaluate a launch file, or a grid of settings over labelled frames: every frame once, none dropped
+    /// Evaluate a launch file, or a grid of settings, over every frame once
     Eval(Box<eval::Eval>),
-    /// Simulate the sensor on image files, unwrap the result, and compare the methods
+    /// Simulate the sensor on image files, and unwrap the result
     Simulate(images::Simulate),
     /// Unwrap modulo images of your own
     Unwrap(modulo_bench::recover::UnwrapRequest),
@@ -44,15 +46,18 @@ pub enum Command {
     /// Record, replay, describe, convert, import and repair bags
     #[command(subcommand)]
     Bag(bag::Bag),
-    /// Fetch official detection models, or check a model
+    /// Fetch or check detection models
     #[command(subcommand)]
     Model(model::Model),
-    /// Print the chosen inference engine, how to get a faster one, how nodes meet, and what to expect of a sensor
+    /// Print the inference engine, video and network of this machine
     Doctor {
         /// Parameter file of the camera that describes a chip and its lens, such as sensors/mosaic.yaml: also print up to which alpha
         /// it is fit for real scenes
         #[arg(long, value_name = "FILE")]
         sensor: Option<PathBuf>,
+        /// Print what is found as JSON
+        #[arg(long)]
+        json: bool,
     },
     /// Run one node: modulo_camera, unwrap or detector
     #[command(disable_help_flag = true, hide = true)]
@@ -66,18 +71,13 @@ pub enum Command {
     /// Read and set parameters of running nodes
     #[command(subcommand, hide = true)]
     Param(param::Param),
-    /// Print a script that completes the command line in a shell
-    #[command(hide = true)]
-    Completions {
-        /// Shell, such as bash; `modulo completions bash > ~/.local/share/bash-completion/completions/modulo` installs
-        /// it
-        shell: clap_complete::Shell,
-    },
 }
 
 /// Reads the command line. A link named after a node runs that node. Every option takes a negative number, so that its
 /// refusal names the possible range.
 pub fn parse() -> Cli {
+    // Prints what a shell asks for, and ends, where the environment says so.
+    CompleteEnv::with_factory(Cli::command).complete();
     let mut arguments: Vec<OsString> = std::env::args_os().collect();
     let called = arguments.first().map(PathBuf::from).unwrap_or_default();
     let called = called.file_stem().and_then(|name| name.to_str()).unwrap_or_default();
@@ -102,21 +102,43 @@ const RARE: &str = "\
     shot_noise full_well_electrons prnu hot_pixels psf gain_ratio headroom transfer black_level \
     optical_black metering metering_target exposure_delay exposure_step white black knees seed repeats \
     threads protocol device jobs time_frames class_map groups fresh list coco_images bag topics verbose \
-    deblur token address foxglove compression record difficulty";
+    deblur token address foxglove compression record difficulty gains read_noise mosaic hang_timeout \
+    max_restarts trace";
 
-/// Gives each option with a text of several clauses the first one for -h, which then has one line for it. --help has all of the text.
+/// Gives each option with a text of several clauses the first one for -h, which then has one line for it. --help has all of the text. The
+/// commands below the first ones have no command `help` beside the option.
 fn with_short_help(command: clap::Command) -> clap::Command {
     let shorten = |argument: clap::Arg| {
         let is_rare = RARE.split(' ').any(|rare| rare == argument.get_id().as_str());
         let argument = argument.hide_short_help(is_rare);
         let full = argument.get_help().map(ToString::to_string).unwrap_or_default();
         let ends = [". ", "; ", ": ", ", ", " (", " ["].map(|mark| full.find(mark));
-        match ends.into_iter().flatten().min() {
-            Some(end) => argument.help(full[..end].to_owned()).long_help(full),
-            None => argument,
+        let short = full[..ends.into_iter().flatten().min().unwrap_or(full.len())].to_owned();
+        // A flag has the possible values true and false for clap itself.
+        let values =
+            argument.get_possible_values().into_iter().filter(|_| argument.get_action().takes_values());
+        let values: Vec<String> = values.map(|value| value.get_name().to_owned()).collect();
+        match (values.is_empty(), short == full) {
+            (true, true) => argument,
+            (true, false) => argument.help(short).long_help(full),
+            (false, _) => {
+                let full = format!("{full}\n\n[possible values: {}]", values.join(", "));
+                argument.help(short).long_help(full).hide_possible_values(true)
+            }
         }
     };
-    command.mut_args(shorten).mut_subcommands(with_short_help)
+    let command = match command.is_disable_help_flag_set() {
+        true => command,
+        false => command.disable_help_flag(true).arg(
+            clap::Arg::new("help")
+                .short('h')
+                .long("help")
+                .action(clap::ArgAction::Help)
+                .help("Print help (all of it: --help)"),
+        ),
+    };
+    let below = |command: clap::Command| with_short_help(command.disable_help_subcommand(true));
+    command.mut_args(shorten).mut_subcommands(below)
 }
 
 pub(crate) fn with_negative_numbers(command: clap::Command) -> clap::Command {
@@ -131,6 +153,11 @@ pub(crate) fn with_negative_numbers(command: clap::Command) -> clap::Command {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_command_line_is_possible() {
+        with_short_help(with_negative_numbers(Cli::command())).debug_assert();
+    }
 
     /// A name in [`RARE`] that no option has would hide nothing.
     #[test]

@@ -62,7 +62,7 @@ fn is_missing_file(why: &anyhow::Error) -> bool {
 }
 
 fn fail(code: u8, why: &anyhow::Error) -> ExitCode {
-    eprintln!("modulo: {}", without_secrets(&message_of(why)));
+    eprintln!("{} {}", command::colour::error("modulo:"), without_secrets(&message_of(why)));
     ExitCode::from(code)
 }
 

@@ -124,8 +124,9 @@ pub enum ProcessEnd {
     /// By itself, more often within a minute than restarts are allowed: the crashes within the last minute, and the status of the
     /// last one in words, with the last line of its standard error.
     GaveUp(u32, String),
-    /// A node of this suite that refused its command line at its first start (exit status 2), as it always would.
-    Refused,
+    /// A node of this suite that refused its command line at its first start (exit status 2), as it always would. With the last line of
+    /// its standard error.
+    Refused(String),
     /// It could not be started.
     NotStarted(String),
 }
@@ -142,7 +143,7 @@ impl fmt::Display for ProcessEnd {
                 "crashed {crashes} times within a minute, the last time with {status}; remove the cause, or allow more \
                  restarts with --max-restarts"
             ),
-            Self::Refused => write!(f, "refused its arguments"),
+            Self::Refused(why) => write!(f, "refused its arguments: {why}"),
             Self::NotStarted(why) => write!(f, "could not be started: {why}"),
         }
     }
@@ -156,7 +157,7 @@ impl ProcessEnd {
 
     /// Whether the process is missing for good, so that the others have nothing to wait for.
     fn is_final(&self) -> bool {
-        matches!(self, Self::GaveUp(..) | Self::Refused | Self::NotStarted(_))
+        matches!(self, Self::GaveUp(..) | Self::Refused(_) | Self::NotStarted(_))
     }
 }
 

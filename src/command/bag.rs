@@ -7,7 +7,7 @@ use std::time::Duration;
 use anyhow::{Context, anyhow};
 use clap::{Args, Subcommand};
 use modulo_bags::bag::{
-    self, BagError, BagInfo, BagReader, BagWarning, BagWriter, Compression, WriteOptions,
+    self, BagError, BagInfo, BagReader, BagWarning, BagWriter, Compression, TopicCount, WriteOptions,
 };
 use modulo_bags::import::{ImportError, ImportReport, import_kitti, import_video};
 use modulo_bags::source::SourceError;
@@ -20,8 +20,9 @@ use modulo_eval::grid::words;
 use modulo_middleware::driver::wait_until_ready;
 use modulo_middleware::process::node_files::ReportFile;
 use modulo_runtime::launcher;
+use serde_json::json;
 
-use super::{open_session, pairs, start_log, stop_on_signals, usage};
+use super::{graph, open_session, pairs, start_log, stop_on_signals, usage};
 use crate::{Ended, Failure};
 
 /// Time limit of `--wait-for`.
@@ -37,6 +38,9 @@ pub enum Bag {
     Info {
         /// Bag folder, or .mcap or .db3 file
         bag: PathBuf,
+        /// Print it as JSON
+        #[arg(long)]
+        json: bool,
     },
     /// Copy the readable messages of a damaged bag to a new bag
     Recover(BagCopy),
@@ -142,9 +146,13 @@ pub fn bag(args: &Bag) -> Result<Ended, Failure> {
     match args {
         Bag::Record(args) => record(args),
         Bag::Play(args) => play(args),
-        Bag::Info { bag } => {
+        Bag::Info { bag, json } => {
             let reader = BagReader::open(bag)?;
-            say!("{}", BagInfo(&reader).to_string().trim_end());
+            if *json {
+                say!("{}", info_json(&reader));
+            } else {
+                say!("{}", BagInfo(&reader).to_string().trim_end());
+            }
             Ok(loss(reader.warnings()))
         }
         // Both copy what can be read; only the reason to call them differs.
@@ -160,6 +168,21 @@ pub fn bag(args: &Bag) -> Result<Ended, Failure> {
             Ok(missing(report))
         }
     }
+}
+
+fn info_json(bag: &BagReader) -> serde_json::Value {
+    let topic = |TopicCount { topic, messages }| json!({"name": topic.name, "type": topic.type_name, "messages": messages});
+    json!({
+        "files": bag.files().collect::<Vec<_>>(),
+        "bytes": bag.size(),
+        "storage": bag.storage_id(),
+        "ros_distro": bag.ros_distro(),
+        "start_ns": bag.span().map(|(start, _)| start),
+        "end_ns": bag.span().map(|(_, end)| end),
+        "messages": bag.message_count(),
+        "topics": bag.topics().into_iter().map(topic).collect::<Vec<_>>(),
+        "warnings": bag.warnings().iter().map(ToString::to_string).collect::<Vec<_>>(),
+    })
 }
 
 fn missing(report: ImportReport) -> Ended {
@@ -228,7 +251,18 @@ fn record(args: &BagRecord) -> Result<Ended, Failure> {
         let lost = captured.lost.get(&topic.topic.name).copied().unwrap_or(0);
         say!("{}: {} messages, {lost} lost", topic.topic.name, topic.messages);
     }
-    Ok(if captured.lost.is_empty() { Ended::Done } else { Ended::WithLoss })
+    let came = |name: &String| {
+        let name = graph::absolute(name);
+        captured.topics.iter().any(|topic| topic.topic.name == name && topic.messages > 0)
+    };
+    let silent: Vec<&str> = args.topics.iter().filter(|name| !came(name)).map(String::as_str).collect();
+    if !silent.is_empty() {
+        eprintln!(
+            "modulo: no message came on {}; modulo topic list shows the topics of the graph",
+            silent.join(", ")
+        );
+    }
+    Ok(if captured.lost.is_empty() && silent.is_empty() { Ended::Done } else { Ended::WithLoss })
 }
 
 fn play(args: &BagPlay) -> Result<Ended, Failure> {

@@ -20,10 +20,11 @@ use modulo_runtime::output::{OutputError, free_folder, prepare_file, prepare_fol
 use modulo_runtime::{NodeName, NodeReport, Parameters, SystemClock, Value};
 use modulo_video::VideoAddress;
 
+use super::colour::say_summary;
 use super::launch::{prepare, refuse, tell_slower_engine};
 use super::progress::ProgressLine;
 use super::run::NodeKind;
-use super::{grid, pairs, start_log, usage};
+use super::{completion, grid, pairs, start_log, usage};
 use crate::{Ended, Failure, message_of};
 
 #[derive(Args)]
@@ -34,10 +35,10 @@ pub struct Eval {
     pub verb: Option<Verb>,
     /// Launch file (ROS 2 YAML) with one camera or several. Without it: a grid over --kitti, --sequence, --yolo, --coco or
     /// --source
-    #[arg(conflicts_with = "LabelledFrames")]
+    #[arg(conflicts_with = "LabelledFrames", add = completion::files())]
     pub file: Option<PathBuf>,
     /// Arguments of the launch file as name:=value
-    #[arg(requires = "file")]
+    #[arg(requires = "file", add = completion::arguments())]
     pub arguments: Vec<String>,
     /// Source of frames, such as a bag, a video or scene://PRESET: for the grid, or instead of the source in FILE (repeatable)
     #[arg(long, value_name = "SOURCE")]
@@ -135,7 +136,7 @@ fn finish(
     (evaluation, recordings, summary): (Evaluation, Recordings, Summary),
     ended: Result<(), Failure>,
 ) -> Result<Ended, Failure> {
-    say!("{}", summary.to_string().trim_end());
+    say_summary(&summary);
     let results = evaluation.results();
     results.iter().for_each(|(stream, result)| print_result(stream, result, &evaluation));
     evaluation.verdicts(&results).iter().for_each(|verdict| say!("{verdict}"));
@@ -228,7 +229,12 @@ fn add(
     Ok(ended?)
 }
 
-fn nodes(file: &Path, arguments: &[(String, String)], cameras_alone: bool) -> Result<NamedNodes, Failure> {
+/// Returns the nodes of a launch file; or, to try the sources, its cameras alone.
+pub(super) fn nodes(
+    file: &Path,
+    arguments: &[(String, String)],
+    cameras_alone: bool,
+) -> Result<NamedNodes, Failure> {
     let plan = modulo_launch::resolve(file, arguments).map_err(usage)?;
     refuse(&plan)?;
     let prepared = evaluable(&plan).map_err(usage)?.into_iter();

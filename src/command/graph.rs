@@ -1,6 +1,6 @@
 //! `modulo topic` and `modulo node`: the nodes, topics and messages of the graph. No ROS installation is needed.
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::io::Write as _;
 use std::time::Duration;
 
@@ -11,10 +11,12 @@ use modulo_middleware::graph::discovery::Twins;
 use modulo_middleware::transport::zenoh::ZenohTransport;
 use modulo_msgs::{dynamic, rihs, ros_name};
 use modulo_runtime::Clock;
-use modulo_runtime::name::{NOT_OVER_ZENOH, did_you_mean, is_hidden, is_hidden_node};
-use modulo_runtime::wire::keys::{EntityKind, Token};
+use modulo_runtime::name::{NOT_OVER_ZENOH, is_hidden, is_hidden_node, near_or_all};
+use modulo_runtime::wire::keys::{Endpoint, EntityKind, Token};
+use serde::Serialize;
+use serde_json::json;
 
-use super::{domain, open_session, stop_on_signals};
+use super::{colour, completion, domain, open_session, stop_on_signals};
 use crate::{Ended, Failure};
 
 #[derive(Subcommand)]
@@ -27,20 +29,28 @@ pub enum TopicCommand {
         /// Also list hidden topics: those with a part that begins with an underscore
         #[arg(long)]
         include_hidden_topics: bool,
+        /// Print the topics with their types as JSON
+        #[arg(long)]
+        json: bool,
     },
     /// Print the type of a topic and the number of its publishers and subscriptions
     Info {
         /// Name of the topic, such as /recovered
+        #[arg(add = completion::topics())]
         topic: String,
         /// Also print nodes, quality of service and type hashes
         #[arg(short, long)]
         verbose: bool,
+        /// Print all of it as JSON
+        #[arg(long)]
+        json: bool,
     },
     /// Print the messages of a topic as YAML
     Echo(Echo),
     /// Print the rate of the messages of a topic until SIGINT
     Hz {
         /// Name of the topic, such as /recovered
+        #[arg(add = completion::topics())]
         topic: String,
         /// Largest number of messages over which the rate is computed
         #[arg(short, long, default_value_t = 10_000, value_parser = clap::value_parser!(u32).range(2..))]
@@ -51,6 +61,7 @@ pub enum TopicCommand {
 #[derive(Args)]
 pub struct Echo {
     /// Name of the topic, such as /detections
+    #[arg(add = completion::topics())]
     pub topic: String,
     /// End after the first message
     #[arg(long)]
@@ -64,20 +75,31 @@ pub enum NodeCommand {
         /// Also list hidden nodes: those whose name begins with an underscore
         #[arg(short, long)]
         all: bool,
+        /// Print the nodes as JSON
+        #[arg(long)]
+        json: bool,
     },
     /// Print the publishers, subscriptions and services of a node
     Info {
         /// Name of the node, such as /detector
+        #[arg(add = completion::nodes())]
         node: String,
+        /// Print all of it as JSON
+        #[arg(long)]
+        json: bool,
     },
 }
 
 pub fn topic(args: &TopicCommand) -> Result<Ended, Failure> {
     let (clock, transport) = open_session()?;
     match args {
-        TopicCommand::List { show_types, include_hidden_topics } => {
+        TopicCommand::List { show_types, include_hidden_topics, json } => {
             let mut topics = transport.settled_graph().topics();
             topics.retain(|topic, _| *include_hidden_topics || !is_hidden(topic));
+            if *json {
+                say!("{}", json!(topics));
+                return Ok(Ended::Done);
+            }
             for (topic, types) in topics {
                 let types: Vec<String> = types.into_iter().collect();
                 let shown = if *show_types { format!(" [{}]", types.join(", ")) } else { String::new() };
@@ -85,9 +107,10 @@ pub fn topic(args: &TopicCommand) -> Result<Ended, Failure> {
             }
             tell_empty("topic", transport.graph().topics().is_empty())?;
         }
-        TopicCommand::Info { topic, verbose } => {
+        TopicCommand::Info { topic, verbose, json } => {
             let topic = absolute(topic);
-            info(&transport.graph_with(&topic)?, &topic, *verbose);
+            let graph = transport.graph_with(&topic)?;
+            if *json { say!("{}", info_json(&graph, &topic)) } else { info(&graph, &topic, *verbose) }
         }
         TopicCommand::Echo(args) => echo(&transport, args)?,
         TopicCommand::Hz { topic, window } => hz(&transport, &*clock, topic, *window as usize)?,
@@ -100,32 +123,41 @@ pub fn node(args: &NodeCommand) -> Result<Ended, Failure> {
     let graph = transport.settled_graph();
     let nodes = graph.nodes();
     match args {
-        NodeCommand::List { all } => {
+        NodeCommand::List { all, json } => {
             let shown: Vec<_> = nodes.iter().filter(|node| *all || !is_hidden_node(node)).collect();
+            if *json {
+                say!("{}", json!(shown));
+                return Ok(Ended::Done);
+            }
             if shown.windows(2).any(|pair| pair[0] == pair[1]) {
                 // The words of `ros2 node list`.
                 eprintln!(
-                    "WARNING: Be aware that there are nodes in the graph that share an exact name, which can have unintended \
-                     side effects."
+                    "{} Be aware that there are nodes in the graph that share an exact name, which can have unintended side effects.",
+                    colour::warning("WARNING:")
                 );
             }
             shown.iter().for_each(|node| say!("{node}"));
             tell_empty("node", nodes.is_empty())?;
         }
-        NodeCommand::Info { node } => {
+        NodeCommand::Info { node, json } => {
             let node = absolute(node);
             if !nodes.contains(&node) {
-                let near = did_you_mean(&node, nodes.iter().map(String::as_str));
-                return Err(match nodes.join(", ") {
+                let known: Vec<&str> = nodes.iter().map(String::as_str).collect();
+                return Err(match near_or_all(&node, &known, "; there are") {
                     known if known.is_empty() => {
                         anyhow!("no node {node}; there is no node at all; {NOT_OVER_ZENOH}")
                     }
-                    known => anyhow!("no node {node}{near}; there are {known}"),
+                    known => anyhow!("no node {node}{known}"),
                 }
                 .into());
             }
             tell_namesakes(&graph, &node, "what follows is that of all of them");
-            describe(&graph, &node);
+            let described = endpoints_of(&graph, &node);
+            if *json {
+                say!("{}", json!({"node": node, "endpoints": described}));
+            } else {
+                describe(&node, &described);
+            }
         }
     }
     Ok(Ended::Done)
@@ -143,7 +175,7 @@ pub fn tell_empty(what: &str, empty: bool) -> Result<(), Failure> {
 pub fn tell_namesakes(graph: &Graph, node: &str, means: &str) {
     let count = graph.nodes().iter().filter(|name| *name == node).count();
     if count > 1 {
-        eprintln!("WARNING: {count} nodes are called {node}: {means}");
+        eprintln!("{} {count} nodes are called {node}: {means}", colour::warning("WARNING:"));
     }
 }
 
@@ -175,22 +207,56 @@ fn info(graph: &Graph, topic: &str, verbose: bool) {
     }
 }
 
-fn describe(graph: &Graph, node: &str) {
+fn info_json(graph: &Graph, topic: &str) -> serde_json::Value {
+    let endpoints = |kind| -> Vec<_> {
+        let described = |token: &Token| {
+            let endpoint = token.endpoint.as_ref()?;
+            let (kind, hash) = (ros_name(&endpoint.dds_type), endpoint.type_hash.to_string());
+            Some(
+                json!({"node": token.node_name(), "type": kind, "type_hash": hash, "qos": endpoint.qos.to_string()}),
+            )
+        };
+        graph.endpoints(kind, topic).filter_map(described).collect()
+    };
+    json!({
+        "topic": topic,
+        "publishers": endpoints(EntityKind::Publisher),
+        "subscriptions": endpoints(EntityKind::Subscription),
+        "conflicts": graph.conflicts_on(topic).iter().map(ToString::to_string).collect::<Vec<_>>(),
+    })
+}
+
+/// A topic or service with its type.
+#[derive(PartialEq, Eq, PartialOrd, Ord, Serialize)]
+struct NamedType {
+    name: String,
+    #[serde(rename = "type")]
+    kind: String,
+}
+
+/// The titles of `ros2 node info`.
+const ENDPOINTS: [(&str, EntityKind); 4] = [
+    ("Subscribers", EntityKind::Subscription),
+    ("Publishers", EntityKind::Publisher),
+    ("Service Servers", EntityKind::Server),
+    ("Service Clients", EntityKind::Client),
+];
+
+/// Returns the topics and services of a node with their types, by title. Endpoints of the same topic and type are there once.
+fn endpoints_of(graph: &Graph, node: &str) -> BTreeMap<&'static str, BTreeSet<NamedType>> {
+    let of = |kind| {
+        let own = graph.tokens().filter(move |t| t.kind == kind && t.node_name() == node);
+        let named = |e: &Endpoint| NamedType { name: e.topic.clone(), kind: ros_name(&e.dds_type) };
+        own.filter_map(|t| t.endpoint.as_ref()).map(named).collect()
+    };
+    ENDPOINTS.map(|(title, kind)| (title, of(kind))).into()
+}
+
+fn describe(node: &str, endpoints: &BTreeMap<&str, BTreeSet<NamedType>>) {
     say!("{node}");
-    for (title, kind) in [
-        ("Subscribers", EntityKind::Subscription),
-        ("Publishers", EntityKind::Publisher),
-        ("Service Servers", EntityKind::Server),
-        ("Service Clients", EntityKind::Client),
-    ] {
+    for (title, _) in ENDPOINTS {
         say!("  {title}:");
-        // A set sorts the lines and shows endpoints of the same topic and type once.
-        let own = graph.tokens().filter(|t| t.kind == kind && t.node_name() == node);
-        let lines: BTreeSet<String> = own
-            .filter_map(|t| t.endpoint.as_ref())
-            .map(|e| format!("    {}: {}", e.topic, ros_name(&e.dds_type)))
-            .collect();
-        lines.iter().for_each(|line| say!("{line}"));
+        endpoints[title].iter().for_each(|NamedType { name, kind }| say!("    {name}: {kind}"));
     }
 }
 
@@ -230,7 +296,7 @@ fn echo(transport: &ZenohTransport, args: &Echo) -> Result<(), Failure> {
 fn tell_twins(transport: &ZenohTransport, reported: &mut Vec<Twins>) {
     let now = transport.twins();
     if *reported != now {
-        now.iter().for_each(|twins| eprintln!("WARNING: {twins}"));
+        now.iter().for_each(|twins| eprintln!("{} {twins}", colour::warning("WARNING:")));
         *reported = now;
     }
 }

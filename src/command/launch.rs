@@ -22,10 +22,11 @@ use modulo_runtime::parameter::file::{self as parameter_file, Entry};
 use modulo_runtime::ros_args::RosArgs;
 use modulo_runtime::{Clock, NodeName, NodeReport, Parameters, Stop, SystemClock, Urgency};
 
+use super::colour::say_summary;
 use super::eval::evaluable;
 use super::progress::{self, ProgressLine};
 use super::run::{NodeKind, kind_of};
-use super::{pairs, start_log, usage};
+use super::{completion, pairs, start_log, usage};
 use crate::{Ended, Failure};
 
 /// Time between two looks at the reports of nodes in this process.
@@ -35,8 +36,10 @@ const GLANCE: Duration = Duration::from_millis(200);
 pub struct Launch {
     /// Launch file (ROS 2 YAML), or the name of a launch file of the suite, which is found from any folder. Without it, the launch
     /// files that are found are listed
+    #[arg(add = completion::files())]
     pub file: Option<PathBuf>,
     /// Arguments as name:=value
+    #[arg(add = completion::arguments())]
     pub arguments: Vec<String>,
     /// Run all nodes in this one process
     #[arg(long)]
@@ -107,7 +110,7 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
         if args.compose { run_composed(&plan)? } else { run_processes(plan, args)? };
     // Where a node has refused its arguments, the reason stands alone. Printed first, so that a full disk does not take it.
     if !matches!(failure, Some(Failure::Usage(_))) {
-        say!("{}", summary.to_string().trim_end());
+        say_summary(&summary);
         tell_slower_engine(&summary);
     }
     if let Some(file) = &args.summary {
@@ -306,7 +309,8 @@ fn run_processes(mut plan: Plan, args: &Launch) -> Result<LaunchResult, Failure>
 /// it one of the command line.
 fn failure_of(outcome: &Outcome, mut others: Vec<String>) -> Option<Failure> {
     let failed: Vec<_> = outcome.processes.iter().filter(|process| process.end.is_failure()).collect();
-    let refused = others.is_empty() && failed.iter().all(|process| process.end == ProcessEnd::Refused);
+    let refused =
+        others.is_empty() && failed.iter().all(|process| matches!(process.end, ProcessEnd::Refused(_)));
     // All of them are named: the first failure is often the cause of the others.
     let names: Vec<_> = failed.iter().map(|process| format!("{} {}", process.label, process.end)).collect();
     if !names.is_empty() {

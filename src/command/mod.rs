@@ -11,7 +11,10 @@ macro_rules! say {
 pub mod bag;
 pub mod bench;
 mod camera_end;
+pub mod colour;
+pub mod completion;
 pub mod demo;
+pub mod detect;
 #[cfg(test)]
 #[path = "tests/documents.rs"]
 mod documents;
@@ -29,7 +32,6 @@ pub mod view;
 use std::sync::Arc;
 
 use anyhow::{Context, anyhow};
-use clap::CommandFactory as _;
 use modulo_middleware::graph::logger::ApplyLevel;
 use modulo_middleware::graph::rosout::RosoutLayer;
 use modulo_middleware::process::signals::end_on_signals;
@@ -54,6 +56,7 @@ const HASHES_VARIABLE: &str = "MODULO_TYPE_HASH";
 pub fn dispatch(cli: Cli) -> Result<Ended, Failure> {
     match cli.command {
         Command::Demo(args) => demo::demo(&args),
+        Command::Detect(args) => detect::detect(&args),
         Command::Launch(args) => launch::launch(&args),
         Command::Run(args) => run::run(&args),
         Command::Bag(args) => bag::bag(&args),
@@ -66,11 +69,7 @@ pub fn dispatch(cli: Cli) -> Result<Ended, Failure> {
         Command::Node(args) => graph::node(&args),
         Command::View(args) => view::view(&args),
         Command::Model(args) => model::model(&args),
-        Command::Doctor { sensor } => model::doctor(sensor.as_deref()),
-        Command::Completions { shell } => {
-            clap_complete::generate(shell, &mut Cli::command(), "modulo", &mut std::io::stdout());
-            Ok(Ended::Done)
-        }
+        Command::Doctor { sensor, json } => model::doctor(sensor.as_deref(), json),
     }
 }
 

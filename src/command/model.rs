@@ -13,7 +13,7 @@ use modulo_camera::CameraParameters;
 use modulo_core::unwrap::{Method, Options, WORK_OF_NOISE};
 use modulo_core::{Frame, Range, Recovered};
 use modulo_detector::{
-    EngineChoice, EngineDevice, EngineOptions, ModelInfo, describe, measure, onnxruntime_library,
+    EngineChoice, EngineDevice, EngineOptions, ModelInfo, Speed, describe, measure, onnxruntime_library,
     onnxruntime_places,
 };
 use modulo_eval::grid::words;
@@ -23,6 +23,7 @@ use modulo_runtime::output::prepare_folder;
 use modulo_runtime::{Clock as _, SystemClock};
 use modulo_unwrap::UnwrapParameters;
 use ndarray::Array3;
+use serde_json::json;
 
 use super::bench::{style, this_program};
 use super::launch::quoted;
@@ -85,6 +86,9 @@ pub struct ModelCheck {
     /// Device that runs the model: cpu, cuda or tensorrt, the last two with the number of a GPU where it is not the first
     #[arg(long, default_value = "cpu")]
     pub device: EngineDevice,
+    /// Print it as JSON
+    #[arg(long)]
+    pub json: bool,
 }
 
 pub fn model(args: &Model) -> Result<Ended, Failure> {
@@ -149,10 +153,24 @@ fn download(request: &FetchRequest<'_>) -> Result<Fetched, FetchError> {
 fn check(args: &ModelCheck) -> Result<Ended, Failure> {
     let options = EngineOptions { engine: args.engine, device: args.device, threads: 0 };
     let info = describe(&args.file, options).map_err(usage)?;
+    let measured = || measure(&args.file, options, &SIZES, (RUNS, Duration::ZERO), &SystemClock::default());
+    let ms = |speed: &Speed| speed.median_ns() as f64 / 1e6;
+    if args.json {
+        let speed =
+            |speed: &Speed| json!({"height": speed.height, "width": speed.width, "median_ms": ms(speed)});
+        let speeds: Vec<_> = measured()?.iter().map(speed).collect();
+        say!(
+            "{}",
+            json!({
+                "model": args.file, "input": info.input, "size": info.size, "output": info.output, "classes": info.classes,
+                "engine": info.engine, "note": info.note, "threads": info.threads, "speed": speeds
+            })
+        );
+        return Ok(Ended::Done);
+    }
     print_info(&args.file, &info);
-    for speed in measure(&args.file, options, &SIZES, (RUNS, Duration::ZERO), &SystemClock::default())? {
-        let ms = speed.median_ns() as f64 / 1e6;
-        say!("speed    {ms:.1} ms at {}x{}, median of {RUNS} runs", speed.width, speed.height);
+    for speed in measured()? {
+        say!("speed    {:.1} ms at {}x{}, median of {RUNS} runs", ms(&speed), speed.width, speed.height);
     }
     Ok(Ended::Done)
 }
@@ -174,13 +192,19 @@ const ZENOH_VARIABLES: [&str; 2] = ["ZENOH_SESSION_CONFIG_URI", "ZENOH_CONFIG_OV
 
 /// Prints the found and missing parts of the environment, a remedy for each missing one, and what to expect of the sensor that the file
 /// at `sensor` describes.
-pub fn doctor(sensor: Option<&Path>) -> Result<Ended, Failure> {
+pub fn doctor(sensor: Option<&Path>, json: bool) -> Result<Ended, Failure> {
     let sensor = sensor.map(CameraParameters::read_sensor).transpose().map_err(usage)?;
+    if json {
+        say!("{}", findings(sensor.and_then(|sensor| sensor.fit_up_to())));
+        return Ok(Ended::Done);
+    }
     let (os, arch) = (std::env::consts::OS, std::env::consts::ARCH);
     say!("modulo   {} on {os} {arch}", env!("CARGO_PKG_VERSION"));
     let threads = std::thread::available_parallelism().map_or(1, |threads| threads.get());
     say!("threads  {threads}");
-    work();
+    let budget = UnwrapParameters::default().budget;
+    let here = budget * relative_work();
+    say!("budget   the default budget of unwrap, {budget:.0} ms, is {here:.0} ms on one core here");
     engine();
     video();
     transport();
@@ -194,8 +218,29 @@ pub fn doctor(sensor: Option<&Path>) -> Result<Ended, Failure> {
     Ok(Ended::Done)
 }
 
-/// Prints how long the work takes here that the parameter `budget` of unwrap counts.
-fn work() {
+/// Returns what doctor finds, for JSON; `fit` is the largest alpha for which the sensor is fit.
+fn findings(fit: Option<f64>) -> serde_json::Value {
+    let library = onnxruntime_library().ok();
+    let domain = domain().ok();
+    let port = domain.map(meeting_port);
+    json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "os": std::env::consts::OS,
+        "architecture": std::env::consts::ARCH,
+        "threads": std::thread::available_parallelism().map_or(1, |threads| threads.get()),
+        "budget_ms": UnwrapParameters::default().budget * relative_work(),
+        "engine": if library.is_some() { "ort" } else { "rten" },
+        "onnxruntime": library,
+        "ffmpeg": modulo_video::version().ok(),
+        "domain": domain,
+        "meeting_port": port,
+        "meeting_port_is_free": port.map(|port| TcpListener::bind(("127.0.0.1", port)).is_ok()),
+        "fit_up_to_alpha": fit,
+    })
+}
+
+/// Returns how long the work takes here that the parameter `budget` of unwrap counts, as a share of what it counts.
+fn relative_work() -> f64 {
     const SIDE: usize = 512;
     let mut random = 1_u32;
     let codes = Array3::from_shape_simple_fn((SIDE, SIDE, 1), || {
@@ -211,13 +256,7 @@ fn work() {
         method.unwrap(&y, range, &mut out).expect("codes of 8 bits");
         (clock.ticks_ns() - start) as f64
     });
-    let counted = WORK_OF_NOISE * (SIDE * SIDE) as f64;
-    let here = times[1].min(times[2]) / counted;
-    let budget = UnwrapParameters::default().budget;
-    say!(
-        "budget   the default budget of unwrap, {budget:.0} ms, is {:.0} ms on one core here",
-        budget * here
-    );
+    times[1].min(times[2]) / (WORK_OF_NOISE * (SIDE * SIDE) as f64)
 }
 
 fn engine() {

@@ -1,5 +1,6 @@
 //! `modulo param`: parameters of running nodes, through the services that `ros2 param` uses.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write as _;
 
 use anyhow::anyhow;
@@ -8,9 +9,10 @@ use modulo_middleware::parameter::client::ParameterClient;
 use modulo_middleware::transport::zenoh::ZenohTransport;
 use modulo_msgs::rcl_interfaces::ParameterType;
 use modulo_runtime::parameter::file;
-use modulo_runtime::parameter::text::{bare, described, labelled, type_name};
+use modulo_runtime::parameter::text::{self, bare, described, labelled, type_name};
+use serde_json::json;
 
-use super::{graph, open_session};
+use super::{completion, graph, open_session};
 use crate::{Ended, Failure};
 
 #[derive(Subcommand)]
@@ -18,39 +20,52 @@ pub enum Param {
     /// List the parameters of a node, or of all nodes
     List {
         /// Fully qualified node name, such as /detector
+        #[arg(add = completion::nodes())]
         node: Option<String>,
         /// Also print the types
         #[arg(long)]
         param_type: bool,
+        /// Print the parameters of each node with their values as JSON
+        #[arg(long, conflicts_with = "param_type")]
+        json: bool,
     },
     /// Print the value of a parameter
     Get {
         /// Fully qualified node name
+        #[arg(add = completion::nodes())]
         node: String,
         /// Name of the parameter
+        #[arg(add = completion::parameters())]
         name: String,
         /// Print the value without its type
         #[arg(long)]
         hide_type: bool,
+        /// Print the value as JSON
+        #[arg(long, conflicts_with = "hide_type")]
+        json: bool,
     },
     /// Print the type, meaning and range of parameters
     Describe {
         /// Fully qualified node name
+        #[arg(add = completion::nodes())]
         node: String,
         /// Names of the parameters
-        #[arg(required = true)]
+        #[arg(required = true, add = completion::parameters())]
         names: Vec<String>,
     },
     /// Print all values as a file for --params-file
     Dump {
         /// Fully qualified node name
+        #[arg(add = completion::nodes())]
         node: String,
     },
     /// Change the value of a parameter, which the node may refuse
     Set {
         /// Fully qualified node name
+        #[arg(add = completion::nodes())]
         node: String,
         /// Name of the parameter
+        #[arg(add = completion::parameters())]
         name: String,
         /// New value
         #[arg(allow_hyphen_values = true)]
@@ -81,8 +96,15 @@ fn ask(args: &Param, transport: &ZenohTransport) -> Result<Ended, Failure> {
     let client = |node: &str| ParameterClient::new(transport, node);
     let missing = |node, name| Failure::Run(anyhow!("{node} has no parameter '{name}'"));
     match args {
-        Param::List { node: Some(node), param_type } => print_names(&client(node), *param_type)?,
-        Param::List { node: None, param_type } => {
+        Param::List { node, json: true, .. } => {
+            let nodes = node.as_ref().map(|node| BTreeSet::from([graph::absolute(node)]));
+            let nodes = nodes.unwrap_or_else(|| transport.graph().nodes_with_parameters());
+            let of = |node: String| Ok((node.clone(), all_values(&client(&node))?));
+            let all: BTreeMap<_, _> = nodes.into_iter().map(of).collect::<anyhow::Result<_>>()?;
+            say!("{}", json!(all));
+        }
+        Param::List { node: Some(node), param_type, .. } => print_names(&client(node), *param_type)?,
+        Param::List { node: None, param_type, .. } => {
             let nodes = transport.graph().nodes_with_parameters();
             graph::tell_empty("node with parameters", nodes.is_empty())?;
             for node in nodes {
@@ -90,11 +112,15 @@ fn ask(args: &Param, transport: &ZenohTransport) -> Result<Ended, Failure> {
                 print_names(&client(&node), *param_type)?;
             }
         }
-        Param::Get { node, name, hide_type } => {
+        Param::Get { node, name, hide_type, json } => {
             let values = client(node).values(std::slice::from_ref(name))?;
             let value = values.first().filter(|value| value.r#type != ParameterType::NOT_SET);
             let value = value.ok_or_else(|| missing(node, name))?;
-            say!("{}", if *hide_type { bare(value) } else { labelled(value) });
+            match (json, hide_type) {
+                (true, _) => say!("{}", text::json(value)),
+                (_, true) => say!("{}", bare(value)),
+                _ => say!("{}", labelled(value)),
+            }
         }
         Param::Describe { node, names } => {
             for descriptor in client(node).descriptors(names)? {
@@ -120,6 +146,12 @@ fn dump(client: &ParameterClient<'_>, node: &str) -> Result<(), Failure> {
     // A reader that has left, such as `head`, is no failure.
     let _ = std::io::stdout().write_all(file::write(&graph::absolute(node), &all).as_bytes());
     Ok(())
+}
+
+fn all_values(node: &ParameterClient<'_>) -> anyhow::Result<BTreeMap<String, serde_json::Value>> {
+    let names = node.names()?;
+    let values = node.values(&names)?;
+    Ok(names.into_iter().zip(values.iter().map(text::json)).collect())
 }
 
 fn print_names(node: &ParameterClient<'_>, types: bool) -> anyhow::Result<()> {

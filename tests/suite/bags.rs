@@ -505,3 +505,11 @@ fn a_topic_of_two_types_is_replayed_with_both() {
     assert_has(&bench.says(0, "bag play @/source"), &["/data: 2 messages"]);
     assert_eq!(listeners.map(|(_guard, samples)| arrived(&samples, 1)), [[0], [1]]);
 }
+
+/// A misspelt topic is no quiet recording of nothing.
+#[test]
+fn a_topic_without_a_message_is_a_loss_of_the_recording() {
+    let bench = Bench::new();
+    let recorder = bench.record(&bench.path("typo"), &["/recoverd"]);
+    assert_eq!(recorder.end("INT").0, Some(3));
+}

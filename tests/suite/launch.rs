@@ -10,7 +10,7 @@ use modulo_bags::bag::{BagReader, BagTopic, BagWriter, Compression, Selection};
 use modulo_runtime::MessageKind;
 use serde_json::Value;
 
-use crate::harness::{Bench, Peer, arg, assert_has, borrowed, classes, data, model, text};
+use crate::harness::{Bench, Peer, arg, assert_has, borrowed, classes, data, model, text, wait_until};
 
 const RECOVERED: &str = "launch launch/recovered.launch.yaml source:=@/images model:=% alpha:=2 engine:=rten";
 
@@ -349,10 +349,28 @@ fn check_tells_parameters_of_other_nodes_from_misspelt_ones() {
     bench.says(2, "launch @/stack.launch.yaml");
 }
 
+/// A shell completes commands, options and launch files, and what only a running suite knows.
 #[test]
-fn completions_name_the_commands() {
-    let completions = Bench::new().says(0, "completions bash");
-    assert_has(&completions, &["modulo__subcmd__launch", "--compression"]);
+fn a_shell_completes_what_is_there() {
+    let bench = Bench::new();
+    let completed = |line: &str| {
+        let words: Vec<&str> = line.split(' ').collect();
+        let mut asked = bench.modulo(&[&["--", "modulo"], &words[..]].concat());
+        asked.env("COMPLETE", "bash").env("_CLAP_COMPLETE_INDEX", words.len().to_string());
+        let output = asked.env("_CLAP_IFS", "\n").output().expect("starts");
+        String::from_utf8(output.stdout).expect("UTF-8").lines().map(str::to_owned).collect::<Vec<_>>()
+    };
+    let script = bench.modulo(&[]).env("COMPLETE", "bash").output().expect("starts");
+    assert_has(&String::from_utf8_lossy(&script.stdout), &["complete -o nospace"]);
+    assert_eq!(completed("la"), ["launch"]);
+    assert_eq!(completed("bag play --rat"), ["--rate"]);
+    assert_eq!(completed("launch recov"), ["recovered"]);
+    assert_eq!(completed("launch recovered psf_s"), ["psf_sigma:="]);
+    assert_eq!(completed("detect picture.png score"), ["score_threshold:="]);
+    let _unwrap = bench.start(&["run", "unwrap"]);
+    wait_until("the node", || completed("param get /un") == ["/unwrap"]);
+    assert_eq!(completed("param set /unwrap optic"), ["optical_black"]);
+    assert_eq!(completed("topic echo /hd"), ["/hdr"]);
 }
 
 #[test]

@@ -118,7 +118,7 @@ fn a_running_node_tells_and_takes_parameters_as_ros2_param_shows_them() {
         ("alpha", "-.5", "parameter 'alpha' = -0.5"),
         ("wait_timeout", "1", "is read-only"),
         ("method", "magic", "must be one of"),
-        ("alhpa", "1", "unknown parameter, did you mean 'alpha'?, known are"),
+        ("alhpa", "1", "unknown parameter, did you mean 'alpha'?"),
     ] {
         let refused = bench.run(&["param", "set", "/front/u", name, value]);
         assert_eq!(refused.status.code(), Some(1), "{name}");

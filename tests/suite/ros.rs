@@ -71,9 +71,34 @@ fn what_is_not_there_is_told_with_the_remedy() {
     ] {
         let output = bench.run(&command);
         assert_eq!(output.status.code(), Some(1));
-        assert_has(&text(&output), &[&format!("did you mean {near}?")]);
+        let message = text(&output);
+        assert_has(&message, &[&format!("did you mean {near}?")]);
+        assert!(!message.contains("/peer"), "the guess stands alone: {message}");
     }
     assert!(bench.run(&["node", "list"]).stderr.is_empty());
+}
+
+/// What programs read is JSON.
+#[test]
+fn the_graph_is_printed_as_json() {
+    let bench = Bench::new();
+    let _unwrap = bench.start(&["run", "unwrap"]);
+    let peer = Peer::new(&bench);
+    wait_until("the node", || peer.transport.is_ready("/unwrap"));
+    let asked = |line: &str| -> serde_json::Value {
+        let output = bench.run(&line.split(' ').chain(["--json"]).collect::<Vec<_>>());
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|why| panic!("{line}: {why}"))
+    };
+    assert_eq!(asked("topic list")["/hdr"][0], "sensor_msgs/msg/Image");
+    assert_eq!(asked("topic info /hdr")["publishers"][0]["node"], "/unwrap");
+    assert_eq!(asked("node list"), serde_json::json!(["/peer", "/unwrap"]));
+    let subscribed = serde_json::json!({"name": "/modulo", "type": "sensor_msgs/msg/Image"});
+    assert_eq!(asked("node info /unwrap")["endpoints"]["Subscribers"][0], subscribed);
+    assert_eq!(asked("param list")["/unwrap"]["method"], "auto");
+    assert_eq!(asked("param get /unwrap headroom"), 0.0);
+    assert_eq!(asked("bag info bags/samples/tunnel")["messages"], 36);
+    assert_eq!(asked("doctor")["domain"], bench.domain.id);
+    assert_eq!(asked("model check demo --engine rten")["classes"][0], "car");
 }
 
 /// A camera waits for images of ROS 2 that do not come: one warning names the cause, and the nodes behind it are silent.

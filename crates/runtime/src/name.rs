@@ -20,6 +20,12 @@ pub fn did_you_mean<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) ->
     nearest(name, known).map(|near| format!(", did you mean '{near}'?")).unwrap_or_default()
 }
 
+/// Returns the end of an error about the unknown `name`: [`did_you_mean`], and all of `known` behind `listed` where none is near.
+pub fn near_or_all(name: &str, known: &[&str], listed: &str) -> String {
+    let all = || if known.is_empty() { String::new() } else { format!("{listed} {}", known.join(", ")) };
+    Some(did_you_mean(name, known.iter().copied())).filter(|near| !near.is_empty()).unwrap_or_else(all)
+}
+
 /// What to do where a node or topic of ROS 2 is missing.
 pub const NOT_OVER_ZENOH: &str = "nodes on DDS are not seen here: start them with RMW_IMPLEMENTATION=rmw_zenoh_cpp and a router, or use \
                                   dds.launch.yaml; all need the same ROS_DOMAIN_ID";

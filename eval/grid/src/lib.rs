@@ -10,7 +10,7 @@ pub mod classes;
 pub mod grid;
 mod labels;
 pub mod launch_file;
-mod messages;
+pub mod messages;
 /// The metrics of detections, one file each. The reports print the definition of each metric.
 pub mod metric {
     pub mod bootstrap;

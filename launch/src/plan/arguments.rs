@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use super::scope::{Scope, argument_value, included};
-use modulo_runtime::name::did_you_mean;
+use modulo_runtime::name::near_or_all;
 
 use crate::action::{self, Action, ActionKind, DeclaredArgument};
-use crate::{LaunchError, Mistakes, listed};
+use crate::{LaunchError, Mistakes};
 
 /// The arguments of the launch file `file`, in order, each once.
 ///
@@ -34,10 +34,11 @@ pub(super) fn declared(
 
 /// Names the declared arguments for the end of an error about the argument `name`.
 pub(super) fn known(name: &str, declared: &[DeclaredArgument]) -> String {
-    let near = did_you_mean(name, declared.iter().map(|d| d.name.as_str()));
-    match declared {
-        [] => ", it declares no arguments".to_owned(),
-        some => format!("{near}, declared are {}", listed(some.iter().map(|d| &d.name), "")),
+    let names: Vec<&str> = declared.iter().map(|d| d.name.as_str()).collect();
+    if names.is_empty() {
+        ", it declares no arguments".to_owned()
+    } else {
+        near_or_all(name, &names, ", declared are")
     }
 }
 

@@ -284,6 +284,10 @@ impl Job {
         let status = match end {
             ProcessEnd::Crashed(status) => status,
             ProcessEnd::WithLoss(_) => return Err(ProcessEnd::WithLoss(last_line.to_owned())),
+            ProcessEnd::Refused(_) => {
+                let why = last_line.strip_prefix("modulo: ").unwrap_or(last_line);
+                return Err(ProcessEnd::Refused(why.to_owned()));
+            }
             end => return Err(end.clone()),
         };
         let Some(Respawn { delay, max_retries }) = self.process.respawn else {
@@ -314,7 +318,7 @@ impl Job {
             Ok(status) if status.success() => ProcessEnd::Exited,
             Ok(status) if is_with_loss(self.origin, &status) => ProcessEnd::WithLoss(String::new()),
             Ok(status) if status.code() == Some(2) && self.origin == Origin::Suite && restarts == 0 => {
-                ProcessEnd::Refused
+                ProcessEnd::Refused(String::new())
             }
             Ok(status) => ProcessEnd::Crashed(status.to_string()),
             Err(error) => ProcessEnd::Crashed(error.to_string()),

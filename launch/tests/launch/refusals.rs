@@ -199,7 +199,7 @@ fn a_mistake_has_the_line_of_its_own_file() {
         (
             "launch:\n  - include:\n      file: $(dirname)/b.launch.yaml\n      arg:\n        - { name: inptu, value: x }\n",
             "launch:\n  - arg: { name: input, default: '' }\n",
-            "main.launch.yaml:5: include: b.launch.yaml declares no argument 'inptu', did you mean 'input'?, declared are input",
+            "main.launch.yaml:5: include: b.launch.yaml declares no argument 'inptu', did you mean 'input'?",
         ),
     ] {
         let refusal = Files::new(main).with("b.launch.yaml", included).refusal(&[]);
@@ -208,15 +208,15 @@ fn a_mistake_has_the_line_of_its_own_file() {
 }
 
 #[test]
-fn an_unknown_argument_is_refused_with_the_declared_ones() {
+fn an_unknown_argument_is_refused_with_the_nearest_or_all_declared_ones() {
     let include = "launch:\n  - arg: { name: outer, default: '' }\n  \
                    - include: { file: $(dirname)/b.launch.yaml, arg: [{ name: fixed, value: x }] }\n";
     let inner = "launch:\n  - arg: { name: inner, default: '' }\n  - arg: { name: fixed }\n";
     let files = Files::new(include).with("b.launch.yaml", inner);
     assert!(files.resolve(&[("inner", "1"), ("outer", "2")]).is_ok());
     // An argument that an include fixes would be accepted and ignored.
-    for (name, near) in [("outre", ", did you mean 'outer'?"), ("fixed", "")] {
-        let expected = format!("unknown launch argument '{name}'{near}, declared are outer, inner");
+    for (name, hint) in [("outre", ", did you mean 'outer'?"), ("fixed", ", declared are outer, inner")] {
+        let expected = format!("unknown launch argument '{name}'{hint}");
         assert_eq!(files.refusal(&[(name, "1")]), expected);
     }
 }

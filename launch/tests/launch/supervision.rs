@@ -248,11 +248,11 @@ async fn a_refused_command_line_is_not_tried_again() {
         "launch:\n  - node: {{ pkg: modulo, exec: unwrap, respawn: 'true' }}\n{}",
         sh("other", "sleep 1000", "")
     ));
-    let how = Lines::default().supervision(&suite(&files, "exit 2"));
+    let how = Lines::default().supervision(&suite(&files, "echo modulo: why >&2; exit 2"));
     let outcome = run_until(files.resolve(&[]).expect("resolves"), &how, pending()).await.expect("runs");
     assert_eq!(
         (end(&outcome, "unwrap"), end(&outcome, "other")),
-        (&ProcessEnd::Refused, &ProcessEnd::ShutDown)
+        (&ProcessEnd::Refused("why".into()), &ProcessEnd::ShutDown)
     );
     assert!(failed(&outcome));
 }

@@ -20,7 +20,7 @@ pub mod ros {
 pub use typed::ParameterSet;
 pub use value::Value;
 
-use crate::name::{did_you_mean, nearest};
+use crate::name::{near_or_all, nearest};
 use crate::secret::without_secrets;
 
 /// The allowed values of a parameter.
@@ -222,8 +222,11 @@ impl Parameters {
 
     fn unknown(&self, name: &str, value: impl fmt::Display) -> ParameterError {
         let known: Vec<_> = self.declared.iter().map(|d| d.name).collect();
-        let near = did_you_mean(name, known.iter().copied());
-        ParameterError::new(name, value, format!("unknown parameter{near}, known are {}", known.join(", ")))
+        ParameterError::new(
+            name,
+            value,
+            format!("unknown parameter{}", near_or_all(name, &known, ", known are")),
+        )
     }
 }
 

@@ -4,7 +4,7 @@
 use modulo_msgs::rcl_interfaces::{ParameterDescriptor, ParameterValue};
 
 use crate::parameter::Value;
-use crate::parameter::value::{TYPES, Yaml, from_ros};
+use crate::parameter::value::{Plain, TYPES, Yaml, from_ros};
 use crate::parameter::yaml_text::of_double;
 
 /// Returns the value with its type, as `ros2 param get` prints it: `Double value is: 4.0`.
@@ -36,6 +36,12 @@ pub fn bare(value: &ParameterValue) -> String {
             Yaml::List(items) => list(items.iter().map(python).collect()),
         },
     }
+}
+
+/// Returns the value without its type for JSON; null where it is not set.
+pub fn json(value: &ParameterValue) -> serde_json::Value {
+    let value = from_ros(value.clone()).map(|value| Plain::serialize(&value, serde_json::value::Serializer));
+    value.and_then(Result::ok).unwrap_or_default()
 }
 
 /// Returns the name of a type by its code in messages, as `ros2 param` prints it.

@@ -128,6 +128,10 @@ impl EngineError {
         Self(format!("model '{}': {engine} cannot load it: {}", model.display(), one_line(why)))
     }
 
+    fn read(model: &Path, why: impl fmt::Display) -> Self {
+        Self(format!("model '{}': {}", model.display(), one_line(why)))
+    }
+
     fn run(engine: &'static str, input: ArrayView4<'_, f32>, why: impl fmt::Display) -> Self {
         let (_, _, height, width) = input.dim();
         Self(format!("{engine} failed on a {height} x {width} input: {}", one_line(why)))
@@ -169,9 +173,7 @@ pub fn onnxruntime_library() -> Result<String, EngineError> {
 pub fn model_parts(model: &Path) -> Result<Vec<(PathBuf, Vec<u8>)>, EngineError> {
     match embedded(model) {
         Some(bytes) => Ok(vec![(model.to_owned(), bytes.to_vec())]),
-        None => weights::read(model)
-            .map(|file| file.parts)
-            .map_err(|why| EngineError::load(model, "the system", why)),
+        None => weights::read(model).map(|file| file.parts).map_err(|why| EngineError::read(model, why)),
     }
 }
 
@@ -180,10 +182,10 @@ pub fn model_parts(model: &Path) -> Result<Vec<(PathBuf, Vec<u8>)>, EngineError>
 pub fn open(model: &Path, options: EngineOptions) -> Result<OpenedEngine, EngineError> {
     // A missing file is the most common mistake, and both engines describe it at length.
     if embedded(model).is_none() {
-        let file = std::fs::metadata(model).map_err(|error| EngineError::load(model, "the system", error))?;
+        let file = std::fs::metadata(model).map_err(|error| EngineError::read(model, error))?;
         // A pipe or a device could keep its reader for ever.
         if !file.is_file() {
-            return Err(EngineError::load(model, "the system", "it is not a regular file"));
+            return Err(EngineError::read(model, "is not a regular file"));
         }
     }
     let (EngineOptions { device, .. }, threads) = (options, options.cores());

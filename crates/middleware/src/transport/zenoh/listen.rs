@@ -7,7 +7,7 @@ use std::time::Duration;
 use modulo_msgs::interface::ros2msg_of;
 use modulo_msgs::type_description_interfaces::{GetTypeDescriptionRequest, GetTypeDescriptionResponse};
 use modulo_msgs::{cdr, ros_name, type_hash_of_schema};
-use modulo_runtime::name::{NOT_OVER_ZENOH, did_you_mean};
+use modulo_runtime::name::{NOT_OVER_ZENOH, is_hidden, near_or_all};
 use modulo_runtime::wire::keys::{Endpoint, EntityKind};
 use modulo_runtime::{NodeName, Stop, Urgency};
 
@@ -48,11 +48,12 @@ impl ZenohTransport {
         let mut waited = Duration::ZERO;
         while !self.graph().topics().contains_key(topic) {
             if waited >= PATIENCE {
-                let known: Vec<String> = self.graph().topics().into_keys().collect();
-                let near = did_you_mean(topic, known.iter().map(String::as_str));
-                let why = match known.join(", ") {
+                let topics = self.graph().topics();
+                let known: Vec<&str> =
+                    topics.keys().map(String::as_str).filter(|known| !is_hidden(known)).collect();
+                let why = match near_or_all(topic, &known, "; there is") {
                     known if known.is_empty() => format!("there is no topic at all; {NOT_OVER_ZENOH}"),
-                    known => format!("no node publishes or reads it{near}; there is {known}"),
+                    known => format!("no node publishes or reads it{known}"),
                 };
                 return Err(TransportError::new(format!("topic {topic}"), why));
             }

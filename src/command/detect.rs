@@ -1,0 +1,76 @@
+//! `modulo detect`: the boxes of a model on the pictures of a source, as files.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, anyhow};
+use clap::Args;
+use modulo_eval::launch_file::EvaluationPlan;
+use modulo_eval::messages::{found, image};
+use modulo_images::save_png;
+use modulo_runtime::SystemClock;
+use modulo_runtime::lockstep::Lockstep;
+use modulo_runtime::output::{free_folder, prepare_folder};
+
+use super::{completion, eval, pairs, start_log, usage};
+use crate::{Ended, Failure};
+
+/// The launch file of the nodes.
+pub(super) const FILE: &str = "suite.launch.yaml";
+
+#[derive(Args)]
+pub struct Detect {
+    /// Image, folder of images, video, bag or scene://PRESET
+    pub source: String,
+    /// Arguments of suite.launch.yaml as name:=value, such as score_threshold:=0.5, or input:=recovered for modulo images
+    #[arg(add = completion::arguments())]
+    pub arguments: Vec<String>,
+    /// YOLOv10 model in ONNX format, or demo for the embedded one
+    #[arg(long, default_value = "demo")]
+    pub model: String,
+    /// Folder for the pictures; without it a new one in runs
+    #[arg(short, long, value_name = "FOLDER", default_value_os_t = free_folder("detect"), hide_default_value = true)]
+    pub out: PathBuf,
+}
+
+/// Writes a picture with boxes for each frame, and prints the number of its objects by class.
+pub fn detect(args: &Detect) -> Result<Ended, Failure> {
+    start_log("warn");
+    let more = pairs(&args.arguments)?;
+    let own = [("input", "ideal"), ("source", &args.source), ("model", &args.model)];
+    let own = own.into_iter().filter(|(name, _)| more.iter().all(|(other, _)| other != name));
+    let own = own.map(|(name, value)| (name.to_owned(), value.to_owned()));
+    let arguments: Vec<_> = own.chain(more.clone()).collect();
+    let file = modulo_launch::launch_file(Path::new(FILE)).map_err(usage)?;
+    let made = eval::nodes(&file, &arguments, false)?;
+    let plan = EvaluationPlan::new(&made, args.out.clone(), Vec::new()).map_err(|why| usage(anyhow!(why)))?;
+    let [camera] = &plan.cameras[..] else { unreachable!("the launch file has one camera") };
+    let [stream] = &camera.streams[..] else { unreachable!("the launch file has one detector") };
+    let drawn = stream.annotated.as_deref().expect("a detector draws its boxes");
+    prepare_folder(&args.out).map_err(usage)?;
+
+    let timer = SystemClock::default();
+    let mut chain = Lockstep::new(&timer, vec![drawn.to_owned(), stream.detections.clone()]);
+    for (node, node_name) in made {
+        chain.add(node, &node_name)?;
+    }
+    let (mut frames, interval) = (0u32, u64::try_from(camera.interval.as_nanos()).context("interval")?);
+    while let Some(out) = chain.tick(camera.member, u64::from(frames) * interval)? {
+        let Some(picture) = image(&out, drawn) else { continue };
+        frames += 1;
+        let file = args.out.join(format!("{frames:06}.png"));
+        save_png(&file, &picture.frame)?;
+        let mut classes = BTreeMap::new();
+        for object in found(&out, &stream.detections).unwrap_or_default() {
+            *classes.entry(object.class).or_insert(0) += 1;
+        }
+        let counts: Vec<String> = classes.iter().map(|(class, count)| format!("{count} {class}")).collect();
+        say!(
+            "{}: {}",
+            file.display(),
+            if counts.is_empty() { "no object".to_owned() } else { counts.join(", ") }
+        );
+    }
+    let lost = modulo_launch::Summary::new(&chain.finish(), []).lost(false);
+    Ok(if lost || frames == 0 { Ended::WithLoss } else { Ended::Done })
+}
