@@ -274,9 +274,9 @@ export function sensorOf(state, name) {
   return state.statuses.get(`${namespaceOf(name)}/sensor_info`) ?? {};
 }
 
-// The first node that has a settable parameter of this name, and whether it is one of several.
+// The only node that has a settable parameter of this name.
 export function find(state, name) {
   const parameterOf = (node) => state.parameters.get(node)?.find((parameter) => parameter.name === name && !parameter.read_only);
   const [node, ...others] = state.graph.nodes.filter(parameterOf);
-  return node ? { node, parameter: parameterOf(node), several: others.length > 0 } : null;
+  return node && !others.length ? { node, parameter: parameterOf(node) } : null;
 }
