@@ -1,12 +1,11 @@
-// The strip of the last two minutes: one axis of time for the latency, the rate, the age, the trust, the drops and the boxes.
+// The strip of at most the last two minutes: one axis of time for the latency, the rate, the age, the trust, the drops and the boxes.
 
 import { byId, fitted, make, rounded, style, write } from "./dom.js";
 import { classColour } from "./marks.js";
-import { STRIP_MS, droppedOf, frameOf, nameOf, nodesInOrder, now, quantile, shortName, stagesOf } from "./state.js";
+import { STRIP_MS, colourOf, droppedOf, frameOf, nameOf, nodesInOrder, now, quantile, shortName, stagesOf } from "./state.js";
 
 const STAGES = ["camera", "unwrap", "detector"];
 const STAGE_COLOURS = ["--series-1", "--series-2", "--series-3"];
-const NODE_COLOURS = 6;
 const ROWS = [
   { name: "latency", title: "Latency by stage, ms until it is known here", height: 64 },
   { name: "rate", title: "Rate, frames/s", height: 34 },
@@ -153,7 +152,7 @@ export class Timeline {
         .get(name)
         .history.map((entry) => [entry.at, read(entry.values)])
         .filter(([, value]) => Number.isFinite(value));
-    const lines = nodesInOrder(state).map((name, index) => [name, points(name), nodeColour(index)]);
+    const lines = nodesInOrder(state).map((name) => [name, points(name), style(colourOf(state, name))]);
     const drawn = lines.filter(([, points]) => points.length);
     const most = scaleOf(Math.max(...drawn.flatMap(([, points]) => points.map(([, value]) => value)), 1));
     drawn.forEach(([, points, colour]) => {
@@ -211,13 +210,12 @@ export class Timeline {
 
   drops(row, context, state) {
     const names = nodesInOrder(state);
-    const colours = names.map((_, index) => nodeColour(index));
-    const steps = names.flatMap((name, index) => {
+    const steps = names.flatMap((name) => {
       const { history } = state.nodes.get(name);
       return history
         .slice(1)
         .map((entry, place) => ({
-          index,
+          name,
           from: history[place].at,
           at: entry.at,
           count: Math.max(0, droppedOf(entry) - droppedOf(history[place])),
@@ -225,14 +223,14 @@ export class Timeline {
     });
     const rates = steps.map((step) => ({ ...step, rate: step.count / Math.max(0.2, (step.at - step.from) / 1000) }));
     const most = scaleOf(Math.max(...rates.map(({ rate }) => rate), 1));
-    for (const { index, from, at, rate } of rates) {
-      context.fillStyle = colours[index];
+    for (const { name, from, at, rate } of rates) {
+      context.fillStyle = style(colourOf(state, name));
       const height = ((row.height - 2) * rate) / most;
       context.fillRect(this.x(from), row.height - 1 - height, Math.max(1, this.x(at) - this.x(from)), height);
     }
-    const sums = names.map((name, index) => [
-      colours[index],
-      `${shortName(name)} ${steps.filter((step) => step.index === index).reduce((sum, { count }) => sum + count, 0)}`,
+    const sums = names.map((name) => [
+      style(colourOf(state, name)),
+      `${shortName(name)} ${steps.filter((step) => step.name === name).reduce((sum, { count }) => sum + count, 0)}`,
     ]);
     this.label(row, sums, `0 to ${most}`);
   }
@@ -268,9 +266,6 @@ export class Timeline {
     write(this.readout, frame ? textOf(state, frame) : "No frame.");
   }
 }
-
-// The colours of camera, unwrap and detector are those of their stages.
-const nodeColour = (index) => style(`--series-${(index % NODE_COLOURS) + 1}`);
 
 // The frame that is nearest to a time, if there is one within a second.
 export function nearest(frames, at) {
