@@ -14,6 +14,7 @@ const ROWS = [
   { name: "drops", title: "Dropped, frames/s", height: 26 },
   { name: "boxes", title: "Boxes by class", height: 44 },
 ];
+const SPANS_MS = [20_000, 40_000, STRIP_MS]; // the strip is as long as what has been seen
 const STRIP_REDRAW_MS = 200;
 
 export class Timeline {
@@ -39,16 +40,12 @@ export class Timeline {
       this.cursor,
     );
     this.plots.setAttribute("aria-label", "Time: arrow keys show the frames that are kept, escape goes on");
-    this.axis = make(
-      "div",
-      { className: "axis", ariaHidden: "true" },
-      ...["2 min ago", "90 s", "1 min", "30 s", "now"].map((textContent) => make("span", { textContent })),
-    );
+    this.axis = make("div", { className: "axis", ariaHidden: "true" }, ...[1, 2, 3, 4, 5].map(() => make("span")));
     this.readout = make("p", { className: "readout", role: "status" });
     byId("timeline").append(this.plots, this.axis, this.readout);
     const at = (event) => {
       const area = this.plots.getBoundingClientRect();
-      return this.end - STRIP_MS * (1 - (event.clientX - area.left) / area.width);
+      return this.end - this.span * (1 - (event.clientX - area.left) / area.width);
     };
     this.plots.onpointermove = (event) => actions.hover(at(event));
     this.plots.onpointerleave = () => actions.hover(null);
@@ -62,6 +59,7 @@ export class Timeline {
     [this.hover, this.stopped] = [state.hover, state.shown?.moment];
     this.end = now(state);
     this.width = this.plots.clientWidth;
+    this.span = SPANS_MS.find((span) => this.end - span <= state.frames[0]?.at) ?? STRIP_MS;
     if (due) {
       // Moments that come faster than this draw the cursor only, and must not put the rows off.
       this.drawnAt = performance.now();
@@ -71,10 +69,11 @@ export class Timeline {
   }
 
   x(at) {
-    return this.width * (1 - (this.end - at) / STRIP_MS);
+    return this.width * (1 - (this.end - at) / this.span);
   }
 
   drawRows(state) {
+    [...this.axis.children].forEach((mark, place) => write(mark, place === 4 ? "now" : `${(this.span * (4 - place)) / 4000} s ago`));
     for (const row of this.rows) {
       const context = fitted(row.canvas, this.width, row.height);
       context.fillStyle = style("--line");
@@ -95,7 +94,7 @@ export class Timeline {
     if (row.legendIs !== text) {
       row.legend.replaceChildren(
         ...entries.map(([colour, words]) => {
-          const mark = make("i");
+          const mark = make("i", { className: "mark" });
           mark.style.background = colour;
           return make("span", {}, mark, words);
         }),
@@ -122,7 +121,7 @@ export class Timeline {
     const most = scaleOf(quantile(whole, 0.99) ?? 1);
     // As wide as frames are apart.
     const span = frames.length > 1 ? (frames.at(-1).at - frames[0].at) / (frames.length - 1) : 100;
-    this.barWidth = Math.max(0.7, Math.min(4, (this.width * Math.min(span, 1000)) / STRIP_MS));
+    this.barWidth = Math.max(0.7, Math.min(12, (this.width * Math.min(span, 1000)) / this.span));
     const colours = STAGE_COLOURS.map(style);
     frames.forEach((frame, index) =>
       this.bar(
