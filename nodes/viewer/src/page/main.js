@@ -10,6 +10,7 @@ import { Quick, Replay } from "./replay.js";
 import { openSocket, playRecording, recordingText } from "./source.js";
 import { Stage } from "./stage.js";
 import { addressOf, choiceOf, find, hear, hearImages, momentOf, namespaceOf, newState, noticeOf, now, topicsOf, zoomed } from "./state.js";
+import { drawTabs } from "./tabs.js";
 import { Timeline, nearest } from "./timeline.js";
 
 const TICK_MS = 500;
@@ -27,7 +28,7 @@ function redraw() {
   isDue = true;
   requestAnimationFrame(() => {
     isDue = false;
-    views.forEach((view) => view.draw(state));
+    [...views, panels[drawTabs()]].forEach((view) => view.draw(state));
   });
 }
 
@@ -123,7 +124,7 @@ function takeImages(header, files) {
 const actions = {
   choose(change) {
     Object.assign(state.choice, change);
-    if (!state.recorded) history.replaceState(null, "", addressOf(location.search, state.choice));
+    if (!state.recorded) history.replaceState(null, "", addressOf(location, state.choice));
     if ("together" in change) {
       state.newest.clear();
       ask({ together: state.choice.together });
@@ -227,19 +228,17 @@ const listen = {
   },
 };
 
-const views = [
-  header,
-  new Stage(actions),
-  new Display(actions),
-  new Timeline(actions),
-  new Graph(),
-  new Parameters(actions),
-  new Quick(actions),
-  new Replay(actions),
-];
+const views = [header, new Stage(actions), new Quick(actions), new Replay(actions)];
+const panels = {
+  look: new Display(actions),
+  time: new Timeline(actions),
+  nodes: new Graph(),
+  parameters: new Parameters(actions),
+};
 listenToKeys(state, actions);
 byId("live").onclick = () => actions.stop(!state.stopped);
 addEventListener("resize", redraw);
+addEventListener("hashchange", redraw);
 
 if (state.recorded) {
   document.documentElement.classList.add("recorded");

@@ -55,10 +55,10 @@ export function choiceOf(search) {
   return Object.fromEntries(kept.map(([name, text]) => [name, { wipe: Number, topics: (all) => all.split(",") }[name]?.(text) ?? text]));
 }
 
-export function addressOf(search, choice) {
+export function addressOf({ search, hash }, choice) {
   const address = new URLSearchParams(search);
   KEPT.filter((name) => choice[name]).forEach((name) => address.set(name, choice[name]));
-  return `?${address}`;
+  return `?${address}${hash}`;
 }
 
 export const stampKey = ([seconds, nanos]) => `${seconds}.${String(nanos).padStart(9, "0")}`;
