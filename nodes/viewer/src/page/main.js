@@ -51,7 +51,8 @@ const header = {
 let ask = () => {};
 let watched = "";
 let known = new Set(); // the nodes whose parameters were asked for
-let pixelAsked = false;
+let pixelAsked = ""; // what the viewer was asked for
+let pixelComes = false; // whether it has yet to answer
 let pointed = null; // where the pointer was last on an image
 
 // The confidence of each camera that is shown is needed for its overlay.
@@ -66,13 +67,19 @@ function watch() {
   ask({ watch: all });
 }
 
-// The pixel under the pointer, again with each new frame.
+// The pixel under the pointer in each image that is shown.
 function askPixel() {
-  const image = state.shown?.moment.images.get(pointed?.topic);
-  if (!image || pixelAsked) return;
-  pixelAsked = true;
-  const at = (share, size) => Math.min(size - 1, Math.max(0, Math.floor(share * size)));
-  ask({ pixel: { u: at(pointed.share[0], image.width), v: at(pointed.share[1], image.height) } });
+  const shown = state.shown?.moment.images ?? new Map();
+  const image = shown.get(pointed?.topic);
+  if (!image || pixelComes) return;
+  const [u, v] = pointed.share.map((share, axis) => {
+    const size = axis ? image.height : image.width;
+    return Math.min(size - 1, Math.max(0, Math.floor(share * size)));
+  });
+  const request = { pixel: { u, v, images: [...shown.values()].map(({ topic, stamp }) => [topic, stamp]) } };
+  if (JSON.stringify(request) === pixelAsked) return;
+  [pixelAsked, pixelComes] = [JSON.stringify(request), true];
+  ask(request);
 }
 
 // ---- images ----
@@ -201,7 +208,10 @@ function takeEvent(event, at) {
   }
   // Shown is what the node has now, whether it took the value or not.
   if (kind === "set") ask({ parameters: event.set.node });
-  if (kind === "pixel") pixelAsked = false;
+  if (kind === "pixel") {
+    pixelComes = false;
+    askPixel();
+  }
   redraw();
 }
 
@@ -210,7 +220,7 @@ const listen = {
   images: takeImages,
   opened() {
     // The answers to what was asked before are lost, and the parameters may have changed: all nodes are new to this socket.
-    [watched, known, pixelAsked, held] = ["", new Set(), false, null];
+    [watched, known, pixelAsked, pixelComes, held] = ["", new Set(), "", false, null];
     state.link = { text: "connected", level: "on" };
     ask({ together: state.choice.together });
     watch();
