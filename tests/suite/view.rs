@@ -140,7 +140,8 @@ fn a_page_shows_images_with_their_boxes_and_sets_parameters() {
     let peaks = image["peaks"].as_f64().expect("an image of radiance");
     assert!((peaks - 0.97 * 4.0).abs() < 1e-9, "headroom and alpha of the camera: {peaks}");
     let modulo = page.event("image", |image| image["topic"] == "/modulo");
-    let asked = [("/modulo", &modulo["stamp"]), ("/recovered", &image["stamp"]), ("/recovered", &json!([1, 2]))];
+    let asked =
+        [("/modulo", &modulo["stamp"]), ("/recovered", &image["stamp"]), ("/recovered", &json!([1, 2]))];
     page.ask(&json!({ "pixel": { "u": 3, "v": 2, "images": asked } }));
     let pixel = page.event("pixel", |_| true);
     assert_eq!(pixel["samples"].as_array().map(Vec::len), Some(2), "the third has never come: {pixel}");

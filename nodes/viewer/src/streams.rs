@@ -273,7 +273,7 @@ impl Streams {
     pub fn pixel(&self, u: usize, v: usize, images: Vec<(String, (i32, u32))>) -> Vec<PixelView> {
         let view = |(topic, (sec, nanosec))| {
             let mut newest_first = self.topics.get(&topic)?.sent.iter().rev();
-            let (image, scale) = newest_first.find(|(image, _)| image.header.stamp == Time { sec, nanosec })?;
+            let (image, scale) = newest_first.find(|sent| sent.0.header.stamp == Time { sec, nanosec })?;
             let is_inside = v < image.frame.height() && u < image.frame.width();
             let samples = is_inside.then(|| samples_at(&image.frame, v, u))?;
             let light = scale.and_then(|scale| Some((scale.most(), scale.light()?)));

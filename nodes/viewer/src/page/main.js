@@ -76,7 +76,9 @@ function askPixel() {
     const size = axis ? image.height : image.width;
     return Math.min(size - 1, Math.max(0, Math.floor(share * size)));
   });
-  const request = { pixel: { u, v, images: [...shown.values()].map(({ topic, stamp }) => [topic, stamp]) } };
+  const place = ({ topic }) => state.graph.images.indexOf(topic);
+  const images = [...shown.values()].sort((a, b) => place(a) - place(b));
+  const request = { pixel: { u, v, images: images.map(({ topic, stamp }) => [topic, stamp]) } };
   if (JSON.stringify(request) === pixelAsked) return;
   [pixelAsked, pixelComes] = [JSON.stringify(request), true];
   ask(request);
