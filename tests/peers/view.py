@@ -556,6 +556,12 @@ def open_the_recording(page, file, topics):
                 page.keyboard.press("ArrowLeft")
                 page.wait_for_timeout(200)
         check(page.evaluate(STAMP, topic) != stamp, f"an arrow key shows the frame of {topic} before that of the recording's end")
+    open_tab(page, "time")
+    for width in [900, 1400]:
+        page.set_viewport_size({"width": width, "height": 1000})
+    page.wait_for_timeout(500)
+    widths = page.evaluate("() => [document.querySelector('.plots canvas').clientWidth, document.querySelector('.plots canvas').width]")
+    check(widths[0] == widths[1], f"the strip of a recording follows the window: {widths}")
     clashes = page.evaluate(CLASHES)
     check(not clashes and not errors, f"a recording of {file.stat().st_size >> 10} KiB shows its frames without a viewer: {clashes[:3]} {errors}")
 

@@ -16,8 +16,9 @@ export class Graph {
   }
 
   draw(state) {
-    if (performance.now() - this.drawnAt < GRAPH_REDRAW_MS) return;
-    this.drawnAt = performance.now();
+    const width = byId("graph").clientWidth;
+    if (performance.now() - this.drawnAt < GRAPH_REDRAW_MS && width === this.width) return;
+    [this.drawnAt, this.width] = [performance.now(), width];
     const names = visibleNodes(state);
     const links = state.graph.links.filter(({ from, to }) => names.includes(from) && names.includes(to));
     this.arrange(names, links);

@@ -54,7 +54,7 @@ export class Timeline {
   }
 
   draw(state) {
-    const due = performance.now() - this.drawnAt >= STRIP_REDRAW_MS;
+    const due = performance.now() - this.drawnAt >= STRIP_REDRAW_MS || this.width !== this.plots.clientWidth;
     if (!due && this.hover === state.hover && this.stopped === state.shown?.moment) return;
     [this.hover, this.stopped] = [state.hover, state.shown?.moment];
     this.end = now(state);
