@@ -15,7 +15,7 @@ use crate::{Ended, Failure};
 
 #[derive(Args)]
 pub struct ViewCommand {
-    /// Bag folder, or .mcap or .db3 file, to replay again and again meanwhile, as it was recorded
+    /// Bag to replay again and again meanwhile, as it was recorded: a folder, or an .mcap or .db3 file
     #[arg(value_name = "BAG")]
     pub replayed: Option<PathBuf>,
     /// Port of the page; 0 takes a free one

@@ -406,6 +406,7 @@ fn the_demo_is_a_picture_of_three_images() {
     };
     assert!(white(0) > 200 && white(2) < 20, "{} {}", white(0), white(2));
     assert!(bench.says(2, "demo --image @/no/demo.png").contains("no/demo.png"));
+    assert!(bench.says(2, "view @/no_bag").contains("no_bag"));
 }
 
 /// The demonstration as a page, which ends with all its processes.
