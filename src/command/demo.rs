@@ -1,18 +1,15 @@
 //! `modulo demo`: the suite on a scene that a normal camera clips, with nothing to download.
 
 use std::net::{IpAddr, Ipv4Addr};
-use std::os::unix::process::CommandExt as _;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 
 use anyhow::{Context, anyhow};
 use clap::Args;
 use modulo_runtime::output::prepare_file;
-use nix::sys::signal::{Signal, kill};
-use nix::unistd::Pid;
 
 use super::usage;
-use super::view::{ViewCommand, serve};
+use super::view::{Running, ViewCommand, serve, this_program};
 use crate::{Ended, Failure};
 
 /// The launch file of the scene and its detectors.
@@ -58,10 +55,9 @@ fn picture(file: &Path) -> Result<Ended, Failure> {
 
 /// Starts the suite beside the viewer. Both end together.
 fn page(port: u16) -> Result<Ended, Failure> {
-    // Ctrl-C reaches this process alone, which then ends the suite.
-    let mut running = Running(suite("launch", &[])?.process_group(0).spawn().context("modulo launch")?);
+    let mut running = Running::start(&mut suite("launch", &[])?)?;
     let address = IpAddr::V4(Ipv4Addr::LOCALHOST);
-    let with = ViewCommand { port, address, token: None, foxglove: None, record: None };
+    let with = ViewCommand { replayed: None, port, address, token: None, foxglove: None, record: None };
     let ended = serve(&with, |at| {
         let address = format!("{}&{VIEW}", at.page);
         say!(
@@ -77,10 +73,10 @@ fn page(port: u16) -> Result<Ended, Failure> {
     ended
 }
 
-/// Returns the command of this program that runs the launch file. Its counters are not shown.
+/// Returns the command of this program that runs the launch file.
 fn suite(command: &str, more: &[&str]) -> Result<Command, Failure> {
-    let mut program = Command::new(std::env::current_exe().context("this program")?);
-    program.args([command, FILE]).args(more).stdin(Stdio::null()).stdout(Stdio::null());
+    let mut program = this_program()?;
+    program.args([command, FILE]).args(more);
     Ok(program)
 }
 
@@ -90,25 +86,5 @@ fn open_browser(address: &str) {
     if has_desktop {
         // Where there is no such program, the address has been printed.
         let _ = Command::new("xdg-open").arg(address).stdout(Stdio::null()).stderr(Stdio::null()).spawn();
-    }
-}
-
-/// The suite, which is ended when this is dropped.
-struct Running(Child);
-
-impl Running {
-    /// Asks the suite to end, and waits for it: `modulo launch` has time limits of its own.
-    fn stop(&mut self) {
-        // It is waited for once; before that, its number belongs to nobody else.
-        if let Ok(None) = self.0.try_wait() {
-            let _ = kill(Pid::from_raw(self.0.id().cast_signed()), Signal::SIGINT);
-            let _ = self.0.wait();
-        }
-    }
-}
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        self.stop();
     }
 }

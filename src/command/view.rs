@@ -1,14 +1,23 @@
 //! `modulo view`: the suite in a browser.
 
 use std::net::{IpAddr, Ipv4Addr};
+use std::os::unix::process::CommandExt as _;
 use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
 
+use anyhow::Context as _;
 use clap::Args;
+use modulo_bags::bag::BagReader;
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
 
 use crate::{Ended, Failure};
 
 #[derive(Args)]
 pub struct ViewCommand {
+    /// Bag to replay again and again meanwhile, as it was recorded: a folder, or an .mcap or .db3 file
+    #[arg(value_name = "BAG")]
+    pub replayed: Option<PathBuf>,
     /// Port of the page; 0 takes a free one
     #[arg(long, default_value_t = 8088)]
     pub port: u16,
@@ -44,6 +53,11 @@ pub use modulo_viewer::ViewAddresses;
 
 /// Runs the command.
 pub fn view(args: &ViewCommand) -> Result<Ended, Failure> {
+    let replay = |bag: &PathBuf| {
+        BagReader::open(bag)?;
+        Running::start(this_program()?.args(["bag", "play", "--loop"]).arg(bag))
+    };
+    let _replay = args.replayed.as_ref().map(replay).transpose()?;
     serve(args, |at| {
         say!("open {} in a browser; SIGINT ends the viewer", at.page);
         #[cfg(feature = "viewer")]
@@ -84,4 +98,36 @@ pub fn serve(args: &ViewCommand, open: impl FnOnce(&ViewAddresses)) -> Result<En
         return Ok(Ended::WithLoss);
     }
     Ok(Ended::Done)
+}
+
+/// Returns a command of this program, whose counters are not shown.
+pub fn this_program() -> Result<Command, Failure> {
+    let mut program = Command::new(std::env::current_exe().context("this program")?);
+    program.stdin(Stdio::null()).stdout(Stdio::null());
+    Ok(program)
+}
+
+/// What is beside the viewer, which is ended when this is dropped.
+pub struct Running(Child);
+
+impl Running {
+    /// Starts `command`. Ctrl-C reaches this process alone, which then ends the other one.
+    pub fn start(command: &mut Command) -> Result<Self, Failure> {
+        Ok(Self(command.process_group(0).spawn().with_context(|| format!("{command:?}"))?))
+    }
+
+    /// Asks it to end, and waits for it: `modulo launch` has time limits of its own.
+    pub fn stop(&mut self) {
+        // It is waited for once; before that, its number belongs to nobody else.
+        if let Ok(None) = self.0.try_wait() {
+            let _ = kill(Pid::from_raw(self.0.id().cast_signed()), Signal::SIGINT);
+            let _ = self.0.wait();
+        }
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.stop();
+    }
 }

@@ -4,10 +4,11 @@
     python3 tests/peers/view.py target/debug/modulo
 
 Exit code 1 when the page shows no frame, shows images of two moments of a camera at once, lets one camera wait for another one, lays
-one text over another, draws a line between two nodes that have none, shows a frame without its boxes, has a control that the keyboard does not reach, or does not go on after a loss; when a control does not reach
-its node, the console has an error, the page asks for anything outside of its origin, or a script without the token can connect.
+one text over another, draws a line between two nodes that have none, shows a frame without its boxes, loses the open tab, changes the colour of a node, has a control that the keyboard does not reach, or does not go on after a loss;
+when a control does not reach its node, the console has an error, the page asks for anything outside of its origin, or a script without the token can connect.
 """
 
+import json
 import os
 import re
 import shutil
@@ -19,10 +20,12 @@ from pathlib import Path
 
 from playwright.sync_api import sync_playwright
 
-from replay import ROOT, address, check, viewer
+from replay import BAG, ROOT, address, check, viewer
 
 PATIENCE_MS = 60_000
 WIDTHS = {390: 844, 820: 1180, 1500: 1000, 2560: 1440}
+# The tabs, each with a part of its content.
+TABS = {"look": "#topic-list input", "time": ".plots canvas", "nodes": "#graph article", "parameters": "details.node"}
 
 # Mean code of the image of a topic: 0 as long as nothing was drawn.
 MEAN = """(topic) => {
@@ -56,6 +59,18 @@ EDGES = """() => [...document.querySelectorAll("#graph path")].map((path) => {
     }
     return touched.join(" -> ");
 }).sort()"""
+COLOURS = """() => Object.fromEntries([...document.querySelectorAll("article h3")].map((head) =>
+    [head.querySelector("span").textContent, getComputedStyle(head.querySelector(".mark")).backgroundColor]))"""
+# What the table of the pixel says of a stream: its codes, and what is below them.
+PIXEL = """(topic) => [...document.querySelectorAll("#pixel tr")].filter((row) => row.querySelector("th").textContent === topic)
+    .map((row) => [...row.querySelectorAll("td")].map((cell) => [cell.firstChild.textContent, cell.querySelector("small").textContent]))[0] ?? []"""
+# The score of an image with a box where the ideal image has two, and where it has labels; that of the ideal image itself.
+SCORES = """async () => {
+    const { scoreOf } = await import("/marks.js");
+    const boxes = (...places) => [["/boxes", places.map((at) => ({ edges: [at, 0, at + 10, 10], class: "car", score: 0.9 }))]];
+    const [image, ideal] = [{ boxes: boxes(0, 50), truth: [] }, { boxes: boxes(1, 20), truth: [] }];
+    return [image, { ...image, truth: boxes(50)[0][1] }, ideal].map((image) => scoreOf(image, ideal, 0.5));
+}"""
 WITHOUT_TOKEN = """() => new Promise((done) => {
     const socket = new WebSocket(`ws://${location.host}/socket?token=0123456789abcdef`);
     socket.onopen = () => done("opened");
@@ -137,13 +152,19 @@ class Relay:
     """Stands between the page and the viewer, so that a connection can end with a question on its way."""
 
     def __init__(self, page):
-        self.sockets, self.deaf = [], False
+        self.sockets, self.deaf, self.pixel = [], False, None
         page.route_web_socket("**/socket*", self.open)
 
     def open(self, socket):
         server = socket.connect_to_server()
         self.sockets.append(socket)
-        socket.on_message(lambda message: None if self.deaf else server.send(message))
+        socket.on_message(lambda message: self.send(server, message))
+
+    def send(self, server, message):
+        if "pixel" in message:
+            self.pixel = json.loads(message)["pixel"]
+        if not self.deaf:
+            server.send(message)
 
     def lose(self, page, ask):
         """Calls `ask`, whose message does not arrive, and waits for the next connection."""
@@ -166,6 +187,38 @@ def stamps_agree(page, frames):
     check(not mixed, f"all images of a moment have one stamp, over {len(moments)} changes of the page: {mixed[:3]}")
 
 
+def open_tab(page, name):
+    page.click(f"#{name}-tab")
+    page.wait_for_selector(TABS[name], timeout=PATIENCE_MS)
+
+
+def turn_the_tabs(page):
+    """One tab at a time shows its content, by mouse and by keyboard, and the address keeps it."""
+    seen = "() => [...document.querySelectorAll('[role=tabpanel]')].filter((panel) => panel.checkVisibility()).map(({ id }) => id)"
+    for name in TABS:
+        open_tab(page, name)
+        chosen = page.locator("[role=tab][aria-selected=true]").all_text_contents()
+        check(page.evaluate(seen) == [f"{name}-panel"] and [word.lower() for word in chosen] == [name], f"the tab {name} shows its content alone")
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("ArrowLeft")
+    page.keyboard.press("ArrowLeft")
+    wait(page, "() => document.activeElement.id === 'nodes-tab' && document.getElementById('nodes-panel').checkVisibility()")
+    page.get_by_role("radio", name="Large").click()
+    kept = page.url
+    check(kept.endswith("#nodes") and "layout=one" in kept, f"arrow keys turn the tabs, and a change of the view keeps the tab: {kept}")
+    page.goto("about:blank")
+    page.goto(kept)
+    page.wait_for_selector(TABS["nodes"], timeout=PATIENCE_MS)
+    large = page.get_by_role("radio", name="Large").get_attribute("aria-checked")
+    check(page.evaluate(seen) == ["nodes-panel"] and large == "true", "the address shows the same view again")
+    page.get_by_role("radio", name="Grid").click()
+    page.evaluate("() => document.activeElement.blur()")
+    page.keyboard.press("/")
+    check(page.evaluate(seen) == ["parameters-panel"] and page.evaluate("() => document.activeElement.id") == "search", "/ searches the parameters")
+    page.keyboard.press("Escape")
+    open_tab(page, "look")
+
+
 def follow_the_input(page):
     page.select_option("#input", "modulo")
     wait(page, f"(topic) => /box/.test(({CAPTION})(topic))", "/modulo")
@@ -180,14 +233,35 @@ def follow_the_input(page):
 def look_at_pixels(page, relay):
     box = page.locator(".large .picture").first.bounding_box()
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-    wait(page, "() => document.querySelectorAll('#pixel tbody tr').length >= 2")
-    check(True, "the pixel under the pointer is shown in each stream")
+    rows = "() => document.querySelectorAll('#pixel tr').length >= 2"
+    wait(page, rows)
+    codes, light = page.evaluate(PIXEL, "/modulo"), page.evaluate(PIXEL, "/recovered")
+    # The recovered image has steps of alpha / 255, and is shown with two digits.
+    sums = [int(below.removeprefix("k ")) + int(code) / 255 - float(radiance) for (code, below), (_, radiance) in zip(codes, light)]
+    check(len(sums) == 3 and all(abs(far) < 0.03 for far in sums), f"code, wraps k and radiance of the pixel agree: {codes} {light}")
+    look_at_an_earlier_one(page, relay)
     relay.lose(page, lambda: page.mouse.move(box["x"] + 3, box["y"] + 3))
     wait(page, f"(topic) => ({MEAN})(topic) > 5", "/recovered")
-    page.evaluate("() => document.querySelector('#pixel tbody').replaceChildren()")
+    page.evaluate("() => document.querySelector('#pixel table').replaceChildren()")
     page.mouse.move(box["x"] + box["width"] / 3, box["y"] + box["height"] / 3)
-    wait(page, "() => document.querySelectorAll('#pixel tbody tr').length >= 2")
+    wait(page, rows)
     check(True, "the page says that the connection is lost, and goes on with the next one")
+
+
+def look_at_an_earlier_one(page, relay):
+    page.click("#live")
+    page.evaluate("() => document.activeElement.blur()")
+    before = page.evaluate(STAMP, "/modulo")
+    for _ in range(3):
+        page.keyboard.press("ArrowLeft")
+    wait(page, f"(before) => ({STAMP})('/modulo') !== before", before)
+    box = page.locator(".large .picture").first.bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 4, box["y"] + box["height"] / 3)
+    page.wait_for_timeout(1000)
+    asked = {topic: f"{seconds}.{nanos:09}" for topic, (seconds, nanos) in relay.pixel["images"]}
+    shown = {topic: page.evaluate(STAMP, topic) for topic in ["/modulo", "/recovered"]}
+    check(shown.items() <= asked.items() and len(page.evaluate(PIXEL, "/modulo")) == 3, f"the pixel is that of the shown frame: {asked} {shown}")
+    page.keyboard.press("Escape")
 
 
 def zoom_in(page):
@@ -220,6 +294,7 @@ def zoom_in(page):
 
 def stop_in_the_strip(page):
     """A click in the strip shows the frame of that time with its boxes."""
+    open_tab(page, "time")
     wait(page, "() => document.querySelector('.kept').clientWidth > 8")
     kept, plots = page.locator(".kept").bounding_box(), page.locator(".plots").bounding_box()
     page.mouse.click(kept["x"] + kept["width"] / 2, plots["y"] + 60)
@@ -243,6 +318,7 @@ def stop_in_the_strip(page):
 
 
 def set_parameters(page):
+    open_tab(page, "parameters")
     page.fill("#search", "score_threshold")
     field = page.locator(".field:visible", has=page.locator("label", has_text="score_threshold"))
     check(field.count() == 1, "the search finds the parameter")
@@ -270,19 +346,26 @@ def fit_each_window(page, folder):
         page.emulate_media(color_scheme=scheme)
         for width, height in WIDTHS.items():
             page.set_viewport_size({"width": width, "height": height})
-            page.wait_for_timeout(900)
-            page.evaluate("() => window.scrollTo(0, 0)")
-            if folder:
-                page.screenshot(path=f"{folder}/{scheme}_{width}.png")
-            # With everything unfolded there is the most that can collide.
-            page.evaluate("() => document.querySelectorAll('details').forEach((details) => { details.open = true; })")
-            page.wait_for_timeout(900)
-            clashes = page.evaluate(CLASHES)
-            check(not clashes, f"{width} px, {scheme}: no text over another one, nothing outside of the page: {clashes[:5]}")
-            page.evaluate("() => document.querySelectorAll('details').forEach((details) => { details.open = false; })")
-            if scheme == "dark":
-                reach_by_keyboard(page, width)
+            for tab in TABS:
+                open_tab(page, tab)
+                fit_the_tab(page, tab, scheme, width, folder)
     page.set_viewport_size({"width": 1500, "height": 1000})
+
+
+def fit_the_tab(page, tab, scheme, width, folder):
+    page.evaluate("() => window.scrollTo(0, 0)")
+    page.wait_for_timeout(900)
+    if folder:
+        page.screenshot(path=f"{folder}/{tab}_{scheme}_{width}.png", full_page=True)
+    tall = page.evaluate("() => document.documentElement.scrollHeight")
+    # With everything unfolded there is the most that can collide.
+    page.evaluate("() => document.querySelectorAll('details').forEach((details) => { details.open = true; })")
+    page.wait_for_timeout(900)
+    clashes = page.evaluate(CLASHES)
+    check(not clashes and tall < 3000, f"{tab}, {width} px, {scheme}: no text over another one, nothing outside of the page of {tall} px: {clashes[:5]}")
+    page.evaluate("() => document.querySelectorAll('details').forEach((details) => { details.open = false; })")
+    if scheme == "dark":
+        reach_by_keyboard(page, width)
 
 
 def reach_by_keyboard(page, width):
@@ -322,18 +405,20 @@ def drive_the_replay(page):
 
 def lose_a_node(page):
     """A node that is killed is told, and the page goes on when it is back."""
+    open_tab(page, "nodes")
+    colours = page.evaluate(COLOURS)
     found = subprocess.run(["pgrep", "-f", f"^{MODULO} run detector"], capture_output=True, text=True, check=True)
     for pid in found.stdout.split():
         if f"ROS_DOMAIN_ID={os.environ['ROS_DOMAIN_ID']}" in Path(f"/proc/{pid}/environ").read_text().split("\0"):
             os.kill(int(pid), signal.SIGKILL)
     wait_text(page, "notice", "Gone: detector")
     wait(page, "() => document.querySelectorAll('article.gone').length === 1")
-    check(True, "a killed node is told and red")
+    check(len(set(colours.values())) == 3 and page.evaluate(COLOURS) == colours, f"a killed node is told and red, and all nodes keep their colours: {colours}")
     again = subprocess.Popen([MODULO, "run", "detector", "--ros-args", "-p", "engine:=rten"], cwd=ROOT, start_new_session=True)
     try:
         wait(page, "() => !document.querySelector('article.gone')")
         wait(page, f"(topic) => /[1-9][0-9]* box/.test(({CAPTION})(topic))", "/recovered")
-        check(True, "the page goes on with its boxes when it is back")
+        check(page.evaluate(COLOURS) == colours, "the page goes on with its boxes when it is back")
     finally:
         os.killpg(again.pid, signal.SIGTERM)
 
@@ -353,12 +438,16 @@ def drive(page, address, folder):
     stamps_agree(page, 20)
     wait_text(page, "link", f"Domain {os.environ['ROS_DOMAIN_ID']}: 3 nodes")
     check(True, "the page says the domain and the number of nodes")
+    check(page.evaluate(SCORES) == ["found 1 of 2 of /ideal", "found 1 of 1", ""], f"images are scored by labels, else by the ideal image: {page.evaluate(SCORES)}")
+    turn_the_tabs(page)
+    open_tab(page, "parameters")
     first = page.evaluate("""() => [...document.querySelectorAll("details.node")].map((node) =>
         [node.querySelector("summary").textContent, node.querySelector(".field label").textContent])""")
     check(["/unwrap", "alpha"] in first and ["/detector", "score_threshold"] in first, f"what is changed most comes first: {first}")
     lens = page.evaluate("""() => [...document.querySelectorAll("input[type=range]")].filter(({ ariaLabel }) => ariaLabel === "psf_sigma, slider")
         .map(({ min, max }) => [min, max])""")
     check(lens and all(most == "3" for _, most in lens), f"the slider of the lens has the useful range: {lens}")
+    open_tab(page, "look")
     follow_the_input(page)
     look_at_pixels(page, relay)
     zoom_in(page)
@@ -379,6 +468,7 @@ def show_two_cameras(page, address):
     topics = ["/front/metered", "/rear/metered"]
     for topic in topics:
         wait(page, f"(topic) => /[1-9][0-9]* box/.test(({CAPTION})(topic))", topic)
+    open_tab(page, "time")
     stamps, strips = {topic: set() for topic in topics}, set()
     for _ in range(50):
         page.wait_for_timeout(200)
@@ -427,6 +517,7 @@ def keep_the_boxes(page, address, folder):
 
 
 def check_edges(page):
+    open_tab(page, "nodes")
     wanted = set()
     for topic in ["modulo", "recovered", "metered", "saturated", "auto_exposed", "ideal"]:
         info = subprocess.run([MODULO, "topic", "info", "-v", f"/{topic}"], capture_output=True, text=True, check=True).stdout
@@ -439,6 +530,15 @@ def check_edges(page):
         drawn = page.evaluate(EDGES)
         check(drawn == wanted, f"{width} px: the lines between nodes are the real ones, {wanted}: {drawn if drawn != wanted else ''}")
     page.set_viewport_size({"width": 1500, "height": 1000})
+
+
+def show_the_bag(page, address):
+    """A bag is replayed beside the viewer, as it was recorded."""
+    page.goto(address)
+    wait(page, f"(topic) => ({MEAN})(topic) > 5", "/modulo")
+    page.get_by_role("button", name="Pause the replay").click()
+    wait_text(page, "notice", "The replay is paused")
+    check(True, "`modulo view BAG` shows the bag, and its replay can be paused")
 
 
 def open_the_recording(page, file, topics):
@@ -456,6 +556,12 @@ def open_the_recording(page, file, topics):
                 page.keyboard.press("ArrowLeft")
                 page.wait_for_timeout(200)
         check(page.evaluate(STAMP, topic) != stamp, f"an arrow key shows the frame of {topic} before that of the recording's end")
+    open_tab(page, "time")
+    for width in [900, 1400]:
+        page.set_viewport_size({"width": width, "height": 1000})
+    page.wait_for_timeout(500)
+    widths = page.evaluate("() => [document.querySelector('.plots canvas').clientWidth, document.querySelector('.plots canvas').width]")
+    check(widths[0] == widths[1], f"the strip of a recording follows the window: {widths}")
     clashes = page.evaluate(CLASHES)
     check(not clashes and not errors, f"a recording of {file.stat().st_size >> 10} KiB shows its frames without a viewer: {clashes[:3]} {errors}")
 
@@ -481,6 +587,10 @@ def main():
         suite = [["launch", "launch/compare.launch.yaml", "engine:=rten", "rate:=10", "loop:=true", "source:=scene://day?seed=3&frames=20&width=320&height=96"]]
         with viewer(MODULO, "141", suite=suite) as process, opened(browser) as page:
             keep_the_boxes(page, address(process, "http://"), folder)
+        with viewer(MODULO, "142", str(BAG), suite=[]) as process, opened(browser) as page:
+            show_the_bag(page, address(process, "http://"))
+        left = subprocess.run(["pgrep", "-f", f"bag play --loop {BAG}"], capture_output=True, text=True).stdout
+        check(not left, f"the replay ends with the viewer: {left}")
         for recording, topics in zip(recordings, [["/recovered"], ["/front/metered", "/rear/metered"]]):
             with opened(browser) as page:
                 open_the_recording(page, recording, topics)

@@ -139,11 +139,16 @@ fn a_page_shows_images_with_their_boxes_and_sets_parameters() {
     assert_eq!(image["boxes"][0][0], "/detector/detections");
     let peaks = image["peaks"].as_f64().expect("an image of radiance");
     assert!((peaks - 0.97 * 4.0).abs() < 1e-9, "headroom and alpha of the camera: {peaks}");
-    page.event("image", |image| image["topic"] == "/modulo");
-    page.ask(&json!({ "pixel": { "u": 3, "v": 2 } }));
+    let modulo = page.event("image", |image| image["topic"] == "/modulo");
+    let asked =
+        [("/modulo", &modulo["stamp"]), ("/recovered", &image["stamp"]), ("/recovered", &json!([1, 2]))];
+    page.ask(&json!({ "pixel": { "u": 3, "v": 2, "images": asked } }));
     let pixel = page.event("pixel", |_| true);
-    assert_eq!(pixel["samples"].as_array().map(Vec::len), Some(2), "{pixel}");
-    assert_eq!(pixel["samples"][1]["samples"].as_array().map(Vec::len), Some(3), "{pixel}");
+    assert_eq!(pixel["samples"].as_array().map(Vec::len), Some(2), "the third has never come: {pixel}");
+    for channel in 0..3 {
+        let of = |kind: &str| pixel["samples"][1][kind][channel].as_f64().expect("three channels");
+        assert!((of("radiance") - peaks * of("samples") / 255.0).abs() < 1e-6, "{pixel}");
+    }
 
     let set = |page: &mut Page, value: &str| {
         page.ask(&json!({ "set": { "node": "/detector", "name": "input", "value": value } }));
@@ -401,6 +406,7 @@ fn the_demo_is_a_picture_of_three_images() {
     };
     assert!(white(0) > 200 && white(2) < 20, "{} {}", white(0), white(2));
     assert!(bench.says(2, "demo --image @/no/demo.png").contains("no/demo.png"));
+    assert!(bench.says(2, "view @/no_bag").contains("no_bag"));
 }
 
 /// The demonstration as a page, which ends with all its processes.

@@ -93,8 +93,8 @@ impl Client {
                 topics.iter().for_each(|topic| inbox.streams.drawn(topic));
             }
             PageRequest::Together(together) => self.watch.inbox().together = together,
-            PageRequest::Pixel { u, v } => {
-                let samples = self.watch.inbox().streams.pixel(u, v);
+            PageRequest::Pixel { u, v, images } => {
+                let samples = self.watch.inbox().streams.pixel(u, v, images);
                 return send(socket, &Event::Pixel { u, v, samples }).await;
             }
             other => {
@@ -112,7 +112,7 @@ impl Client {
             let message = moment.message();
             let is_empty = moment.images.is_empty();
             for image in moment.images {
-                self.watch.inbox().streams.sent(&image.header.topic, image.image);
+                self.watch.inbox().streams.sent(&image.header.topic, image.image, image.scale);
             }
             if !is_empty {
                 socket.send(Frame::Binary(Bytes::from(message))).await?;
@@ -145,12 +145,7 @@ impl Client {
                 Event::Set { node, name, error: set.err().map(|why| why.to_string()) }
             }
             PageRequest::Player(call) => self.play(call)?,
-            PageRequest::Watch(_)
-            | PageRequest::Drawn(_)
-            | PageRequest::Together(_)
-            | PageRequest::Pixel { .. } => {
-                unreachable!("requests without a node are answered at once")
-            }
+            _ => unreachable!("requests without a node are answered at once"),
         })
     }
 

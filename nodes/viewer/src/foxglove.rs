@@ -140,7 +140,7 @@ impl StreamChannels {
         images.map(|(topic, _)| topic.clone()).chain(inputs).collect()
     }
 
-    fn send(&self, JpegImage { image, header, jpeg }: JpegImage) {
+    fn send(&self, JpegImage { image, header, jpeg, .. }: JpegImage) {
         // Stamps before 1970 do not exist in this protocol.
         let timestamp = Timestamp::new_checked(u32::try_from(header.stamp.0).unwrap_or(0), header.stamp.1);
         for (detector, boxes) in &header.boxes {

@@ -18,8 +18,8 @@ pub(crate) const DOCUMENT: &str = include_str!("page/index.html");
 pub(crate) const FILES: &[PageFile] = files! {
     "text/css; charset=utf-8": "page.css" "stage.css" "panels.css";
     "text/javascript; charset=utf-8":
-        "dom.js" "curve.js" "plates.js" "state.js" "source.js" "marks.js" "tile.js" "stage.js" "display.js" "timeline.js" "graph.js"
-        "parameters.js" "replay.js" "keys.js" "main.js";
+        "dom.js" "tabs.js" "curve.js" "plates.js" "state.js" "source.js" "marks.js" "tile.js" "stage.js" "display.js" "timeline.js"
+        "graph.js" "parameters.js" "replay.js" "keys.js" "main.js";
 };
 
 /// A recording has no server: it loads nothing at all, and shows only what is in it.

@@ -20,8 +20,8 @@ pub enum PageRequest {
     Drawn(Vec<String>),
     /// Show the images of one stamp together (true), or the newest one of each topic.
     Together(bool),
-    /// Send the samples of the shown images at column `u` and row `v`, both from 0.
-    Pixel { u: usize, v: usize },
+    /// Send the samples of these images, by topic and stamp, at column `u` and row `v`, both from 0.
+    Pixel { u: usize, v: usize, images: Vec<(String, (i32, u32))> },
     /// Send all parameters of the node with this fully qualified name.
     Parameters(String),
     /// Set a parameter to a value in the notation of YAML.
@@ -62,7 +62,7 @@ pub enum Event {
     Set { node: String, name: String, error: Option<String> },
     /// The state of the player of a bag.
     Player { paused: bool, rate: f64 },
-    /// The samples of each shown image that has the pixel at column `u` and row `v`.
+    /// The samples of each of the images that is kept and has the pixel at column `u` and row `v`.
     Pixel { u: usize, v: usize, samples: Vec<PixelView> },
     /// A request that could not be carried out.
     Error(String),
@@ -194,10 +194,10 @@ impl ParameterView {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PixelView {
     pub topic: String,
-    /// Stamp of the image, seconds and nanoseconds.
-    pub stamp: (i32, u32),
     /// One sample for each channel, in codes.
     pub samples: Vec<f32>,
+    /// The radiance that they stand for, in peaks of the sensor; empty where nobody says.
+    pub radiance: Vec<f64>,
 }
 
 /// The header of a binary message, in front of the JPEG files of its images.
@@ -224,8 +224,6 @@ pub struct ImageHeader {
     pub height: usize,
     /// Length of its JPEG file in bytes.
     pub bytes: usize,
-    /// The sample that has the code 255 in the file, for an image of more than 8 bits.
-    pub white: Option<f32>,
     /// The radiance of the code 255, in peaks of the sensor, of a file with sRGB's codes of radiance; `None` for any other image.
     pub peaks: Option<f64>,
     /// The share of the samples in each half stop of radiance from 8 stops below the peak on; empty for any other image.

@@ -18,8 +18,6 @@ const LOOKED_AT: usize = 20_000;
 pub struct ShownImage {
     /// Codes of sRGB for images of radiance, else codes in proportion to the samples.
     pub frame: Frame,
-    /// The sample that became 255, for an image of more than 8 bits.
-    pub white: Option<f32>,
     /// The radiance of the code 255, in peaks of the sensor; `None` for an image of something else.
     pub peaks: Option<f64>,
     /// The share of the samples in each bin of the radiance.
@@ -58,21 +56,17 @@ fn of_radiance(frame: &Frame, (most, light): (f64, LightScale), audience: Audien
         }
         Samples::F32(values) => values.mapv(|sample| code(f64::from(sample))),
     };
-    let (white, frame_shown) = ((frame.depth() > 8).then_some(most as f32), Frame::from_u8(shown));
-    let shown = frame_shown.expect("the shape is that of a frame");
-    ShownImage { frame: shown, white, peaks: Some(light.white()), stops: stops(frame, (most, light)) }
+    let shown = Frame::from_u8(shown).expect("the shape is that of a frame");
+    ShownImage { frame: shown, peaks: Some(light.white()), stops: stops(frame, (most, light)) }
 }
 
 /// Samples of more than 8 bits keep their ratio; the largest one becomes white.
 fn of_samples(frame: &Frame) -> ShownImage {
-    let (frame, white) = match frame.samples() {
-        Samples::U8(_) => (frame.clone(), None),
-        _ => {
-            let white = frame.to_f32().iter().copied().fold(1.0, f32::max);
-            (tone::eight_bits(frame, white).into_owned(), Some(white))
-        }
+    let frame = match frame.samples() {
+        Samples::U8(_) => frame.clone(),
+        _ => tone::eight_bits(frame, frame.to_f32().iter().copied().fold(1.0, f32::max)).into_owned(),
     };
-    ShownImage { frame, white, peaks: None, stops: Vec::new() }
+    ShownImage { frame, peaks: None, stops: Vec::new() }
 }
 
 /// Returns the share of the samples in each bin. A sample counts for the whole interval of radiance that its code stands for, so that
@@ -137,8 +131,8 @@ mod tests {
     fn an_image_of_16_bits_has_the_white_of_its_sensor_and_any_other_one_its_largest_sample() {
         let frame = Frame::from_u16(Array3::from_elem((4, 3, 1), 512)).expect("a frame");
         let shown = ShownImage::of(&frame, scale("hdr", 16), Audience::Page);
-        assert_eq!((shown.white, shown.frame.to_f32()[[0, 0, 0]]), (Some(1024.0), 188.0), "sRGB's half");
+        assert_eq!((shown.peaks, shown.frame.to_f32()[[0, 0, 0]]), (Some(4.0), 188.0), "sRGB's half");
         let shown = ShownImage::of(&frame, None, Audience::Page);
-        assert_eq!((shown.white, shown.frame.to_f32()[[0, 0, 0]], shown.peaks), (Some(512.0), 255.0, None));
+        assert_eq!((shown.peaks, shown.frame.to_f32()[[0, 0, 0]]), (None, 255.0));
     }
 }

@@ -9,7 +9,7 @@ use modulo_msgs::cdr;
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_msgs::std_msgs::Time;
 use modulo_msgs::vision_msgs::Detection2DArray;
-use modulo_runtime::StampedFrame;
+use modulo_runtime::{LightScale, StampedFrame, StreamScale};
 
 use crate::cameras::namespace;
 use crate::feed::{MessageOrigin, input_topic};
@@ -19,6 +19,8 @@ use crate::protocol::{DetectorView, GraphView, PixelView};
 const KEPT: usize = 60;
 /// Their bytes.
 const KEPT_BYTES: usize = 64 << 20;
+/// Bytes of the images of a topic that were sent and whose pixels can be asked for.
+const SENT_BYTES: usize = 16 << 20;
 /// Results of one detector that wait for their image.
 const KEPT_BOXES: usize = 32;
 /// A moment waits at most this long for its images, ns: a busy machine needs more than a second.
@@ -47,7 +49,8 @@ struct WatchedTopic {
     since_ns: u64,
     /// Whether the client has yet to draw the last image.
     busy: bool,
-    shown: Option<Arc<StampedFrame>>,
+    /// The newest images that were sent, and what their samples mean.
+    sent: VecDeque<(Arc<StampedFrame>, Option<StreamScale>)>,
 }
 
 /// An image that has not been sent, undecoded.
@@ -111,11 +114,7 @@ impl Streams {
         }
         self.awaited.insert(topic.to_owned());
         stream.waiting.push_back(WaitingImage { stamp, at_ns: now_ns, payload });
-        let mut bytes: usize = stream.waiting.iter().map(|image| image.payload.len()).sum();
-        // The newest image stays even if it is a huge one.
-        while stream.waiting.len() > 1 && (stream.waiting.len() > KEPT || bytes > KEPT_BYTES) {
-            bytes -= stream.waiting.pop_front().map_or(0, |image| image.payload.len());
-        }
+        drop_oldest(&mut stream.waiting, KEPT_BYTES, |image| image.payload.len());
     }
 
     pub(crate) fn boxes(&mut self, origin: &MessageOrigin, boxes: Arc<Detection2DArray>, now_ns: u64) {
@@ -153,10 +152,12 @@ impl Streams {
         }
     }
 
-    /// Notes the image that was sent.
-    pub fn sent(&mut self, topic: &str, image: Arc<StampedFrame>) {
+    /// Notes the image that was sent, and what its samples mean.
+    pub fn sent(&mut self, topic: &str, image: Arc<StampedFrame>, scale: Option<StreamScale>) {
         if let Some(stream) = self.topics.get_mut(topic) {
-            stream.shown = Some(image);
+            stream.sent.push_back((image, scale));
+            let samples = |f: &Frame| f.height() * f.width() * f.channels() * usize::from(f.depth()) / 8;
+            drop_oldest(&mut stream.sent, SENT_BYTES, |(image, _)| samples(&image.frame));
         }
     }
 
@@ -268,16 +269,28 @@ impl Streams {
         found.map(|result| result.boxes.clone())
     }
 
-    /// Returns the samples of the shown images at column `u` and row `v`.
-    pub fn pixel(&self, u: usize, v: usize) -> Vec<PixelView> {
-        let shown = self.topics.iter().filter_map(|(topic, stream)| Some((topic, stream.shown.as_ref()?)));
-        let inside = shown.filter(|(_, image)| v < image.frame.height() && u < image.frame.width());
-        let view = |(topic, image): (&String, &Arc<StampedFrame>)| PixelView {
-            topic: topic.clone(),
-            stamp: (image.header.stamp.sec, image.header.stamp.nanosec),
-            samples: samples_at(&image.frame, v, u),
+    /// Returns the samples of `images`, named by topic and stamp, at column `u` and row `v`. Those that are no longer kept are left out.
+    pub fn pixel(&self, u: usize, v: usize, images: Vec<(String, (i32, u32))>) -> Vec<PixelView> {
+        let view = |(topic, (sec, nanosec))| {
+            let mut newest_first = self.topics.get(&topic)?.sent.iter().rev();
+            let (image, scale) = newest_first.find(|sent| sent.0.header.stamp == Time { sec, nanosec })?;
+            let is_inside = v < image.frame.height() && u < image.frame.width();
+            let samples = is_inside.then(|| samples_at(&image.frame, v, u))?;
+            let light = scale.and_then(|scale| Some((scale.most(), scale.light()?)));
+            let radiance = |(most, light): (f64, LightScale)| {
+                samples.iter().map(|&sample| light.radiance(f64::from(sample) / most)).collect()
+            };
+            Some(PixelView { topic, radiance: light.map_or_else(Vec::new, radiance), samples })
         };
-        inside.map(view).collect()
+        images.into_iter().filter_map(view).collect()
+    }
+}
+
+/// Drops the oldest of the images that are kept when there are too many. The newest one stays even if it is a huge one.
+fn drop_oldest<T>(images: &mut VecDeque<T>, most: usize, size: impl Fn(&T) -> usize) {
+    let mut bytes: usize = images.iter().map(&size).sum();
+    while images.len() > 1 && (images.len() > KEPT || bytes > most) {
+        bytes -= images.pop_front().map_or(0, |image| size(&image));
     }
 }
 
@@ -337,6 +350,7 @@ mod tests {
     use modulo_msgs::diagnostic_msgs::{DiagnosticStatus, KeyValue};
     use modulo_msgs::image::encode_frame;
     use modulo_msgs::std_msgs::Header;
+    use modulo_runtime::SensorModel;
     use ndarray::Array3;
 
     use super::*;
@@ -660,5 +674,26 @@ mod tests {
         assert!(streams.topics["/modulo"].waiting.is_empty(), "older images are never shown later");
         streams.image("/modulo", Payload::new(vec![0, 1]), 0);
         assert!(streams.topics["/modulo"].waiting.is_empty(), "a cut message");
+    }
+
+    #[test]
+    fn a_pixel_is_that_of_the_image_that_is_asked_for() {
+        let (mut streams, topic) = (Streams::default(), "/recovered".to_owned());
+        streams.watch(std::slice::from_ref(&topic));
+        let sensor = SensorModel { alpha: 4.0, headroom: 1.0, ..SensorModel::default() };
+        let scale = StreamScale::of(&topic, 8, Some(&sensor), 0);
+        // A row more than a quarter of what is kept.
+        let size = (1025, 4096, 1);
+        for ns in 1..=4 {
+            let frame = Frame::from_u8(Array3::from_elem(size, 51 * ns as u8)).expect("a frame");
+            streams.sent(&topic, Arc::new(StampedFrame { header: header(ns), frame }), scale);
+        }
+        let pixel = |u, ns| streams.pixel(u, 1024, vec![(topic.clone(), (0, ns))]).pop();
+        let expected =
+            PixelView { topic: topic.clone(), samples: vec![102.0], radiance: vec![4.0 * 102.0 / 255.0] };
+        assert_eq!(pixel(4095, 2), Some(expected));
+        assert_eq!(pixel(4096, 2), None, "right of the image");
+        assert_eq!(pixel(0, 1), None, "no longer kept");
+        assert_eq!(pixel(0, 5), None, "not yet sent");
     }
 }

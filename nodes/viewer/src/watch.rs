@@ -58,6 +58,7 @@ pub(crate) struct Inbox {
 
 pub(crate) struct JpegImage {
     pub image: Arc<StampedFrame>,
+    pub scale: Option<StreamScale>,
     pub header: ImageHeader,
     pub jpeg: Vec<u8>,
 }
@@ -258,11 +259,10 @@ fn encode(next: &NextImage, sensor: Option<&SensorModel>, audience: Audience) ->
         width: image.frame.width(),
         height: image.frame.height(),
         bytes: jpeg.len(),
-        white: shown.white,
         peaks: shown.peaks,
         stops: shown.stops,
         boxes: boxes.collect(),
         truth: next.truth.iter().flat_map(|(_, labels)| BoxView::of(labels)).collect(),
     };
-    Ok(JpegImage { image, header, jpeg })
+    Ok(JpegImage { image, scale, header, jpeg })
 }

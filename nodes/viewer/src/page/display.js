@@ -1,8 +1,8 @@
 // How images are shown: the curve, the overlays, the histogram of radiance, and the values of a pixel.
 
 import { CURVES } from "./curve.js";
-import { byId, fitted, labelled, make, offer, style, write } from "./dom.js";
-import { namespaceOf, sensorOf, stampKey } from "./state.js";
+import { byId, fitted, labelled, make, offer, rounded, style, write } from "./dom.js";
+import { namespaceOf } from "./state.js";
 
 const LEAST_STOP = -8;
 const BINS_OF_A_STOP = 2;
@@ -53,15 +53,8 @@ export class Display {
     this.words = make("p", { className: "quiet" });
     byId("histogram").append(labelled("Stream", this.select), this.plot, this.scale, this.words);
     this.place = make("p", { className: "quiet", textContent: "Point at an image." });
-    this.rows = make("tbody");
-    const head = make(
-      "tr",
-      {},
-      ...["stream", "red", "green", "blue"].map((textContent) => make("th", { scope: "col", textContent })),
-    );
-    this.table = make("table", { hidden: true }, make("thead", {}, head), this.rows);
-    this.wraps = make("p", { className: "quiet" });
-    byId("pixel").append(this.place, this.table, this.wraps);
+    this.table = make("table", { hidden: true });
+    byId("pixel").append(this.place, this.table);
   }
 
   withOutput(text, control, name) {
@@ -120,45 +113,34 @@ export class Display {
     this.plot.setAttribute("aria-label", `Radiance of ${image.topic} in stops from the sensor's peak. ${told}`);
   }
 
-  drawPixel(state) {
-    const { pixel, shown } = state;
+  // Of each image the codes, and below them what they stand for: wraps k, or radiance.
+  drawPixel({ pixel }) {
     if (!pixel || pixel === this.pixel) return;
     this.pixel = pixel;
-    const stamps = new Set([...(shown?.moment.images.values() ?? [])].map(({ key }) => key));
-    const isNow = pixel.samples.every(({ stamp }) => stamps.has(stampKey(stamp)));
-    write(this.place, `Column ${pixel.u}, row ${pixel.v}; values in codes of the stream${isNow ? "" : ", of the newest frame"}.`);
+    const { u, v, samples: all } = pixel;
+    const told = all.length ? "codes, and the radiance in peaks of the sensor or the wraps k" : "the viewer no longer keeps this frame";
+    write(this.place, `Column ${u}, row ${v}: ${told}`);
     const text = (value) => (Number.isInteger(value) ? String(value) : value.toFixed(2));
-    this.rows.replaceChildren(
-      ...pixel.samples.map(({ topic, samples }) => {
-        const three = samples.length === 1 ? [samples[0], samples[0], samples[0]] : samples;
-        return make(
-          "tr",
-          {},
-          make("th", { scope: "row", textContent: topic }),
-          ...three.map((value) => make("td", { textContent: text(value) })),
+    this.table.replaceChildren(
+      ...all.map((image) => {
+        const below = wrapsOf(image, all) ?? image.radiance.map(rounded);
+        const cells = image.samples.map((code, channel) =>
+          make("td", { colSpan: 3 / image.samples.length }, text(code), make("small", { textContent: below[channel] ?? "" })),
         );
+        return make("tr", {}, make("th", { scope: "row", textContent: image.topic }), ...cells);
       }),
     );
-    this.table.hidden = pixel.samples.length === 0;
-    write(this.wraps, wrapsText(state, pixel.samples));
+    this.table.hidden = all.length === 0;
   }
 }
 
 const isFolded = (topic) => topic.endsWith("/modulo");
 const isClipped = (topic) => topic.endsWith("/saturated");
 
-// x = y + k * 2^b, where both images are of the same moment and /hdr holds x.
-function wrapsText(state, samples) {
-  const of = (name) => samples.find(({ topic }) => topic.endsWith(name));
-  const [y, x] = [of("/modulo"), of("/hdr")];
-  const bits = y && Number(sensorOf(state, y.topic).bits);
-  const same =
-    y &&
-    x &&
-    stampKey(y.stamp) === stampKey(x.stamp) &&
-    y.samples.length === x.samples.length &&
-    namespaceOf(x.topic) === namespaceOf(y.topic);
-  if (!same || !(bits > 0)) return "";
-  const wraps = x.samples.map((value, channel) => Math.round((value - y.samples[channel]) / 2 ** bits));
-  return `Wraps k of each channel: ${wraps.join(", ")} (x = y + k · 2^${bits})`;
+// k of x = y + k * 2^b: the radiance of an unwrapped image is that of the wrapped one and k peaks of the sensor.
+function wrapsOf({ topic, radiance }, all) {
+  const unwrapped = ["hdr", "recovered"].map((name) => all.find((image) => image.topic === `${namespaceOf(topic)}/${name}`));
+  const x = unwrapped.find((image) => image?.radiance.length === radiance.length);
+  if (!isFolded(topic) || !x || !radiance.length) return null;
+  return x.radiance.map((light, channel) => `k ${Math.round(light - radiance[channel])}`);
 }

@@ -1,7 +1,7 @@
 // The nodes of the suite, from the camera on, with the topics between them.
 
 import { byId, make, makeSvg, rounded, write } from "./dom.js";
-import { healthOf, now, rateOf, shortName, visibleNodes } from "./state.js";
+import { colourOf, healthOf, now, rateOf, shortName, visibleNodes } from "./state.js";
 
 const HEALTH = { gone: "gone", skips: "skips frames", warns: "warns", fails: "fails", starts: "starts", runs: "runs" };
 const GRAPH_REDRAW_MS = 500;
@@ -16,10 +16,10 @@ export class Graph {
   }
 
   draw(state) {
-    if (performance.now() - this.drawnAt < GRAPH_REDRAW_MS) return;
-    this.drawnAt = performance.now();
+    const width = byId("graph").clientWidth;
+    if (performance.now() - this.drawnAt < GRAPH_REDRAW_MS && width === this.width) return;
+    [this.drawnAt, this.width] = [performance.now(), width];
     const names = visibleNodes(state);
-    byId("suite").hidden = names.length === 0;
     const links = state.graph.links.filter(({ from, to }) => names.includes(from) && names.includes(to));
     this.arrange(names, links);
     for (const name of names)
@@ -28,19 +28,20 @@ export class Graph {
         name,
         links.filter(({ to }) => to === name),
       );
-    this.drawLines(links);
+    this.drawLines(state, links);
   }
 
   card(name) {
     if (!this.cards.has(name)) {
       const parts = {
+        mark: make("i", { className: "mark" }),
         state: make("span", { className: "state" }),
         message: make("p", { className: "quiet" }),
         inputs: make("ul"),
         five: make("dl", { className: "five" }),
         all: make("dl", { className: "all" }),
       };
-      const head = make("h3", {}, make("span", { textContent: shortName(name) }), parts.state);
+      const head = make("h3", {}, parts.mark, make("span", { textContent: shortName(name) }), parts.state);
       const details = make("details", {}, make("summary", { textContent: "All values" }), parts.all);
       this.cards.set(name, {
         ...parts,
@@ -79,6 +80,7 @@ export class Graph {
     const health = healthOf(state, name);
     const last = history.at(-1);
     card.element.className = health;
+    card.mark.style.background = `var(${colourOf(state, name)})`;
     const since = goneAt === null ? "" : ` ${((now(state) - goneAt) / 1000).toFixed(0)} s ago`;
     write(card.state, `${HEALTH[health]}${since}${restarts ? `, restarted ${restarts} times` : ""}`);
     write(card.message, last?.message && last.message !== "running" ? last.message : "");
@@ -97,7 +99,7 @@ export class Graph {
 
   // From the right edge of a card to the entry of the topic in a card of the next column; above the columns between to a later one.
   // Where cards are below each other, in the lane of the sender beside them. No line touches a card that it does not belong to.
-  drawLines(links) {
+  drawLines(state, links) {
     const origin = byId("graph").getBoundingClientRect();
     const columns = [...this.columns.children];
     const lanes = [...new Set(links.map(({ from }) => from))];
@@ -119,7 +121,7 @@ export class Graph {
           : steps === 1
             ? `M ${x} ${start.middle} C ${(x + end) / 2} ${start.middle} ${(x + end) / 2} ${y} ${end} ${y}`
             : `M ${x} ${start.middle} H ${x + 4 + 3 * lane} V ${2 + 4 * lane} H ${end - 10} V ${y} H ${end}`;
-      return makeSvg("path", { d: `${way} m -6 -4 l 6 4 l -6 4`, stroke: `var(--series-${(lane % 6) + 1})` });
+      return makeSvg("path", { d: `${way} m -6 -4 l 6 4 l -6 4`, stroke: `var(${colourOf(state, from)})` });
     };
     this.lines.replaceChildren(...links.map(line));
   }

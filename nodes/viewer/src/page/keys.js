@@ -2,6 +2,7 @@
 
 import { byId, make } from "./dom.js";
 import { LAYOUTS } from "./stage.js";
+import { openTab } from "./tabs.js";
 
 const KEYS = [
   ["1 to 9", "shows or hides a stream"],
@@ -26,7 +27,7 @@ export function listenToKeys(state, actions) {
   );
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
-    const target = event.target.closest?.("input, select, textarea, button, summary");
+    const target = event.target.closest?.("input, select, textarea, button, summary, a");
     if (event.key === "Escape") target?.blur();
     else if (target && !(target.type === "checkbox" && event.key !== " ")) return;
     const act = actionOf(event.key, state, actions);
@@ -57,6 +58,9 @@ function actionOf(key, { choice, graph, stopped }, actions) {
     i: () => actions.nextInput(),
     p: graph.player ? () => actions.player("toggle") : null,
     n: graph.player ? () => actions.player("next") : null,
-    "/": () => byId("search").focus(),
+    "/": () => {
+      openTab("parameters");
+      byId("search").focus();
+    },
   }[key];
 }

@@ -10,6 +10,7 @@ import { Quick, Replay } from "./replay.js";
 import { openSocket, playRecording, recordingText } from "./source.js";
 import { Stage } from "./stage.js";
 import { addressOf, choiceOf, find, hear, hearImages, momentOf, namespaceOf, newState, noticeOf, now, topicsOf, zoomed } from "./state.js";
+import { drawTabs } from "./tabs.js";
 import { Timeline, nearest } from "./timeline.js";
 
 const TICK_MS = 500;
@@ -27,7 +28,7 @@ function redraw() {
   isDue = true;
   requestAnimationFrame(() => {
     isDue = false;
-    views.forEach((view) => view.draw(state));
+    [...views, panels[drawTabs()]].forEach((view) => view.draw(state));
   });
 }
 
@@ -50,7 +51,8 @@ const header = {
 let ask = () => {};
 let watched = "";
 let known = new Set(); // the nodes whose parameters were asked for
-let pixelAsked = false;
+let pixelAsked = ""; // what the viewer was asked for
+let pixelComes = false; // whether it has yet to answer
 let pointed = null; // where the pointer was last on an image
 
 // The confidence of each camera that is shown is needed for its overlay.
@@ -65,13 +67,21 @@ function watch() {
   ask({ watch: all });
 }
 
-// The pixel under the pointer, again with each new frame.
+// The pixel under the pointer in each image that is shown.
 function askPixel() {
-  const image = state.shown?.moment.images.get(pointed?.topic);
-  if (!image || pixelAsked) return;
-  pixelAsked = true;
-  const at = (share, size) => Math.min(size - 1, Math.max(0, Math.floor(share * size)));
-  ask({ pixel: { u: at(pointed.share[0], image.width), v: at(pointed.share[1], image.height) } });
+  const shown = state.shown?.moment.images ?? new Map();
+  const image = shown.get(pointed?.topic);
+  if (!image || pixelComes) return;
+  const [u, v] = pointed.share.map((share, axis) => {
+    const size = axis ? image.height : image.width;
+    return Math.min(size - 1, Math.max(0, Math.floor(share * size)));
+  });
+  const place = ({ topic }) => state.graph.images.indexOf(topic);
+  const images = [...shown.values()].sort((a, b) => place(a) - place(b));
+  const request = { pixel: { u, v, images: images.map(({ topic, stamp }) => [topic, stamp]) } };
+  if (JSON.stringify(request) === pixelAsked) return;
+  [pixelAsked, pixelComes] = [JSON.stringify(request), true];
+  ask(request);
 }
 
 // ---- images ----
@@ -123,7 +133,7 @@ function takeImages(header, files) {
 const actions = {
   choose(change) {
     Object.assign(state.choice, change);
-    if (!state.recorded) history.replaceState(null, "", addressOf(location.search, state.choice));
+    if (!state.recorded) history.replaceState(null, "", addressOf(location, state.choice));
     if ("together" in change) {
       state.newest.clear();
       ask({ together: state.choice.together });
@@ -200,7 +210,10 @@ function takeEvent(event, at) {
   }
   // Shown is what the node has now, whether it took the value or not.
   if (kind === "set") ask({ parameters: event.set.node });
-  if (kind === "pixel") pixelAsked = false;
+  if (kind === "pixel") {
+    pixelComes = false;
+    askPixel();
+  }
   redraw();
 }
 
@@ -209,7 +222,7 @@ const listen = {
   images: takeImages,
   opened() {
     // The answers to what was asked before are lost, and the parameters may have changed: all nodes are new to this socket.
-    [watched, known, pixelAsked, held] = ["", new Set(), false, null];
+    [watched, known, pixelAsked, pixelComes, held] = ["", new Set(), "", false, null];
     state.link = { text: "connected", level: "on" };
     ask({ together: state.choice.together });
     watch();
@@ -227,19 +240,17 @@ const listen = {
   },
 };
 
-const views = [
-  header,
-  new Stage(actions),
-  new Display(actions),
-  new Timeline(actions),
-  new Graph(),
-  new Parameters(actions),
-  new Quick(actions),
-  new Replay(actions),
-];
+const views = [header, new Stage(actions), new Quick(actions), new Replay(actions)];
+const panels = {
+  look: new Display(actions),
+  time: new Timeline(actions),
+  nodes: new Graph(),
+  parameters: new Parameters(actions),
+};
 listenToKeys(state, actions);
 byId("live").onclick = () => actions.stop(!state.stopped);
 addEventListener("resize", redraw);
+addEventListener("hashchange", redraw);
 
 if (state.recorded) {
   document.documentElement.classList.add("recorded");

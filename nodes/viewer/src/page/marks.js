@@ -57,9 +57,18 @@ export function drawMarks(canvas, image, [width, height], choice, withLabels) {
 
 const isSeen = ([left, top, right, bottom], [width, height]) => right > 0 && bottom > 0 && left < width && top < height;
 
-// How many labels have a box of their own: of the same class or its other name, not below the score, with an overlap of one half.
-export function foundOf({ boxes, truth }, score) {
-  const free = new Set(boxes.flatMap(([, found]) => found).filter((box) => box.score >= score));
+const boxesOf = (image, score) => (image?.boxes ?? []).flatMap(([, found]) => found).filter((box) => box.score >= score);
+
+// How many of the labels of an image were found or, where it has none, of the boxes in the ideal image of its moment.
+export function scoreOf(image, ideal, score) {
+  const wanted = image.truth.length || image === ideal ? image.truth : boxesOf(ideal, score);
+  const found = `found ${foundOf(boxesOf(image, score), wanted)} of ${wanted.length}`;
+  return wanted.length ? found + (image.truth.length ? "" : " of /ideal") : "";
+}
+
+// How many of `wanted` have a box of their own: of the same class or its other name, with an overlap of one half.
+function foundOf(boxes, wanted) {
+  const free = new Set(boxes);
   const group = (box) => groupColour(box.class) ?? box.class;
   const area = ([left, top, right, bottom]) => Math.max(0, right - left) * Math.max(0, bottom - top);
   const overlap = ({ edges: a }, { edges: b }) => {
@@ -70,7 +79,7 @@ export function foundOf({ boxes, truth }, score) {
     const [best] = [...free].filter((box) => group(box) === group(label)).sort((a, b) => overlap(label, b) - overlap(label, a));
     return best && overlap(label, best) >= 0.5 && free.delete(best);
   };
-  return truth.filter(isFound).length;
+  return wanted.filter(isFound).length;
 }
 
 // A dark line around each line separates it from bright images.

@@ -8,6 +8,7 @@ const USEFUL = { alpha: 16, psf_sigma: 3 }; // the ends of sliders, where the fi
 const MOST_USED = "Most used";
 const SENSOR = "Sensor";
 const QOS = "Quality of service";
+const OPEN_NODES = 3; // a camera, unwrap and a detector
 // A slider of a wider range would skip most values.
 const SLIDER_SPAN = 1000;
 
@@ -20,7 +21,6 @@ export class Parameters {
 
   draw(state) {
     const nodes = nodesInOrder(state).filter((node) => state.graph.nodes.includes(node) && state.parameters.has(node));
-    byId("settings").hidden = nodes.length === 0;
     const shape = JSON.stringify(nodes.map((node) => [node, state.parameters.get(node).map(({ name }) => name)]));
     if (this.shape !== shape) this.build(state, nodes, shape);
     for (const node of nodes) {
@@ -35,8 +35,8 @@ export class Parameters {
 
   build(state, nodes, shape) {
     this.shape = shape;
-    this.nodes = new Map(nodes.map((node, index) => [node, this.buildNode(state, node, index === 0)]));
-    byId("parameters").replaceChildren(...nodes.map((node) => this.nodes.get(node).element));
+    this.nodes = new Map(nodes.map((node, index) => [node, this.buildNode(state, node, index < OPEN_NODES)]));
+    byId("parameter-list").replaceChildren(...nodes.map((node) => this.nodes.get(node).element));
     this.searched = null;
   }
 
@@ -52,11 +52,11 @@ export class Parameters {
     const elements = [...groups].filter(([, all]) => all.length).map(([group, all]) => {
       const details = make(
         "details",
-        { className: "group", open: group !== QOS },
+        { className: "group", open: group === MOST_USED },
         make("summary", { textContent: `${group} (${all.length})` }),
         make("div", { className: "fields" }, ...all.map(({ element }) => element)),
       );
-      return { details, all, open: group !== QOS };
+      return { details, all, open: group === MOST_USED };
     });
     const element = make(
       "details",

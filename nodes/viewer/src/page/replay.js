@@ -33,8 +33,7 @@ export class Replay {
   }
 }
 
-const NAMES = ["Detector input", "Method", "Alpha"];
-
+// What a single node has is changed in the header: with several detectors, nobody could say whose input is meant.
 export class Quick {
   constructor(actions) {
     this.actions = actions;
@@ -42,26 +41,21 @@ export class Quick {
     this.method = make("select", { id: "method" });
     this.alpha = make("input", { id: "alpha", type: "range", step: 0.1 });
     this.value = make("output");
-    this.controls = [
-      labelled(NAMES[0], this.input),
-      labelled(NAMES[1], this.method),
-      make("label", { className: "control" }, make("span", { textContent: NAMES[2] }), this.alpha, this.value),
-    ];
-    byId("quick").append(...this.controls);
+    const alpha = make("label", { className: "control" }, make("span", { textContent: "Alpha" }), this.alpha, this.value);
+    byId("quick").append(labelled("Detector input", this.input), labelled("Method", this.method), alpha);
   }
 
   draw(state) {
     const [input, method] = [find(state, "input"), find(state, "method")];
     // The value that is set stays in the list, even if there is no such topic now.
     const offers = input && state.graph.detectors.find(({ node }) => node === input.node)?.offers;
-    this.drawList(this.input, 0, input, offers ?? []);
-    this.drawList(this.method, 1, method, method?.parameter.words ?? []);
+    this.drawList(this.input, input, offers ?? []);
+    this.drawList(this.method, method, method?.parameter.words ?? []);
     // Only the camera's alpha changes the image; of the others, 0 means that of the camera.
     const camera = find(state, "source");
     const alpha = camera && state.parameters.get(camera.node).find(({ name }) => name === "alpha");
-    this.controls[2].hidden = !alpha;
+    this.alpha.parentElement.hidden = !alpha;
     if (!alpha) return;
-    this.name(2, camera);
     const [least, most] = alpha.range ?? [1, 16];
     Object.assign(this.alpha, { min: Math.max(1, least), max: Math.min(16, most) });
     if (document.activeElement !== this.alpha) this.alpha.value = alpha.value;
@@ -69,15 +63,9 @@ export class Quick {
     this.alpha.onchange = () => this.actions.set(camera.node, "alpha", this.alpha.value);
   }
 
-  // Where several nodes have the parameter, the control says whose it is; those of the others are below.
-  name(place, { node, several }) {
-    write(this.controls[place].firstChild, several ? `${NAMES[place]} of ${node}` : NAMES[place]);
-  }
-
-  drawList(select, place, found, words) {
-    this.controls[place].hidden = !found || words.length === 0;
-    if (this.controls[place].hidden) return;
-    this.name(place, found);
+  drawList(select, found, words) {
+    select.parentElement.hidden = !found || words.length === 0;
+    if (select.parentElement.hidden) return;
     offer(select, words, found.parameter.value);
     select.onchange = () => this.actions.set(found.node, found.parameter.name, select.value);
   }

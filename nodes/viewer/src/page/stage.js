@@ -78,7 +78,9 @@ export class Stage {
       const rows = Math.ceil(topics.length / columns);
       return Math.min((width - GAP * (columns - 1)) / columns, ((height - GAP * (rows - 1)) / rows - CAPTION) * aspect);
     };
-    const columns = topics.map((_, index) => index + 1).reduce((best, many) => (fit(many) > fit(best) ? many : best), 1);
+    // Of layouts with images of about the same size, the one that fills the width.
+    const counts = topics.map((_, index) => index + 1);
+    const columns = counts.findLast((many) => fit(many) >= 0.9 * Math.max(...counts.map(fit))) ?? 1;
     const least = Math.min(width, 360);
     return {
       columns: fit(columns) >= least ? columns : Math.max(1, Math.floor((width + GAP) / (least + GAP))),

@@ -3,6 +3,7 @@
 export const KEPT_MOMENTS = 60;
 export const STRIP_MS = 120_000;
 const GONE_MS = 30_000;
+const COLOURS_OF_NODES = 8;
 
 export function newState(recorded) {
   return {
@@ -10,7 +11,7 @@ export function newState(recorded) {
     link: { text: recorded ? "a recording" : "connecting", level: recorded ? "on" : "wait" },
     error: "",
     graph: { images: [], first: [], detectors: [], truths: [], nodes: [], links: [], player: false },
-    nodes: new Map(), // name -> { since, goneAt, restarts, history: [{ at, values }] }
+    nodes: new Map(), // name -> { colour, goneAt, restarts, history: [{ at, values }] }
     statuses: new Map(), // name, or topic of a sensor description -> values
     parameters: new Map(), // node -> list of parameters
     refusals: new Map(), // "node name" -> the node's sentence
@@ -54,16 +55,19 @@ export function choiceOf(search) {
   return Object.fromEntries(kept.map(([name, text]) => [name, { wipe: Number, topics: (all) => all.split(",") }[name]?.(text) ?? text]));
 }
 
-export function addressOf(search, choice) {
+export function addressOf({ search, hash }, choice) {
   const address = new URLSearchParams(search);
   KEPT.filter((name) => choice[name]).forEach((name) => address.set(name, choice[name]));
-  return `?${address}`;
+  return `?${address}${hash}`;
 }
 
 export const stampKey = ([seconds, nanos]) => `${seconds}.${String(nanos).padStart(9, "0")}`;
 export const stampMs = ([seconds, nanos]) => seconds * 1000 + nanos / 1e6;
 export const namespaceOf = (topic) => topic.slice(0, topic.lastIndexOf("/"));
 export const shortName = (node) => node.replace(/^\//, "");
+
+// What the style sheet calls the colour of a node.
+export const colourOf = (state, name) => `--series-${state.nodes.get(name).colour}`;
 
 // The time on the axis: it goes on between two messages.
 export function now(state) {
@@ -99,14 +103,14 @@ export function hear(state, event, at) {
 }
 
 function hearGraph(state, graph) {
-  const at = now(state);
-  for (const node of graph.nodes) {
+  // A node keeps the colour that it gets when it is first seen: first the camera, as the stages of a frame have theirs.
+  for (const node of inOrder(graph.nodes, graph.links)) {
     const known = state.nodes.get(node);
-    if (!known) state.nodes.set(node, { since: at, goneAt: null, restarts: 0, history: [] });
-    else if (known.goneAt !== null) Object.assign(known, { since: at, goneAt: null, restarts: known.restarts + 1, history: [] });
+    if (!known) state.nodes.set(node, { colour: (state.nodes.size % COLOURS_OF_NODES) + 1, goneAt: null, restarts: 0, history: [] });
+    else if (known.goneAt !== null) Object.assign(known, { goneAt: null, restarts: known.restarts + 1, history: [] });
   }
   for (const [node, known] of state.nodes) {
-    if (!graph.nodes.includes(node) && known.goneAt === null) known.goneAt = at;
+    if (!graph.nodes.includes(node) && known.goneAt === null) known.goneAt = now(state);
   }
   state.graph = graph;
 }
@@ -240,12 +244,14 @@ export function healthOf(state, name) {
   return last.level === 1 ? "warns" : "runs";
 }
 
-// All nodes that were seen, from the camera on: those that read nothing, those between, and those that nobody reads.
-export function nodesInOrder(state) {
-  const { links } = state.graph;
+// Nodes from the camera on: those that read nothing, those between, and those that nobody reads.
+function inOrder(nodes, links) {
   const rank = (name) => (links.some(({ to }) => to === name) ? 1 : 0) + (links.some(({ from }) => from === name) ? 0 : 1);
-  return [...state.nodes.keys()].sort((a, b) => rank(a) - rank(b) || (a < b ? -1 : 1));
+  return [...nodes].sort((a, b) => rank(a) - rank(b) || (a < b ? -1 : 1));
 }
+
+// All nodes that were seen.
+export const nodesInOrder = (state) => inOrder(state.nodes.keys(), state.graph.links);
 
 // Nodes that are there, and those that went away a short time ago.
 export function visibleNodes(state) {
@@ -274,9 +280,9 @@ export function sensorOf(state, name) {
   return state.statuses.get(`${namespaceOf(name)}/sensor_info`) ?? {};
 }
 
-// The first node that has a settable parameter of this name, and whether it is one of several.
+// The only node that has a settable parameter of this name.
 export function find(state, name) {
   const parameterOf = (node) => state.parameters.get(node)?.find((parameter) => parameter.name === name && !parameter.read_only);
   const [node, ...others] = state.graph.nodes.filter(parameterOf);
-  return node ? { node, parameter: parameterOf(node), several: others.length > 0 } : null;
+  return node && !others.length ? { node, parameter: parameterOf(node) } : null;
 }

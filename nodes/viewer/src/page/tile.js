@@ -2,7 +2,7 @@
 
 import { filterOf, veilFilter } from "./curve.js";
 import { make, write } from "./dom.js";
-import { drawMarks, foundOf } from "./marks.js";
+import { drawMarks, scoreOf } from "./marks.js";
 import { frameOf, nameOf, namespaceOf, stampMs } from "./state.js";
 
 export class Tile {
@@ -130,9 +130,8 @@ export class Tile {
     const frame = (image) => frameOf(state, { key: image.key, at: moment.at });
     const answered = images.filter((image) => image?.boxes.length);
     const count = answered.flatMap(({ boxes }) => boxes.flatMap(([, found]) => found)).length;
-    const scores = answered
-      .filter(({ truth }) => truth.length)
-      .map((image) => `found ${foundOf(image, state.choice.score)} of ${image.truth.length}`);
+    const idealOf = ({ topic }) => moment.images.get(`${namespaceOf(topic)}/ideal`);
+    const scores = answered.map((image) => scoreOf(image, idealOf(image), state.choice.score)).filter((score) => score);
     const behind = images[0] ? stampMs(moment.stamp) - stampMs(images[0].stamp) : 0;
     const unwrapped = images.find((image) => /\/(recovered|metered|hdr)$/.test(image?.topic));
     const { trusted = null, message = "" } = (unwrapped && frame(unwrapped)?.trust[namespaceOf(unwrapped.topic)]) ?? {};
@@ -143,7 +142,7 @@ export class Tile {
       small || !images[0] ? "" : nameOf(state, frame(images[0]), moment.at),
     ].filter((fact) => fact);
     write(this.facts, facts.join(", "));
-    this.facts.title = images[0] ? `Stamp ${images[0].key}; found: labels with a box not below the score of "Labels above"` : "";
+    this.facts.title = images[0] ? `Stamp ${images[0].key}; found: by a box not below the score of "Labels above"` : "";
     const trust = trusted === null ? "" : small ? message.split(":")[0] : message;
     write(this.badge, trust);
     this.picture.dataset.trust = trusted ?? "";

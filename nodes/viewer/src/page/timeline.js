@@ -1,12 +1,11 @@
-// The strip of the last two minutes: one axis of time for the latency, the rate, the age, the trust, the drops and the boxes.
+// The strip of at most the last two minutes: one axis of time for the latency, the rate, the age, the trust, the drops and the boxes.
 
 import { byId, fitted, make, rounded, style, write } from "./dom.js";
 import { classColour } from "./marks.js";
-import { STRIP_MS, droppedOf, frameOf, nameOf, nodesInOrder, now, quantile, shortName, stagesOf } from "./state.js";
+import { STRIP_MS, colourOf, droppedOf, frameOf, nameOf, nodesInOrder, now, quantile, shortName, stagesOf } from "./state.js";
 
 const STAGES = ["camera", "unwrap", "detector"];
 const STAGE_COLOURS = ["--series-1", "--series-2", "--series-3"];
-const NODE_COLOURS = 6;
 const ROWS = [
   { name: "latency", title: "Latency by stage, ms until it is known here", height: 64 },
   { name: "rate", title: "Rate, frames/s", height: 34 },
@@ -15,6 +14,7 @@ const ROWS = [
   { name: "drops", title: "Dropped, frames/s", height: 26 },
   { name: "boxes", title: "Boxes by class", height: 44 },
 ];
+const SPANS_MS = [20_000, 40_000, STRIP_MS]; // the strip is as long as what has been seen
 const STRIP_REDRAW_MS = 200;
 
 export class Timeline {
@@ -40,16 +40,12 @@ export class Timeline {
       this.cursor,
     );
     this.plots.setAttribute("aria-label", "Time: arrow keys show the frames that are kept, escape goes on");
-    this.axis = make(
-      "div",
-      { className: "axis", ariaHidden: "true" },
-      ...["2 min ago", "90 s", "1 min", "30 s", "now"].map((textContent) => make("span", { textContent })),
-    );
+    this.axis = make("div", { className: "axis", ariaHidden: "true" }, ...[1, 2, 3, 4, 5].map(() => make("span")));
     this.readout = make("p", { className: "readout", role: "status" });
     byId("timeline").append(this.plots, this.axis, this.readout);
     const at = (event) => {
       const area = this.plots.getBoundingClientRect();
-      return this.end - STRIP_MS * (1 - (event.clientX - area.left) / area.width);
+      return this.end - this.span * (1 - (event.clientX - area.left) / area.width);
     };
     this.plots.onpointermove = (event) => actions.hover(at(event));
     this.plots.onpointerleave = () => actions.hover(null);
@@ -58,11 +54,12 @@ export class Timeline {
   }
 
   draw(state) {
-    const due = performance.now() - this.drawnAt >= STRIP_REDRAW_MS;
+    const due = performance.now() - this.drawnAt >= STRIP_REDRAW_MS || this.width !== this.plots.clientWidth;
     if (!due && this.hover === state.hover && this.stopped === state.shown?.moment) return;
     [this.hover, this.stopped] = [state.hover, state.shown?.moment];
     this.end = now(state);
     this.width = this.plots.clientWidth;
+    this.span = SPANS_MS.find((span) => this.end - span <= state.frames[0]?.at) ?? STRIP_MS;
     if (due) {
       // Moments that come faster than this draw the cursor only, and must not put the rows off.
       this.drawnAt = performance.now();
@@ -72,10 +69,11 @@ export class Timeline {
   }
 
   x(at) {
-    return this.width * (1 - (this.end - at) / STRIP_MS);
+    return this.width * (1 - (this.end - at) / this.span);
   }
 
   drawRows(state) {
+    [...this.axis.children].forEach((mark, place) => write(mark, place === 4 ? "now" : `${(this.span * (4 - place)) / 4000} s ago`));
     for (const row of this.rows) {
       const context = fitted(row.canvas, this.width, row.height);
       context.fillStyle = style("--line");
@@ -96,7 +94,7 @@ export class Timeline {
     if (row.legendIs !== text) {
       row.legend.replaceChildren(
         ...entries.map(([colour, words]) => {
-          const mark = make("i");
+          const mark = make("i", { className: "mark" });
           mark.style.background = colour;
           return make("span", {}, mark, words);
         }),
@@ -123,7 +121,7 @@ export class Timeline {
     const most = scaleOf(quantile(whole, 0.99) ?? 1);
     // As wide as frames are apart.
     const span = frames.length > 1 ? (frames.at(-1).at - frames[0].at) / (frames.length - 1) : 100;
-    this.barWidth = Math.max(0.7, Math.min(4, (this.width * Math.min(span, 1000)) / STRIP_MS));
+    this.barWidth = Math.max(0.7, Math.min(12, (this.width * Math.min(span, 1000)) / this.span));
     const colours = STAGE_COLOURS.map(style);
     frames.forEach((frame, index) =>
       this.bar(
@@ -153,7 +151,7 @@ export class Timeline {
         .get(name)
         .history.map((entry) => [entry.at, read(entry.values)])
         .filter(([, value]) => Number.isFinite(value));
-    const lines = nodesInOrder(state).map((name, index) => [name, points(name), nodeColour(index)]);
+    const lines = nodesInOrder(state).map((name) => [name, points(name), style(colourOf(state, name))]);
     const drawn = lines.filter(([, points]) => points.length);
     const most = scaleOf(Math.max(...drawn.flatMap(([, points]) => points.map(([, value]) => value)), 1));
     drawn.forEach(([, points, colour]) => {
@@ -211,13 +209,12 @@ export class Timeline {
 
   drops(row, context, state) {
     const names = nodesInOrder(state);
-    const colours = names.map((_, index) => nodeColour(index));
-    const steps = names.flatMap((name, index) => {
+    const steps = names.flatMap((name) => {
       const { history } = state.nodes.get(name);
       return history
         .slice(1)
         .map((entry, place) => ({
-          index,
+          name,
           from: history[place].at,
           at: entry.at,
           count: Math.max(0, droppedOf(entry) - droppedOf(history[place])),
@@ -225,14 +222,14 @@ export class Timeline {
     });
     const rates = steps.map((step) => ({ ...step, rate: step.count / Math.max(0.2, (step.at - step.from) / 1000) }));
     const most = scaleOf(Math.max(...rates.map(({ rate }) => rate), 1));
-    for (const { index, from, at, rate } of rates) {
-      context.fillStyle = colours[index];
+    for (const { name, from, at, rate } of rates) {
+      context.fillStyle = style(colourOf(state, name));
       const height = ((row.height - 2) * rate) / most;
       context.fillRect(this.x(from), row.height - 1 - height, Math.max(1, this.x(at) - this.x(from)), height);
     }
-    const sums = names.map((name, index) => [
-      colours[index],
-      `${shortName(name)} ${steps.filter((step) => step.index === index).reduce((sum, { count }) => sum + count, 0)}`,
+    const sums = names.map((name) => [
+      style(colourOf(state, name)),
+      `${shortName(name)} ${steps.filter((step) => step.name === name).reduce((sum, { count }) => sum + count, 0)}`,
     ]);
     this.label(row, sums, `0 to ${most}`);
   }
@@ -268,9 +265,6 @@ export class Timeline {
     write(this.readout, frame ? textOf(state, frame) : "No frame.");
   }
 }
-
-// The colours of camera, unwrap and detector are those of their stages.
-const nodeColour = (index) => style(`--series-${(index % NODE_COLOURS) + 1}`);
 
 // The frame that is nearest to a time, if there is one within a second.
 export function nearest(frames, at) {
