@@ -98,7 +98,7 @@ pub fn topic(args: &TopicCommand) -> Result<Ended, Failure> {
             topics.retain(|topic, _| *include_hidden_topics || !is_hidden(topic));
             if *json {
                 say!("{}", json!(topics));
-                return Ok(Ended::Done);
+                topics.clear();
             }
             for (topic, types) in topics {
                 let types: Vec<String> = types.into_iter().collect();
@@ -125,10 +125,6 @@ pub fn node(args: &NodeCommand) -> Result<Ended, Failure> {
     match args {
         NodeCommand::List { all, json } => {
             let shown: Vec<_> = nodes.iter().filter(|node| *all || !is_hidden_node(node)).collect();
-            if *json {
-                say!("{}", json!(shown));
-                return Ok(Ended::Done);
-            }
             if shown.windows(2).any(|pair| pair[0] == pair[1]) {
                 // The words of `ros2 node list`.
                 eprintln!(
@@ -136,20 +132,17 @@ pub fn node(args: &NodeCommand) -> Result<Ended, Failure> {
                     colour::warning("WARNING:")
                 );
             }
-            shown.iter().for_each(|node| say!("{node}"));
+            if *json {
+                say!("{}", json!(shown))
+            } else {
+                shown.iter().for_each(|node| say!("{node}"))
+            }
             tell_empty("node", nodes.is_empty())?;
         }
         NodeCommand::Info { node, json } => {
             let node = absolute(node);
             if !nodes.contains(&node) {
-                let known: Vec<&str> = nodes.iter().map(String::as_str).collect();
-                return Err(match near_or_all(&node, &known, "; there are") {
-                    known if known.is_empty() => {
-                        anyhow!("no node {node}; there is no node at all; {NOT_OVER_ZENOH}")
-                    }
-                    known => anyhow!("no node {node}{known}"),
-                }
-                .into());
+                return Err(missing(&node, &nodes));
             }
             tell_namesakes(&graph, &node, "what follows is that of all of them");
             let described = endpoints_of(&graph, &node);
@@ -161,6 +154,13 @@ pub fn node(args: &NodeCommand) -> Result<Ended, Failure> {
         }
     }
     Ok(Ended::Done)
+}
+
+fn missing(node: &str, nodes: &[String]) -> Failure {
+    let known: Vec<&str> = nodes.iter().map(String::as_str).collect();
+    let known = near_or_all(node, &known, "; there are");
+    let empty = format!("; there is no node at all; {NOT_OVER_ZENOH}");
+    anyhow!("no node {node}{}", if nodes.is_empty() { empty } else { known }).into()
 }
 
 /// Says on standard error that the domain has nothing to list, which may mean that its nodes speak DDS.

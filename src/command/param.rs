@@ -96,31 +96,21 @@ fn ask(args: &Param, transport: &ZenohTransport) -> Result<Ended, Failure> {
     let client = |node: &str| ParameterClient::new(transport, node);
     let missing = |node, name| Failure::Run(anyhow!("{node} has no parameter '{name}'"));
     match args {
-        Param::List { node, json: true, .. } => {
-            let nodes = node.as_ref().map(|node| BTreeSet::from([graph::absolute(node)]));
-            let nodes = nodes.unwrap_or_else(|| transport.graph().nodes_with_parameters());
-            let of = |node: String| Ok((node.clone(), all_values(&client(&node))?));
-            let all: BTreeMap<_, _> = nodes.into_iter().map(of).collect::<anyhow::Result<_>>()?;
-            say!("{}", json!(all));
-        }
-        Param::List { node: Some(node), param_type, .. } => print_names(&client(node), *param_type)?,
-        Param::List { node: None, param_type, .. } => {
-            let nodes = transport.graph().nodes_with_parameters();
-            graph::tell_empty("node with parameters", nodes.is_empty())?;
-            for node in nodes {
-                say!("{node}:");
-                print_names(&client(&node), *param_type)?;
-            }
-        }
+        Param::List { node, param_type, json } => list(node.as_deref(), *param_type, *json, transport)?,
         Param::Get { node, name, hide_type, json } => {
             let values = client(node).values(std::slice::from_ref(name))?;
             let value = values.first().filter(|value| value.r#type != ParameterType::NOT_SET);
             let value = value.ok_or_else(|| missing(node, name))?;
-            match (json, hide_type) {
-                (true, _) => say!("{}", text::json(value)),
-                (_, true) => say!("{}", bare(value)),
-                _ => say!("{}", labelled(value)),
-            }
+            say!(
+                "{}",
+                if *json {
+                    text::json(value).to_string()
+                } else if *hide_type {
+                    bare(value)
+                } else {
+                    labelled(value)
+                }
+            );
         }
         Param::Describe { node, names } => {
             for descriptor in client(node).descriptors(names)? {
@@ -137,6 +127,27 @@ fn ask(args: &Param, transport: &ZenohTransport) -> Result<Ended, Failure> {
         }
     }
     Ok(Ended::Done)
+}
+
+/// Prints the parameters of a node, or of all nodes.
+fn list(node: Option<&str>, types: bool, json: bool, transport: &ZenohTransport) -> Result<(), Failure> {
+    let client = |node: &str| ParameterClient::new(transport, node);
+    let one = node.map(|node| BTreeSet::from([graph::absolute(node)]));
+    let nodes = one.unwrap_or_else(|| transport.graph().nodes_with_parameters());
+    graph::tell_empty("node with parameters", nodes.is_empty())?;
+    if json {
+        let of = |node: String| Ok((node.clone(), all_values(&client(&node))?));
+        let all: BTreeMap<_, _> = nodes.into_iter().map(of).collect::<anyhow::Result<_>>()?;
+        say!("{}", json!(all));
+        return Ok(());
+    }
+    for name in nodes {
+        if node.is_none() {
+            say!("{name}:");
+        }
+        print_names(&client(&name), types)?;
+    }
+    Ok(())
 }
 
 fn dump(client: &ParameterClient<'_>, node: &str) -> Result<(), Failure> {
