@@ -254,7 +254,7 @@ impl Auto {
         if !self.unwrap_by(candidate, y, range)? {
             return Ok(None);
         }
-        let jumps = jumps::share(&self.other.x, range);
+        let jumps = jumps::share_above(&self.other.x, range.peak());
         if f64::from(jumps) <= self.limits.jumps || candidate == Candidate::Growth {
             return Ok(Some(jumps));
         }
@@ -265,7 +265,7 @@ impl Auto {
             self.smoothed_tree.take(&other);
         }
         self.other = other;
-        Ok(Some(jumps::share(&self.other.x, range)))
+        Ok(Some(jumps::share_above(&self.other.x, range.peak())))
     }
 
     /// Writes the result of `lines` for the image that it has scanned, and its metrics. Where counts leave the range, alpha may be a little

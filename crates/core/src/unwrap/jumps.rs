@@ -19,11 +19,6 @@ const BARRIER: f32 = 0.375;
 /// The least share of the pixels that the largest region needs: in a more divided image no region stands out.
 const LARGEST: f64 = 0.85;
 
-/// Returns the second differences along the rows and columns of `x` above one peak, per sample.
-pub(super) fn share(x: &Array3<f32>, range: Range) -> f32 {
-    share_above(x, range.peak())
-}
-
 /// Returns the second differences along the rows and columns of `x` above `limit` code units, per sample.
 pub(super) fn share_above(x: &Array3<f32>, limit: f32) -> f32 {
     let mut count = 0;
@@ -63,24 +58,16 @@ pub(super) fn bends(x: &Array3<f32>, range: Range) -> f64 {
 fn each_line(x: &Array3<f32>, mut line: impl FnMut(&[f32], &[f32], &[f32])) {
     let (height, width, channels) = x.dim();
     let (samples, stride) = (in_order(x.view()), width * channels);
-    (1..=height).for_each(|rows| lines_of_last_row(&samples[..rows * stride], stride, channels, &mut line));
-}
-
-/// Calls `line` as [`each_line`] does, for what the last of the rows `samples` adds: itself, and the row above it with its neighbours.
-#[inline(always)]
-pub(super) fn lines_of_last_row(
-    samples: &[f32],
-    stride: usize,
-    channels: usize,
-    mut line: impl FnMut(&[f32], &[f32], &[f32]),
-) {
-    let (above, here) = samples.split_at(samples.len() - stride);
-    if stride > 2 * channels {
-        let inner = stride - 2 * channels;
-        line(&here[..inner], &here[channels..][..inner], &here[2 * channels..]);
-    }
-    if let Some(start) = above.len().checked_sub(2 * stride) {
-        line(&above[start..][..stride], &above[start + stride..], here);
+    for row in 0..height {
+        let (above, rest) = samples.split_at(row * stride);
+        let here = &rest[..stride];
+        if width > 2 {
+            let inner = stride - 2 * channels;
+            line(&here[..inner], &here[channels..][..inner], &here[2 * channels..]);
+        }
+        if let Some(start) = above.len().checked_sub(2 * stride) {
+            line(&above[start..][..stride], &above[start + stride..], here);
+        }
     }
 }
 
@@ -325,7 +312,7 @@ mod tests {
                     sum += f64::from(bend.min(256.0)) / 256.0;
                 }
             }
-            prop_assert_eq!(share(&x, range()), count as f32 / x.len() as f32);
+            prop_assert_eq!(share_above(&x, range().peak()), count as f32 / x.len() as f32);
             prop_assert!((bends(&x, range()) - sum / x.len() as f64).abs() < 1e-9);
         }
     }
@@ -335,7 +322,7 @@ mod tests {
         for (channels, mosaic) in [(3, None), (1, None), (1, Some(Mosaic::Gbrg))] {
             let dim = (90, 120, channels);
             let right = result(dim, None);
-            assert_eq!(share(&right.x, range()), 0.0);
+            assert_eq!(share_above(&right.x, range().peak()), 0.0);
             let all = right.confidence(mosaic, range());
             assert!(all.as_u8().unwrap().iter().all(|&value| value == 255));
             let wrong = result(dim, Some(24));

@@ -75,7 +75,7 @@ impl<W: Word> ColumnConstants<W> {
 }
 
 impl<S: Copy + Into<u16>, W: Word> SummedImage<'_, S, W> {
-    /// Returns the rows of samples and of k; k lacks a constant for each row and column.
+    /// Returns the rows of samples and of k; k lacks a constant for each column.
     fn rows(&self) -> impl Iterator<Item = (&[S], &[W])> {
         (0..self.layout.height).map(|row| (self.samples.row(row), self.rows.k(row)))
     }

@@ -12,7 +12,9 @@ const SUSPECT: u16 = 3;
 #[derive(Default)]
 pub(super) struct Gradient<W> {
     columns: Vec<Columns<W>>,
-    /// The number of rows that the counters of the columns contain.
+    /// Whether the difference of neighbouring vertical differences wraps in the last row, by block.
+    pub wraps: Vec<bool>,
+    /// The number of rows since the counters of the columns were added to the totals.
     counted: usize,
     /// The number of rows in which n is 0, by lane.
     pub zeros: Vec<u32>,
@@ -29,9 +31,9 @@ pub(super) struct Gradient<W> {
 struct Columns<W> {
     n: Block<W>,
     zeros: Block<W>,
+    /// The number of counted rows that `zeros` knows; n has not changed since.
+    known: usize,
     steep: Block<W>,
-    suspect: Block<W>,
-    residues: Block<W>,
 }
 
 impl<W: Word> Gradient<W> {
@@ -39,9 +41,10 @@ impl<W: Word> Gradient<W> {
     pub fn start(&mut self, layout: RowLayout) {
         let none = [W::default(); LANES];
         // In the first row nothing has wrapped yet, so all n are 0.
-        let fresh = Columns { n: none, zeros: none, steep: none, suspect: none, residues: none };
+        let fresh = Columns { n: none, zeros: none, known: 0, steep: none };
         self.columns.clear();
         self.columns.resize(layout.lanes() / LANES, fresh);
+        self.wraps.resize(layout.lanes() / LANES, false);
         for counts in [&mut self.zeros, &mut self.steep] {
             counts.clear();
             counts.resize(layout.lanes(), 0);
@@ -50,76 +53,92 @@ impl<W: Word> Gradient<W> {
     }
 
     /// Takes the next row `here` below `up`; the first row is below itself. Both are longer than their lanes by
-    /// one pixel. `steps` becomes the change of k to the right, up to a constant for each column.
+    /// one pixel.
     #[inline(always)]
-    pub fn follow(&mut self, up: &[W], here: &[W], channels: usize, steps: &mut [W]) {
+    pub fn follow(&mut self, up: &[W], here: &[W], channels: usize) {
         // Counters have the width of the words, so 8 bits are added up before they overflow.
         if self.counted == COUNTABLE {
             self.settle();
         }
-        self.counted += 1;
-        for (i, (columns, steps)) in self.columns.iter_mut().zip(steps.as_chunks_mut().0).enumerate() {
-            let at = i * LANES;
-            let block = |row: &[W], at: usize| -> Option<Block<W>> { row[at..].first_chunk().copied() };
-            let pixels =
-                (block(up, at), block(up, at + channels), block(here, at), block(here, at + channels));
-            if let (Some(up), Some(up_right), Some(left), Some(right)) = pixels {
-                columns.follow([&up, &up_right], [&left, &right], steps);
+        let [up, up_right] = [up, &up[channels..]].map(|row| row.as_chunks().0);
+        let [left, right] = [here, &here[channels..]].map(|row| row.as_chunks().0);
+        let loops = up.iter().zip(up_right).zip(left.iter().zip(right));
+        let blocks = self.columns.iter_mut().zip(&mut self.wraps).zip(loops);
+        for ((columns, wraps), ((up, up_right), (left, right))) in blocks {
+            let (loops, mut counts) = ([up, up_right, left, right], [0; 3]);
+            // In most blocks of most images, no n changes and nothing is to be counted.
+            if columns.look(loops) {
+                counts = columns.follow(loops, self.counted);
             }
+            *wraps = counts[0] > 0;
+            self.suspect += counts[1];
+            self.residues += counts[2];
         }
-    }
-
-    /// Returns whether a 2 x 2 loop has a mixed difference above the limit.
-    pub fn has_steep_loops(&self) -> bool {
-        let none = [W::default(); LANES];
-        self.suspect > 0 || self.columns.iter().any(|columns| columns.suspect != none)
+        self.counted += 1;
     }
 
     /// Adds the counters to the totals.
+    #[inline(always)]
     pub fn settle(&mut self) {
-        self.counted = 0;
         let totals = self.zeros.as_chunks_mut::<LANES>().0.iter_mut().zip(self.steep.as_chunks_mut().0);
         for (columns, (zeros, steep)) in self.columns.iter_mut().zip(totals) {
-            add(&mut columns.zeros, zeros);
-            add(&mut columns.steep, steep);
-            self.suspect += take(&mut columns.suspect);
-            self.residues += take(&mut columns.residues);
+            columns.count_zeros(self.counted);
+            columns.known = 0;
+            for (counts, totals) in [(&mut columns.zeros, zeros), (&mut columns.steep, steep)] {
+                totals.iter_mut().zip(&*counts).for_each(|(total, &count)| *total += u32::from(count.into()));
+                *counts = [W::default(); LANES];
+            }
         }
+        self.counted = 0;
     }
 }
 
 impl<W: Word> Columns<W> {
+    /// Counts what is steep along the row; returns whether a mixed difference wraps, in one of both orders, or is above the limit.
     #[inline(always)]
-    fn follow(
-        &mut self,
-        [up, up_right]: [&Block<W>; 2],
-        [left, right]: [&Block<W>; 2],
-        steps: &mut Block<W>,
-    ) {
+    fn look(&mut self, [up, up_right, left, right]: [&Block<W>; 4]) -> bool {
+        let mut any = false;
         for i in 0..LANES {
             let (above, here) = (biased(up[i], up_right[i]), biased(left[i], right[i]));
-            // d_y n follows from the wrapped mixed difference, which is the condition of the method.
-            let n = self.n[i].plus(wrap_step(above, here));
-            self.n[i] = n;
-            steps[i] = n.plus(wrap_step(left[i], right[i]));
-            self.zeros[i] = self.zeros[i].plus(W::one_if(n == W::default()));
+            let (before, after) = (biased(up[i], left[i]), biased(up_right[i], right[i]));
+            let is_low = here.minus(above) >= W::HALF;
+            any |= ((here < above) != is_low) | ((after < before) != is_low);
+            any |= exceeds(biased(above, here), SUSPECT);
             self.steep[i] = self.steep[i].plus(W::one_if(exceeds(here, STEEP)));
-            let suspect = exceeds(biased(above, here), SUSPECT);
-            self.suspect[i] = self.suspect[i].plus(W::one_if(suspect));
-            // Both orders give M_b(d_x d_y y); they differ in whether the difference of differences wraps.
-            let differ = (here < above) != (biased(up_right[i], right[i]) < biased(up[i], left[i]));
-            self.residues[i] = self.residues[i].plus(W::one_if(differ));
         }
+        any
     }
-}
 
-fn add<W: Word>(counts: &mut Block<W>, totals: &mut Block<u32>) {
-    totals.iter_mut().zip(&*counts).for_each(|(total, &count)| *total += u32::from(count.into()));
-    *counts = [W::default(); LANES];
-}
+    /// Takes the next row after so many counted ones; returns the number of wraps of the difference of vertical differences, of mixed
+    /// differences above the limit, and of residues.
+    #[inline(always)]
+    fn follow(&mut self, [up, up_right, left, right]: [&Block<W>; 4], counted: usize) -> [u64; 3] {
+        self.count_zeros(counted);
+        // A word can count the lanes of a block.
+        let mut counts = [W::default(); 3];
+        for i in 0..LANES {
+            let (above, here) = (biased(up[i], up_right[i]), biased(left[i], right[i]));
+            let (before, after) = (biased(up[i], left[i]), biased(up_right[i], right[i]));
+            // d_y n follows from the wrapped mixed difference, which is the condition of the method.
+            self.n[i] = self.n[i].plus(wrap_step(above, here));
+            // Both orders give M_b(d_x d_y y); they differ in whether the difference of differences wraps.
+            let is_residue = (here < above) != (after < before);
+            let wraps = wrap_step(before, after) != W::default();
+            counts[0] = counts[0].plus(W::one_if(wraps));
+            counts[1] = counts[1].plus(W::one_if(exceeds(biased(above, here), SUSPECT)));
+            counts[2] = counts[2].plus(W::one_if(is_residue));
+        }
+        counts.map(|count| u64::from(count.into()))
+    }
 
-fn take<W: Word>(counts: &mut Block<W>) -> u64 {
-    let sum = counts.iter().map(|&count| u64::from(count.into())).sum();
-    *counts = [W::default(); LANES];
-    sum
+    /// Counts the rows since n has changed.
+    #[inline(always)]
+    fn count_zeros(&mut self, counted: usize) {
+        let rows = W::low((counted - self.known) as u16);
+        for i in 0..LANES {
+            let more = if self.n[i] == W::default() { rows } else { W::default() };
+            self.zeros[i] = self.zeros[i].plus(more);
+        }
+        self.known = counted;
+    }
 }

@@ -6,10 +6,13 @@ use crate::unwrap::Range;
 use crate::unwrap::wrapped::Word;
 
 /// The lanes of a block: a multiple of the channels of every image and of the vectors of every machine.
-pub(super) const LANES: usize = 96;
+pub(super) const LANES: usize = 192;
 
 /// The number of blocks that a counter of 8 bits can count.
 pub(super) const COUNTABLE: usize = 255;
+
+/// The samples that are read at once, few enough that the rest of a row is short.
+const PART: usize = 64;
 
 /// One word for each lane.
 pub(super) type Block<W> = [W; LANES];
@@ -65,23 +68,30 @@ impl RowLayout {
 }
 
 /// Returns a block in which every pixel is `pixel`.
+#[inline(always)]
 pub(super) fn tiled<W: Word>(pixel: [W; 3], channels: usize) -> Block<W> {
     let mut block = [W::default(); LANES];
-    block.chunks_exact_mut(channels).for_each(|lanes| lanes.copy_from_slice(&pixel[..channels]));
+    block.as_chunks_mut().0.fill(if channels == 1 { [pixel[0]; 3] } else { pixel });
     block
 }
 
 /// Adds the counts of a block to the totals of the channels.
+#[inline(always)]
 pub(super) fn by_channel<W: Word>(counts: &Block<W>, channels: usize, total: &mut [usize; 3]) {
-    for lanes in counts.chunks_exact(channels) {
-        lanes.iter().zip(&mut *total).for_each(|(&count, total)| *total += usize::from(count.into()));
+    // Sums of lanes that are whole pixels apart leave few lanes to add one by one.
+    let mut sums = [0u16; LANES / 4];
+    for lanes in counts.as_chunks::<{ LANES / 4 }>().0 {
+        sums.iter_mut().zip(lanes).for_each(|(sum, &count)| *sum += count.into());
+    }
+    for (channel, total) in total[..channels].iter_mut().enumerate() {
+        *total += sums[channel..].iter().step_by(channels).map(|&sum| usize::from(sum)).sum::<usize>();
     }
 }
 
 /// The codes of an image in rows, interleaved, in standard layout.
 pub(super) struct CodeRows<'a, S> {
     samples: &'a [S],
-    layout: RowLayout,
+    pub layout: RowLayout,
     bits: u8,
 }
 
@@ -107,16 +117,23 @@ impl<'a, S: Copy + Into<u16>> CodeRows<'a, S> {
     #[inline(always)]
     pub fn read<W: Word>(&self, i: usize, codes: &mut Vec<W>) {
         codes.clear();
-        // Without a shift, which codes that fill their words do not need, this is a copy.
-        match W::BITS - self.bits {
-            0 => codes.extend(self.row(i).iter().map(|&sample| W::low(sample.into()))),
-            _ => codes.extend(self.row(i).iter().map(|&sample| self.shifted::<W>(sample))),
+        let (parts, rest) = self.row(i).as_chunks::<PART>();
+        for part in parts {
+            let mut words = [W::default(); PART];
+            // Without a shift, which codes that fill their words do not need, this is a copy.
+            match W::BITS - self.bits {
+                0 => words.iter_mut().zip(part).for_each(|(word, &sample)| *word = W::low(sample.into())),
+                _ => words.iter_mut().zip(part).for_each(|(word, &sample)| *word = self.shifted(sample)),
+            }
+            codes.extend_from_slice(&words);
         }
+        codes.extend(rest.iter().map(|&sample| self.shifted::<W>(sample)));
         let RowLayout { channels, .. } = self.layout;
         let pixel = self.layout.last(0);
         // One pixel more than there are lanes, since each lane reads its right neighbour.
-        while codes.len() < self.layout.lanes() + channels {
-            codes.extend_from_within(pixel..pixel + channels);
+        let length = self.layout.lanes() + channels;
+        while codes.len() < length {
+            codes.extend_from_within(pixel..codes.len().min(pixel + length - codes.len()));
         }
     }
 }

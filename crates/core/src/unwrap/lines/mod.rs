@@ -5,9 +5,10 @@
 //!     g = M_b(d_x y),   d_x x = g + n P,   d_y n = (M_b(d_y g) - d_y g) / P   if |d_x d_y x| < P/2
 //! ```
 //! 1. `gradient`: n down each column, up to a constant.
-//! 2. `rows`: the k along each row follows from it by prefix sums; rows are joined by a majority vote of their columns; the constants of the columns cancel out.
+//! 2. `rows`: with it, `d_y k` is the wrap of `d_y y`, up to the sums along the row of the wraps of `d_x M_b(d_y y)`, which most rows do not
+//!    have; rows are joined by a majority vote of their columns.
 //! 3. `columns`: most of a column is flat, which gives its constant.
-//! 4. `levels`: the absolute offset, as for every method.
+//! 4. `levels`, `output`: the absolute offset, as for every method, and the result.
 //!
 //! Codes and counts are words that wrap by themselves, of 8 bits if these hold all counts. Steps 1 and 2 are one
 //! pass over y, row by row, all channels together, which also computes the [`QualityMetrics`].
@@ -22,13 +23,15 @@ mod gradient;
 mod layout;
 mod levels;
 mod majority;
+mod output;
 mod rows;
 
 use columns::{ColumnConstants, SummedImage};
 use gradient::Gradient;
 use layout::{CodeRows, RowLayout, share};
 use levels::Levels;
-use rows::{PrefixSums, Rows};
+use output::Output;
+use rows::Rows;
 
 use super::congruence::OUTLIERS;
 use super::wrapped::Word;
@@ -159,30 +162,29 @@ struct Buffers<W> {
     /// The current row, the one above, and the one above that.
     codes: [Vec<W>; 3],
     gradient: Gradient<W>,
-    sums: PrefixSums<W>,
     rows: Rows<W>,
     constants: ColumnConstants<W>,
     offsets: Vec<W>,
     counts: Vec<usize>,
+    output: Output<W>,
 }
 
 impl<W: Word> Buffers<W> {
     /// Reads the rows from row `from` on, and sums them as long as at most the share `most` of the loops is steep. Without `most`, it
     /// ends after the first rows with a steep loop.
-    fn scan<S>(
+    fn scan<S: Copy + Into<u16>>(
         &mut self,
         samples: &CodeRows<'_, S>,
         layout: RowLayout,
         range: Range,
         from: usize,
         most: Option<f64>,
-    ) -> Scanned
-    where
-        S: Copy + Into<u16>,
-    {
+    ) -> Scanned {
         if from == 0 {
+            // Half a peak is above the first row: every code follows it without a wrap.
+            self.codes[0].clear();
+            self.codes[0].resize(layout.lanes() + layout.channels, W::HALF);
             self.gradient.start(layout);
-            self.sums.start(layout);
             self.rows.start(layout, range);
         }
         let mut sums = true;
@@ -191,36 +193,30 @@ impl<W: Word> Buffers<W> {
             let rows = i + 1;
             if rows % PAUSE == 0 || rows == layout.height {
                 match most {
-                    None if self.gradient.has_steep_loops() => return Scanned::ToSteep(rows),
+                    None if self.gradient.suspect > 0 => return Scanned::ToSteep(rows),
                     None => {}
-                    Some(most) => {
-                        // The counters of the last rows are not full, but belong to the totals.
-                        self.gradient.settle();
-                        sums = f64::from(layout.share_of_loops(self.gradient.suspect)) <= most;
-                    }
+                    Some(most) => sums = f64::from(layout.share_of_loops(self.gradient.suspect)) <= most,
                 }
             }
         }
-        self.gradient.settle();
+        widest!(self.gradient.settle());
         Scanned::Whole(self.quality(layout, 0, 0))
     }
 
-    fn finish<S>(
+    fn finish<S: Copy + Into<u16>>(
         &mut self,
         samples: &CodeRows<'_, S>,
         layout: RowLayout,
         range: Range,
         outliers: f64,
         out: &mut Recovered,
-    ) where
-        S: Copy + Into<u16>,
-    {
+    ) {
         self.constants.find(&self.gradient, &SummedImage { samples, layout, rows: &self.rows }, range);
         let levels = Levels { layout, rows: &self.rows, constants: &self.constants.sums };
-        let Self { offsets, counts, .. } = self;
+        let Self { offsets, counts, output, .. } = self;
         let (outside, jumps) = widest!({
             let zero = levels.zero(range, outliers, offsets, counts);
-            (zero.outside, levels.write(samples, &zero, range, offsets, out))
+            (zero.outside, levels.write(samples, &zero, range, (offsets, output), out))
         });
         out.report.quality = Some(self.quality(layout, outside, jumps));
     }
@@ -236,12 +232,10 @@ impl<W: Word> Buffers<W> {
         self.codes.rotate_right(1);
         samples.read(i, &mut self.codes[0]);
         let [here, up, upper] = &self.codes;
-        // The first row is its own neighbour: no difference, and so n = 0.
-        let up = if i == 0 { here } else { up };
-        self.gradient.follow(up, here, layout.channels, self.sums.steps());
+        // For the gradient, the first row is its own neighbour: no difference, and so n = 0.
+        self.gradient.follow(if i == 0 { here } else { up }, here, layout.channels);
         if sums {
-            self.sums.widen();
-            self.rows.append(&self.sums, [here, up, upper]);
+            self.rows.append(i, [here, up, upper], &self.gradient.wraps);
         }
     }
 
