@@ -135,7 +135,7 @@ def input_size() -> None:
 
 def trained_on_wraps() -> None:
     figure, axes = plt.subplots(1, 3, figsize=(12, 2.8), sharey=True, layout="constrained")
-    rows = where(table("trained_on_wraps.csv"), psf_sigma="1.0")
+    rows = where(table("trained_on_wraps.csv"), psf_sigma="1.0", optical_black="0")
     for ax, stream in zip(axes, ("modulo", "recovered", "saturated"), strict=True):
         means: dict[tuple[str, str], list[float]] = {}
         for row in where(rows, stream=stream):
