@@ -251,18 +251,16 @@ fn record(args: &BagRecord) -> Result<Ended, Failure> {
         let lost = captured.lost.get(&topic.topic.name).copied().unwrap_or(0);
         say!("{}: {} messages, {lost} lost", topic.topic.name, topic.messages);
     }
-    let came = |name: &String| {
+    let is_there = |name: &String| {
         let name = graph::absolute(name);
-        captured.topics.iter().any(|topic| topic.topic.name == name && topic.messages > 0)
+        captured.topics.iter().any(|topic| topic.topic.name == name)
     };
-    let silent: Vec<&str> = args.topics.iter().filter(|name| !came(name)).map(String::as_str).collect();
-    if !silent.is_empty() {
-        eprintln!(
-            "modulo: no message came on {}; modulo topic list shows the topics of the graph",
-            silent.join(", ")
-        );
+    let missing: Vec<&str> = args.topics.iter().filter(|name| !is_there(name)).map(String::as_str).collect();
+    if !missing.is_empty() {
+        let missing = missing.join(", ");
+        eprintln!("modulo: no node has published {missing}; modulo topic list shows the topics of the graph");
     }
-    Ok(if captured.lost.is_empty() && silent.is_empty() { Ended::Done } else { Ended::WithLoss })
+    Ok(if captured.lost.is_empty() && missing.is_empty() { Ended::Done } else { Ended::WithLoss })
 }
 
 fn play(args: &BagPlay) -> Result<Ended, Failure> {

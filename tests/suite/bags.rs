@@ -508,7 +508,7 @@ fn a_topic_of_two_types_is_replayed_with_both() {
 
 /// A misspelt topic is no quiet recording of nothing.
 #[test]
-fn a_topic_without_a_message_is_a_loss_of_the_recording() {
+fn a_topic_that_nobody_publishes_is_a_loss_of_the_recording() {
     let bench = Bench::new();
     let recorder = bench.record(&bench.path("typo"), &["/recoverd"]);
     assert_eq!(recorder.end("INT").0, Some(3));

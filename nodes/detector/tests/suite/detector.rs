@@ -390,7 +390,7 @@ fn models_that_cannot_work_say_what_is_needed() {
         (PathBuf::new(), &["model", "ONNX", "model:="][..]),
         (folder.path().join("none.onnx"), &["none.onnx", "No such file"]),
         (text, &["text.onnx", "cannot load"]),
-        (folder.path().to_owned(), &["cannot load"]),
+        (folder.path().to_owned(), &["is not a regular file"]),
         (data("candidates.onnx"), &["'output0' [1, 7, 9]", "[1, N, 6]"]),
         (data("open_output.onnx"), &["[1, 7, 9]", "[1, N, 6]"]),
         (data("mono.onnx"), &["'images' [1, 1, ?, ?]", "[1, 3, H, W]"]),
