@@ -1,4 +1,4 @@
-//! What a shell completes while it is typed: launch files, their arguments, and the topics, nodes and parameters of the running suite.
+//! A shell asks this program to complete a word: launch files, their arguments, and the topics, nodes and parameters of the running suite.
 
 use std::ffi::OsStr;
 use std::path::Path;

@@ -107,7 +107,7 @@ pub fn this_program() -> Result<Command, Failure> {
     Ok(program)
 }
 
-/// What is beside the viewer, which is ended when this is dropped.
+/// A process beside the viewer. It is ended when this is dropped.
 pub struct Running(Child);
 
 impl Running {

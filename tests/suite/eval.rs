@@ -223,7 +223,7 @@ fn a_stream_without_a_score_says_why() {
     }
 }
 
-/// As users of YOLO know it: a picture with boxes for each one, and a line with the objects.
+/// `modulo detect` writes a picture with boxes for each frame, and prints a line with its objects.
 #[test]
 fn pictures_are_written_with_their_boxes() {
     let bench = Bench::new();

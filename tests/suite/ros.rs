@@ -78,7 +78,7 @@ fn what_is_not_there_is_told_with_the_remedy() {
     assert!(bench.run(&["node", "list"]).stderr.is_empty());
 }
 
-/// What programs read is JSON.
+/// With --json, programs can read what these commands print.
 #[test]
 fn the_graph_is_printed_as_json() {
     let bench = Bench::new();
