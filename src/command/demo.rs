@@ -9,7 +9,7 @@ use clap::Args;
 use modulo_runtime::output::prepare_file;
 
 use super::usage;
-use super::view::{Running, ViewCommand, serve, this_program};
+use super::view::{Running, ViewCommand, quiet_program, serve};
 use crate::{Ended, Failure};
 
 /// The launch file of the scene and its detectors.
@@ -75,7 +75,7 @@ fn page(port: u16) -> Result<Ended, Failure> {
 
 /// Returns the command of this program that runs the launch file.
 fn suite(command: &str, more: &[&str]) -> Result<Command, Failure> {
-    let mut program = this_program()?;
+    let mut program = quiet_program()?;
     program.args([command, FILE]).args(more);
     Ok(program)
 }

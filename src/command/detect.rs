@@ -40,7 +40,7 @@ pub fn detect(args: &Detect) -> Result<Ended, Failure> {
     let own = [("input", "ideal"), ("source", &args.source), ("model", &args.model)];
     let own = own.into_iter().filter(|(name, _)| more.iter().all(|(other, _)| other != name));
     let own = own.map(|(name, value)| (name.to_owned(), value.to_owned()));
-    let arguments: Vec<_> = own.chain(more.clone()).collect();
+    let arguments: Vec<_> = own.chain(more.iter().cloned()).collect();
     let file = modulo_launch::launch_file(Path::new(FILE)).map_err(usage)?;
     let made = eval::nodes(&file, &arguments, false)?;
     let plan = EvaluationPlan::new(&made, args.out.clone(), Vec::new()).map_err(|why| usage(anyhow!(why)))?;
@@ -61,7 +61,7 @@ pub fn detect(args: &Detect) -> Result<Ended, Failure> {
         let file = args.out.join(format!("{frames:06}.png"));
         save_png(&file, &picture.frame)?;
         let mut classes = BTreeMap::new();
-        for object in found(&out, &stream.detections).unwrap_or_default() {
+        for object in found(&out, &stream.detections).expect("boxes come with the picture that shows them") {
             *classes.entry(object.class).or_insert(0) += 1;
         }
         let counts: Vec<String> = classes.iter().map(|(class, count)| format!("{count} {class}")).collect();

@@ -11,6 +11,7 @@ use modulo_bags::bag::BagReader;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
+use super::bench::this_program;
 use crate::{Ended, Failure};
 
 #[derive(Args)]
@@ -55,7 +56,7 @@ pub use modulo_viewer::ViewAddresses;
 pub fn view(args: &ViewCommand) -> Result<Ended, Failure> {
     let replay = |bag: &PathBuf| {
         BagReader::open(bag)?;
-        Running::start(this_program()?.args(["bag", "play", "--loop"]).arg(bag))
+        Running::start(quiet_program()?.args(["bag", "play", "--loop"]).arg(bag))
     };
     let _replay = args.replayed.as_ref().map(replay).transpose()?;
     serve(args, |at| {
@@ -100,9 +101,9 @@ pub fn serve(args: &ViewCommand, open: impl FnOnce(&ViewAddresses)) -> Result<En
     Ok(Ended::Done)
 }
 
-/// Returns a command of this program, whose counters are not shown.
-pub fn this_program() -> Result<Command, Failure> {
-    let mut program = Command::new(std::env::current_exe().context("this program")?);
+/// Returns a command of this program that prints no counters.
+pub fn quiet_program() -> Result<Command, Failure> {
+    let mut program = Command::new(this_program()?);
     program.stdin(Stdio::null()).stdout(Stdio::null());
     Ok(program)
 }

@@ -22,8 +22,10 @@ pub fn did_you_mean<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) ->
 
 /// Returns the end of an error about the unknown `name`: [`did_you_mean`], and all of `known` behind `listed` where none is near.
 pub fn near_or_all(name: &str, known: &[&str], listed: &str) -> String {
-    let all = || if known.is_empty() { String::new() } else { format!("{listed} {}", known.join(", ")) };
-    Some(did_you_mean(name, known.iter().copied())).filter(|near| !near.is_empty()).unwrap_or_else(all)
+    match did_you_mean(name, known.iter().copied()) {
+        near if near.is_empty() && !known.is_empty() => format!("{listed} {}", known.join(", ")),
+        near => near,
+    }
 }
 
 /// What to do where a node or topic of ROS 2 is missing.

@@ -40,8 +40,10 @@ pub fn bare(value: &ParameterValue) -> String {
 
 /// Returns the value without its type for JSON; null where it is not set.
 pub fn json(value: &ParameterValue) -> serde_json::Value {
-    let value = from_ros(value.clone()).map(|value| Plain::serialize(&value, serde_json::value::Serializer));
-    value.and_then(Result::ok).unwrap_or_default()
+    let json = |value| {
+        Plain::serialize(&value, serde_json::value::Serializer).expect("each value has a form in JSON")
+    };
+    from_ros(value.clone()).map_or(serde_json::Value::Null, json)
 }
 
 /// Returns the name of a type by its code in messages, as `ros2 param` prints it.
