@@ -28,8 +28,8 @@ const LEAST_DEVIATION: i32 = 1;
 /// A defect gets the code of a neighbour from which its sound value differs by at most this part of the peak.
 const NEIGHBOUR: i32 = 32;
 
-/// The limit of a steep mixed difference in eighths of the peak, as in the quality metrics.
-const STEEP: u16 = 3;
+/// The limit of a steep mixed difference in sixteenths of the peak, as in the quality metrics.
+const STEEP: u16 = 6;
 
 /// Samples that are looked at for each one that may be a defect: a defect in a flat part of the image is a corner of four steep loops,
 /// which have nine corners.

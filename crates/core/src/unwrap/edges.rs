@@ -28,8 +28,8 @@ const SAFE: f64 = 0.5;
 /// The largest one, in peaks, of an edge that betrays itself where it is read wrong: modulo the peak, it is 3/16 of it.
 const READABLE: f64 = 13.0 / 16.0;
 
-/// Second differences above this share of the peak are near half of it. True ones at most as large are off by 5/8 where a count is wrong.
-const NEAR_HALF: f32 = 0.375;
+/// Second differences above so many eighths of the peak are near half of it. True ones at most as large are off by 5/8 where a count is wrong.
+pub(super) const NEAR_HALF: u16 = 3;
 
 /// The most of them per sample: natural frames behind a lens of 1.4 px at alpha 4 have 0.001 to 0.013, also with noise.
 const MANY_NEAR_HALF: f32 = 1.0 / 64.0;
@@ -92,13 +92,17 @@ pub(crate) fn withhold_trust(
     range: Range,
 ) {
     let is_trusted = [Trust::Trusted, Trust::Relative].contains(&out.report.trust);
-    if is_trusted && range.max_wraps() > 0 && may_hide(&out.x, arrangement, sharpness, range) {
+    if is_trusted && range.max_wraps() > 0 && may_hide(out, arrangement, sharpness, range) {
         out.report.trust = Trust::Unobservable;
     }
 }
 
-fn may_hide(x: &Array3<f32>, arrangement: Arrangement, sharpness: Sharpness, range: Range) -> bool {
-    let above = |share: f32| jumps::share_above(x, share * range.peak());
+fn may_hide(out: &Recovered, arrangement: Arrangement, sharpness: Sharpness, range: Range) -> bool {
+    let (x, limit) = (&out.x, f32::from(NEAR_HALF) / 8.0 * range.peak());
+    let near_half = || match out.near_half {
+        Some(count) => count as f32 / x.len() as f32,
+        None => jumps::share_above(x, limit),
+    };
     let edge = match sharpness {
         Sharpness::Unfit => return true,
         Sharpness::UpTo(edge) => Some(edge),
@@ -107,10 +111,10 @@ fn may_hide(x: &Array3<f32>, arrangement: Arrangement, sharpness: Sharpness, ran
     match (arrangement, edge) {
         (Arrangement::TwoGains, edge) => edge.is_some_and(|edge| edge > OF_TWO_GAINS),
         (_, Some(edge)) if edge > READABLE => true,
-        (Arrangement::Mosaic, _) => share_of_mosaic(x, NEAR_HALF * range.peak()) > MANY_IN_MOSAIC,
-        (_, Some(edge)) if edge > SAFE => above(BENT) > FEW_BENT,
-        (_, Some(_)) => above(NEAR_HALF) > MANY_NEAR_HALF,
-        (_, None) => above(NEAR_HALF) > MANY_NEAR_HALF || has_lone_steps(x, range),
+        (Arrangement::Mosaic, _) => share_of_mosaic(x, limit) > MANY_IN_MOSAIC,
+        (_, Some(edge)) if edge > SAFE => jumps::share_above(x, BENT * range.peak()) > FEW_BENT,
+        (_, Some(_)) => near_half() > MANY_NEAR_HALF,
+        (_, None) => near_half() > MANY_NEAR_HALF || has_lone_steps(x, range),
     }
 }
 
@@ -172,8 +176,11 @@ const ROUNDING: f32 = 12_582_912.0;
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
-    use crate::Psf;
+    use crate::unwrap::{Lines, Unwrap as _};
+    use crate::{Frame, Psf};
 
     /// An image of 60 x 80 pixels with an edge of `height` peaks behind a lens of `sigma` px.
     fn edge(height: f32, sigma: f64) -> Array3<f32> {
@@ -196,8 +203,10 @@ mod tests {
     #[test]
     fn edges_that_may_hide_a_peak_are_told_by_the_lens_and_without_it_by_their_sharpness() {
         let range = Range::new(8, 4.0).unwrap();
-        let hides =
-            |height, sigma, sharpness| may_hide(&edge(height, sigma), Arrangement::Next, sharpness, range);
+        let hides = |height, sigma, sharpness| {
+            let out = Recovered { x: edge(height, sigma), ..Recovered::default() };
+            may_hide(&out, Arrangement::Next, sharpness, range)
+        };
         for (height, sigma, hidden) in
             [(0.3, 0.0, true), (0.3, 0.3, true), (0.3, 0.8, false), (0.9, 1.4, false), (0.5, 0.0, true)]
         {
@@ -207,5 +216,30 @@ mod tests {
         assert!(hides(0.0, 1.4, Sharpness::Unfit) && hides(0.0, 0.0, behind(4.0)));
         assert!(!hides(1.0, 1.0, behind(0.75)) && hides(2.0, 1.0, behind(0.75)), "an edge near half a peak");
         assert!(!hides(2.9, 1.4, behind(0.47)) && hides(3.9, 1.4, behind(0.47)), "many are near half a peak");
+    }
+
+    proptest! {
+        #[test]
+        fn lines_count_what_is_near_half_a_peak(
+            (bits, most, rough) in (1u8..=16, 1u16..90, 0.0..2.0f32),
+            (height, width, rgb) in (1usize..9, 1usize..200, any::<bool>()),
+            seed in any::<u64>(),
+        ) {
+            let range = Range::new(bits, f64::from(most)).unwrap();
+            let (limit, mut random) = (range.limit() as f32, seed | 1);
+            let dim = (height, width, if rgb { 3 } else { 1 });
+            let y = Array3::from_shape_fn(dim, |(i, j, _)| {
+                random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                let noise = rough * (random >> 40) as f32 / (1u32 << 24) as f32 * range.peak();
+                let smooth = limit * (0.5 + 0.4 * (j as f32 / 60.0 + i as f32 / 5.0).sin());
+                ((smooth + noise) as u32 % (1 << bits)) as u16
+            });
+            let mut out = Recovered::default();
+            Lines::default().unwrap(&Frame::from_u16(y).unwrap(), range, &mut out).unwrap();
+            let counted = out.near_half.expect("lines count") as f32 / out.x.len() as f32;
+            prop_assert_eq!(counted, jumps::share_above(&out.x, f32::from(NEAR_HALF) / 8.0 * range.peak()));
+            out.buffers();
+            prop_assert_eq!(out.near_half, None, "radiance that may be changed has no count");
+        }
     }
 }

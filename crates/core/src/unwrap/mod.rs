@@ -148,6 +148,8 @@ pub struct Recovered {
     pub defects: Vec<usize>,
     /// The report of the method on its result.
     pub report: Report,
+    /// The second differences of x above [`edges::NEAR_HALF`] along rows and columns, where the method has counted them.
+    pub(crate) near_half: Option<u64>,
 }
 
 /// The report of a method on its own result.
@@ -356,11 +358,13 @@ impl Recovered {
             self.k = Array3::zeros(dim);
         }
         self.defects.clear();
+        self.near_half = None;
         self.report = Report { method, ..Report::default() };
     }
 
     /// Returns x and k, row-major and interleaved, after [`Recovered::prepare`].
     pub(crate) fn buffers(&mut self) -> (&mut [f32], &mut [u8]) {
+        self.near_half = None;
         let (x, k) = (self.x.as_slice_mut(), self.k.as_slice_mut());
         (x.expect("prepare has made the layout standard"), k.expect("prepare has made the layout standard"))
     }

@@ -79,10 +79,10 @@ pub(super) fn magnitude<W: Word>(biased: W) -> W {
     if biased < W::HALF { W::HALF.minus(biased) } else { biased.minus(W::HALF) }
 }
 
-/// Returns whether `magnitude(biased)` is above `eighths / 8` of the peak, in fewer steps.
+/// Returns whether `magnitude(biased)` is above `sixteenths / 16` of the peak, in fewer steps.
 #[inline(always)]
-pub(super) fn exceeds<W: Word>(biased: W, eighths: u16) -> bool {
-    let limit = W::low(eighths << (W::BITS - 3));
+pub(super) fn exceeds<W: Word>(biased: W, sixteenths: u16) -> bool {
+    let limit = W::low(sixteenths << (W::BITS - 4));
     // One comparison after a shift of the origin replaces two at both ends.
     biased.minus(W::HALF.minus(limit)) > limit.plus(limit)
 }
@@ -111,9 +111,9 @@ mod tests {
         assert_eq!(signed(wrap_step(from, to)), gradient::wrap_step(change, bits));
         let biased = biased(from, to);
         assert_eq!(f32::from(magnitude(biased).into()), want.abs());
-        for eighths in 1..4 {
-            let limit = u16::from(eighths as u8) << (W::BITS - 3);
-            assert_eq!(exceeds(biased, eighths), magnitude(biased).into() > limit);
+        for sixteenths in 1..8 {
+            let limit = sixteenths << (W::BITS - 4);
+            assert_eq!(exceeds(biased, sixteenths), magnitude(biased).into() > limit);
         }
     }
 

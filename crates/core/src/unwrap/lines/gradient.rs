@@ -5,8 +5,8 @@ use super::majority::STEEP;
 use crate::unwrap::wrapped::{Word, biased, exceeds, wrap_step};
 
 /// The limit of a mixed difference for [`QualityMetrics::steep`](crate::unwrap::QualityMetrics::steep), in
-/// eighths of the peak.
-const SUSPECT: u16 = 3;
+/// sixteenths of the peak.
+const SUSPECT: u16 = 6;
 
 /// The n of `d_x x = g + n * 2^b`, 0 in the first row, with counts for each column.
 #[derive(Default)]

@@ -3,8 +3,8 @@
 use crate::unwrap::Range;
 use crate::unwrap::wrapped::Word;
 
-/// The limit of a steep difference in eighths of the peak: a quarter of the peak.
-pub(super) const STEEP: u16 = 2;
+/// The limit of a steep difference in sixteenths of the peak: a quarter of the peak.
+pub(super) const STEEP: u16 = 4;
 
 /// The result of a vote.
 #[derive(Clone, Copy)]

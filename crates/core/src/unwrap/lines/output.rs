@@ -1,11 +1,19 @@
-//! Writes the result row by row, and counts its second differences above one peak while the rows are in the cache.
+//! Writes the result row by row, and counts its second differences above one peak and near half of it while the rows are in the cache.
 //!
-//! `x - x'` of two neighbours is `M_b(y - y')` as long as it is below half a peak, and a second difference between two such differences is
-//! below one peak. So second differences are computed only beside greater differences, which few blocks have.
+//! They are computed only beside great differences, which few blocks have: a second difference between two differences of half a limit is at
+//! most that limit.
 
 use super::layout::{CodeRows, LANES, RowLayout};
-use crate::unwrap::wrapped::{Word, wrap_step};
-use crate::unwrap::{Range, jumps};
+use crate::unwrap::Range;
+use crate::unwrap::edges::NEAR_HALF;
+use crate::unwrap::wrapped::{Word, biased, exceeds, wrap_step};
+
+/// The numbers of second differences of the result above one peak, and above [`NEAR_HALF`].
+#[derive(Clone, Copy, Default)]
+pub(super) struct Bends {
+    pub jumps: u64,
+    pub near_half: u64,
+}
 
 /// The last two rows of the result, the new one first, with their codes; all are longer than their lanes by one pixel.
 #[derive(Default)]
@@ -17,8 +25,8 @@ pub(super) struct Output<W> {
 }
 
 impl<W: Word> Output<W> {
-    /// Writes row `i`, whose counts are `k`, to `counts` and to the end of `x`, which holds the rows so far. Returns the second differences
-    /// above one peak that it completes.
+    /// Writes row `i`, whose counts are `k`, to `counts` and to the end of `x`, which holds the rows so far. Adds the
+    /// bends that it completes to `bends`.
     #[inline(always)]
     pub fn write<S: Copy + Into<u16>>(
         &mut self,
@@ -27,7 +35,8 @@ impl<W: Word> Output<W> {
         k: impl Iterator<Item = W>,
         range: Range,
         (x, counts): (&mut [f32], &mut [u8]),
-    ) -> u64 {
+        bends: &mut Bends,
+    ) {
         let (layout, length) = (samples.layout, counts.len());
         self.codes.swap(0, 1);
         self.k.swap(0, 1);
@@ -41,13 +50,13 @@ impl<W: Word> Output<W> {
             *x = (i32::from(y.into()) + (i32::from(k) << range.bits())) as f32;
             *count = k as u8;
         }
-        self.jumps(i, layout, x, range.peak())
+        self.add_bends(i, layout, x, range.peak(), bends);
     }
 
-    /// Returns the second differences above one peak along row `i`, the last one of `x`, and across the row above.
+    /// Adds the bends along row `i`, the last one of `x`, and across the row above.
     #[inline(always)]
-    fn jumps(&mut self, i: usize, layout: RowLayout, x: &[f32], peak: f32) -> u64 {
-        let (channels, length, mut jumps, mut next_apart) = (layout.channels, layout.samples(), 0, false);
+    fn add_bends(&mut self, i: usize, layout: RowLayout, x: &[f32], peak: f32, bends: &mut Bends) {
+        let (channels, length, mut next_apart) = (layout.channels, layout.samples(), false);
         let Self { codes, k, apart } = self;
         // The first row is its own neighbour.
         let above = usize::from(i > 0);
@@ -63,23 +72,41 @@ impl<W: Word> Output<W> {
             let inner = at..end.min(length.saturating_sub(2 * channels));
             if (is_apart || next_apart) && !inner.is_empty() {
                 let line = |shift: usize| &x[i * length + shift * channels..][inner.clone()];
-                jumps += jumps::steep(line(0), line(1), line(2), peak);
+                bends.add([line(0), line(1), line(2)], peak);
             }
             next_apart = is_apart;
             let is_apart = are_apart([&codes[above][at..], &codes[0][at..]], [&k[above][at..], &k[0][at..]]);
             if i > 1 && (is_apart || *apart_above) {
                 let line = |row: usize| &x[(i - row) * length..][at..end];
-                jumps += jumps::steep(line(2), line(1), line(0), peak);
+                bends.add([line(2), line(1), line(0)], peak);
             }
             *apart_above = is_apart;
         }
-        jumps
     }
 }
 
-/// Returns whether a difference between two blocks of codes, with their counts, is not that of the codes, wrapped.
+impl Bends {
+    /// Adds those between three lines.
+    #[inline(always)]
+    fn add(&mut self, [before, here, after]: [&[f32]; 3], peak: f32) {
+        let (near, mut counts) = (f32::from(NEAR_HALF) / 8.0 * peak, [0u32; 2]);
+        for ((before, here), after) in before.iter().zip(here).zip(after) {
+            let bend = (before + after - here - here).abs();
+            counts[0] += u32::from(bend > peak);
+            counts[1] += u32::from(bend > near);
+        }
+        self.jumps += u64::from(counts[0]);
+        self.near_half += u64::from(counts[1]);
+    }
+}
+
+/// Returns whether one of the differences between two blocks of codes, with their counts, is above half of [`NEAR_HALF`].
 #[inline(always)]
 fn are_apart<W: Word>([y, next_y]: [&[W]; 2], [k, next_k]: [&[W]; 2]) -> bool {
     let (y, next_y, k, next_k) = (&y[..LANES], &next_y[..LANES], &k[..LANES], &next_k[..LANES]);
-    (0..LANES).fold(false, |any, i| any | (next_k[i].minus(k[i]) != wrap_step(y[i], next_y[i])))
+    (0..LANES).fold(false, |any, i| {
+        // Below half a peak, a difference is that of the codes, wrapped.
+        let is_wrapped = next_k[i].minus(k[i]) == wrap_step(y[i], next_y[i]);
+        any | !is_wrapped | exceeds(biased(y[i], next_y[i]), NEAR_HALF)
+    })
 }
