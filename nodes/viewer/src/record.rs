@@ -11,7 +11,7 @@ use tokio::task::spawn_blocking;
 use crate::feed::Session;
 use crate::page;
 use crate::protocol::{Event, GraphView, ParameterView};
-use crate::watch::{Audience, LOOK, Watch};
+use crate::watch::{Audience, LOOK, Watch, done};
 
 const KEPT_MS: f64 = 60_000.0;
 /// Bytes that are kept: fewer seconds of large images.
@@ -106,13 +106,7 @@ async fn parameters(session: Arc<Session>, nodes: Vec<String>) -> Vec<Event> {
         let parameters = ParameterView::read_all(&ParameterClient::new(&session.transport, &node)).ok()?;
         Some(Event::Parameters { node, parameters })
     };
-    let all = spawn_blocking(move || nodes.into_iter().filter_map(read).collect());
-    match all.await {
-        Ok(events) => events,
-        // The runtime has ended with the viewer.
-        Err(why) if why.is_cancelled() => Vec::new(),
-        Err(why) => std::panic::resume_unwind(why.into_panic()),
-    }
+    done(spawn_blocking(move || nodes.into_iter().filter_map(read).collect())).await
 }
 
 #[cfg(test)]

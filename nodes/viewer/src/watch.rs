@@ -12,7 +12,7 @@ use modulo_runtime::sensor_info::{self, SensorHistory};
 use modulo_runtime::topic::RECOVERY_TOPIC;
 use modulo_runtime::{Message, MessageKind, SensorModel, StampedFrame, StreamScale};
 use tokio::sync::Notify;
-use tokio::task::spawn_blocking;
+use tokio::task::{JoinHandle, spawn_blocking};
 
 use crate::cameras::{FirstStreams, namespace};
 use crate::feed::{Feed, Heard, MessageOrigin, Session, Statuses, state_topic};
@@ -118,7 +118,7 @@ impl Watch {
             let (graph, errors) = feed.look(wanted);
             (feed, graph, errors)
         });
-        let (feed, mut graph, errors) = looked.await.expect("a look at the graph does not panic");
+        let (feed, mut graph, errors) = done(looked).await;
         graph.first = self.inbox().first.of(&graph);
         (feed, graph, errors)
     }
@@ -166,7 +166,7 @@ impl Watch {
             let encode = |sensor: &Option<_>, image| encode(image, sensor.as_ref(), audience);
             next.iter().map(|(sensor, image)| (image.topic.clone(), encode(sensor, image))).collect()
         };
-        let encoded = spawn_blocking(encode_all).await.expect("encoding does not panic");
+        let encoded = done(spawn_blocking(encode_all)).await;
         let (mut images, mut errors) = (Vec::new(), Vec::new());
         for (topic, encoded) in encoded {
             match encoded {
@@ -179,6 +179,15 @@ impl Watch {
         }
         let at_ms = self.session.clock.now_ns() as f64 / 1e6;
         Some(Moment { at_ms, together, camera, images, errors })
+    }
+}
+
+/// Waits for `work`. The end of the viewer, which cancels it, also ends the task that waits here.
+pub(crate) async fn done<T>(work: JoinHandle<T>) -> T {
+    match work.await {
+        Ok(result) => result,
+        Err(why) if why.is_cancelled() => std::future::pending().await,
+        Err(why) => std::panic::resume_unwind(why.into_panic()),
     }
 }
 
@@ -265,4 +274,27 @@ fn encode(next: &NextImage, sensor: Option<&SensorModel>, audience: Audience) ->
         truth: next.truth.iter().flat_map(|(_, labels)| BoxView::of(labels)).collect(),
     };
     Ok(JpegImage { image, scale, header, jpeg })
+}
+
+#[cfg(test)]
+mod tests {
+    use tokio::runtime::Builder;
+
+    use super::*;
+
+    #[test]
+    fn work_that_the_end_of_the_viewer_cancels_never_returns() {
+        let ending = Builder::new_multi_thread().max_blocking_threads(2).build().expect("a runtime");
+        let other = Builder::new_current_thread().enable_time().build().expect("a runtime");
+        let finished = ending.spawn_blocking(|| 7);
+        assert_eq!(other.block_on(done(finished)), 7);
+        // These two leave no thread for the last one.
+        let busy = [(); 2].map(|()| ending.spawn_blocking(|| std::thread::sleep(Duration::from_millis(300))));
+        let cancelled = ending.spawn_blocking(|| 8);
+        ending.shutdown_background();
+        let waited =
+            other.block_on(async { tokio::time::timeout(Duration::from_millis(50), done(cancelled)).await });
+        assert!(waited.is_err(), "it must not return");
+        drop(busy);
+    }
 }
