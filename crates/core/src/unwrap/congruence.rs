@@ -10,6 +10,7 @@ use std::f64::consts::TAU;
 
 use super::{Range, Recovered};
 use crate::dct::LANES;
+use crate::simd::widest;
 
 /// The share of the pixels of an image that may be below the least count at a greater base level: hot pixels and small wrong regions
 /// must not raise the whole image.
@@ -45,15 +46,27 @@ pub(super) fn write_channel(
 /// Returns the count that stands for k = 0. Of all levels that leave nearly as many pixels in `0..=most` as the
 /// best one does, it is the highest, which makes the image darkest.
 pub(super) fn base_level(k: &[i32], range: Range, outliers: f64, levels: &mut Vec<usize>) -> i32 {
-    let low = *k.iter().min().expect("an image has pixels");
-    let high = *k.iter().max().expect("an image has pixels");
-    levels.clear();
+    let ends = |(low, high): (i32, i32), &k: &i32| (low.min(k), high.max(k));
+    let (low, high) = widest!(k.iter().fold((i32::MAX, i32::MIN), ends));
     // Steps of at most one from pixel to pixel: no image of this size needs more, so that none is made twice.
+    levels.clear();
     levels.reserve(k.len());
-    levels.resize(high.abs_diff(low) as usize + 1, 0);
-    k.iter().for_each(|&k| levels[k.abs_diff(low) as usize] += 1);
+    histogram(k.iter().map(|k| k.abs_diff(low) as usize), high.abs_diff(low) as usize + 1, levels);
     // An estimate may contain any integers, so no sum may overflow.
     low.saturating_add(base_level_index(levels, range, outliers) as i32)
+}
+
+/// A histogram has so many counters for each level, which take turns: neighbours are mostly at one level, and a counter waits for its last sum.
+pub(super) const TURNS: usize = 4;
+
+/// Writes to `counts` how many of `items` are at each of the levels from 0 on.
+#[inline]
+pub(super) fn histogram(items: impl Iterator<Item = usize>, levels: usize, counts: &mut Vec<usize>) {
+    counts.clear();
+    counts.resize(TURNS * levels, 0);
+    items.enumerate().for_each(|(at, level)| counts[TURNS * level + at % TURNS] += 1);
+    (0..levels).for_each(|level| counts[level] = counts[TURNS * level..][..TURNS].iter().sum());
+    counts.truncate(levels);
 }
 
 /// Returns the index of the [`base_level`] for `counts` pixels at each level. A level below the first holds no

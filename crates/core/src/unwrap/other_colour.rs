@@ -7,6 +7,7 @@ use ndarray::Array3;
 
 use super::mosaic_image::{MosaicImage, frame};
 use super::{Auto, Options, Range, Recovered, Report, Trust, Unwrap, UnwrapError, congruence};
+use crate::frame::in_order;
 use crate::mosaic::mirrored;
 use crate::simd::widest;
 
@@ -25,7 +26,8 @@ pub(super) struct OtherDoubts {
 /// The method with its buffers.
 pub(super) struct OtherColour {
     auto: Auto,
-    /// Green at the pixels of the colour, rounded.
+    /// The codes of the pixels of the colour, and green there, rounded.
+    codes: Vec<i32>,
     green: Vec<i32>,
     difference: Recovered,
     counts: Vec<i32>,
@@ -39,7 +41,8 @@ impl OtherColour {
     /// The errors of [`Auto::new`].
     pub fn new(options: &Options) -> Result<Self, UnwrapError> {
         let (auto, difference) = (Auto::of_differences(options)?, Recovered::default());
-        Ok(Self { auto, green: Vec::new(), difference, counts: Vec::new(), levels: Vec::new() })
+        let [codes, green, counts] = [const { Vec::new() }; 3];
+        Ok(Self { auto, codes, green, difference, counts, levels: Vec::new() })
     }
 
     /// Limits the work on each of the next images, in ms.
@@ -61,23 +64,23 @@ impl OtherColour {
     ) -> Result<(), UnwrapError> {
         let MosaicImage { height, width, .. } = *image;
         let (mask, soft) = ((1 << range.bits()) - 1, range.peak() / 16.0);
+        self.codes.clear();
         self.green.clear();
         for row in (first..height).step_by(2) {
+            let (pairs, last) = image.codes[row * width..][column..width].as_chunks::<2>();
+            self.codes.extend(pairs.iter().map(|&[code, _]| i32::from(code)));
+            self.codes.extend(last.iter().map(|&code| i32::from(code)));
             let line = |row: usize| &x[row * width..][..width];
             let [above, below] = [-1, 1].map(|down| line(mirrored(row.cast_signed() + down, height)));
             self.add_green(above, line(row), below, column, soft);
         }
         // Whole numbers from here on, so that each count follows without rounding.
-        let codes = (first..height)
-            .step_by(2)
-            .flat_map(|row| image.codes[row * width..][..width][column..].iter().step_by(2))
-            .map(|&code| i32::from(code));
-        let wrapped = codes.clone().zip(&self.green).map(|(code, green)| ((code - green) & mask) as u16);
+        let wrapped = self.codes.iter().zip(&self.green).map(|(code, green)| ((code - green) & mask) as u16);
         let dim = ((height - first).div_ceil(2), (width - column).div_ceil(2), 1);
         let wrapped = Array3::from_shape_vec(dim, wrapped.collect()).expect("one difference for each pixel");
         self.auto.unwrap(&frame(wrapped, range), range.of_differences(), &mut self.difference)?;
         // A difference is known up to a multiple of the peak, and so are these counts.
-        let known = self.difference.x.iter().zip(&self.green).zip(codes);
+        let known = in_order(self.difference.x.view()).iter().zip(&self.green).zip(&self.codes);
         self.counts.clear();
         self.counts.extend(known.map(|((&x, green), code)| (x as i32 + green - code) >> range.bits()));
         Ok(())

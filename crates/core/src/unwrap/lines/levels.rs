@@ -9,10 +9,6 @@ use crate::unwrap::{Range, Recovered, congruence};
 /// Up to so many levels, comparing with each of them is faster than a histogram.
 const FEW_LEVELS: usize = 12;
 
-/// A histogram has so many counters for each level, which take turns: neighbours are mostly at one level, and a counter
-/// waits for its last sum.
-const TURNS: usize = 4;
-
 /// The k of the image as a sum of terms by pixel and by column.
 pub(super) struct Levels<'a, W> {
     pub layout: RowLayout,
@@ -32,7 +28,7 @@ impl<W: Word> Levels<'_, W> {
     #[inline(always)]
     pub fn zero(&self, range: Range, outliers: f64, sums: &mut Vec<W>, counts: &mut Vec<usize>) -> Base<W> {
         counts.clear();
-        counts.reserve(TURNS << W::BITS);
+        counts.reserve(congruence::TURNS << W::BITS);
         self.offsets([W::HALF; 3], sums);
         let (low, high) = self.extent(sums);
         // Differences of biased words are right modulo a word, whatever the first pixel was.
@@ -46,11 +42,12 @@ impl<W: Word> Levels<'_, W> {
         let table = (most_levels <= FEW_LEVELS).then(|| self.table(most_levels, low, enough, sums));
         let mut zero = Base { level: low, outside: 0 };
         for (channel, level) in zero.level[..channels].iter_mut().enumerate() {
-            counts.clear();
-            counts.resize(levels(channel), 0);
             match &table {
-                Some(table) => counts.iter_mut().zip(table).for_each(|(count, of)| *count = of[channel]),
-                None => self.histogram(channel, low[channel], sums, counts),
+                Some(table) => {
+                    counts.clear();
+                    counts.extend(table[..levels(channel)].iter().map(|of| of[channel]));
+                }
+                None => self.histogram(channel, low[channel], levels(channel), sums, counts),
             }
             let index = congruence::base_level_index(counts, range, outliers);
             let inside = counts[index..].iter().take(most);
@@ -118,18 +115,13 @@ impl<W: Word> Levels<'_, W> {
         totals
     }
 
-    /// Counts the pixels of `channel` at each level from `low` on, of which `counts` has as many as there are.
-    fn histogram(&self, channel: usize, low: W, sums: &[W], counts: &mut Vec<usize>) {
-        let levels = counts.len();
-        counts.resize(TURNS * levels, 0);
-        for i in 0..self.layout.height {
-            let k = self.rows.k(i).iter().zip(sums).take(self.layout.samples());
-            for (at, (&k, &sum)) in k.skip(channel).step_by(self.layout.channels).enumerate() {
-                counts[TURNS * usize::from(k.plus(sum).minus(low).into()) + at % TURNS] += 1;
-            }
-        }
-        (0..levels).for_each(|level| counts[level] = counts[TURNS * level..][..TURNS].iter().sum());
-        counts.truncate(levels);
+    /// Counts the pixels of `channel` at each of the `levels` from `low` on.
+    fn histogram(&self, channel: usize, low: W, levels: usize, sums: &[W], counts: &mut Vec<usize>) {
+        let RowLayout { height, channels, .. } = self.layout;
+        let row = |i: usize| self.rows.k(i).iter().zip(sums).take(self.layout.samples());
+        let k = (0..height).flat_map(|i| row(i).skip(channel).step_by(channels));
+        let level = |(&k, &sum): (&W, &W)| usize::from(k.plus(sum).minus(low).into());
+        congruence::histogram(k.map(level), levels, counts);
     }
 
     /// Writes to `sums`, by lane, the terms of the columns, from `start` on.
