@@ -137,11 +137,9 @@ fn has_lone_steps(x: &Array3<f32>, range: Range) -> bool {
     let row = |at: usize| &samples[at * stride..][..stride];
     let mut counts = [[0u64; 2]; STEPS.len()];
     let mut add = |lines: [&[f32]; 4]| {
-        for (counts, step) in counts.iter_mut().zip(STEPS) {
-            let (lone, bent) = widest!(lone_steps(lines, range.peak(), step));
-            counts[0] += u64::from(lone);
-            counts[1] += u64::from(bent);
-        }
+        let more = widest!(lone_steps(lines, range.peak()));
+        let sums = counts.as_flattened_mut().iter_mut().zip(more.as_flattened());
+        sums.for_each(|(sum, &count)| *sum += u64::from(count));
     };
     if width > 3 {
         let inner = stride - 3 * channels;
@@ -152,23 +150,26 @@ fn has_lone_steps(x: &Array3<f32>, range: Range) -> bool {
     counts.iter().any(|&[lone, bent]| lone as f64 > least && lone as f64 > SHARP * bent as f64)
 }
 
-/// Returns how many steps between the second and the third line stand alone, modulo the peak, and how many second differences at the second
-/// line are as high.
+/// Returns, for each height of [`STEPS`], how many steps between the second and the third line stand alone, modulo the peak, and how many
+/// second differences at the second line are as high.
 #[inline(always)]
-fn lone_steps([a, b, c, d]: [&[f32]; 4], peak: f32, step: f32) -> (u32, u32) {
+fn lone_steps([a, b, c, d]: [&[f32]; 4], peak: f32) -> [[u32; 2]; STEPS.len()] {
     let per_peak = peak.recip();
     // Rounded by a sum, which is faster than a call.
     let wrapped = |difference: f32| {
         let peaks = difference * per_peak;
         (peaks - ((peaks + ROUNDING) - ROUNDING)).abs()
     };
-    let (mut lone, mut bent) = (0, 0);
+    let mut counts = [[0; 2]; STEPS.len()];
     for (((a, b), c), d) in a.iter().zip(b).zip(c).zip(d) {
         let (before, here, after) = (wrapped(b - a), wrapped(c - b), wrapped(d - c));
-        lone += u32::from((here > step) & (before.max(after) < BESIDE * here));
-        bent += u32::from(wrapped(a + c - b - b) > step);
+        let (is_alone, bend) = (before.max(after) < BESIDE * here, wrapped(a + c - b - b));
+        for ([lone, bent], step) in counts.iter_mut().zip(STEPS) {
+            *lone += u32::from(is_alone & (here > step));
+            *bent += u32::from(bend > step);
+        }
     }
-    (lone, bent)
+    counts
 }
 
 /// Adding and subtracting 1.5 * 2^23 rounds a number of either sign to the nearest whole one.
