@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use modulo_ap::Difficulty;
-use modulo_ap::average::{self, Membership, ScoredFrame, ap50_95, image_boxes};
+use modulo_ap::average::{self, ScoredFrame, ap, ap50_95};
 use modulo_ap::matching::ImageBoxes;
 use modulo_bags::source::GroundTruth;
 use modulo_core::{BBox, Detection};
@@ -34,12 +34,9 @@ pub fn average_precision(
 }
 
 fn by_class(frames: &[ScoredFrame], difficulty: Difficulty) -> BTreeMap<String, (f64, f64, usize)> {
-    let score = |(class, (ap50, objects)): (String, (f64, usize))| {
-        let own = |other: &str| if other == class { Membership::Member } else { Membership::Other };
-        let images: Vec<ImageBoxes> =
-            frames.iter().map(|(found, truth)| image_boxes(found, truth, difficulty, own)).collect();
-        let ap50_95 = ap50_95(&images)?;
-        Some((class, (ap50, ap50_95, objects)))
+    let score = |(class, images): (String, Vec<ImageBoxes>)| {
+        let objects = images.iter().map(ImageBoxes::objects).sum();
+        Some((class, (ap(&images, 0.5)?, ap50_95(&images)?, objects)))
     };
     average::by_class(frames, difficulty).into_iter().filter_map(score).collect()
 }

@@ -6,7 +6,7 @@ use modulo_bags::source::GroundTruth;
 use modulo_core::Detection;
 
 use crate::difficulty::{DONT_CARE, Difficulty};
-use crate::matching::{ImageBoxes, Mark, ObjectRole};
+use crate::matching::{ImageBoxes, MatchOutcome, ObjectRole};
 
 /// Number of recalls at which the curve is sampled: 0, 0.01, ..., 1.
 pub const RECALLS: usize = 101;
@@ -31,43 +31,47 @@ pub fn curve(images: &[ImageBoxes], least_iou: f64) -> Option<Vec<f64>> {
 
 /// AP at one IoU threshold. `None` if no object is scored.
 pub fn ap(images: &[ImageBoxes], least_iou: f64) -> Option<f64> {
-    curve(images, least_iou).as_deref().map(mean)
+    mean(curve(images, least_iou)?)
 }
 
 /// Mean AP over [`thresholds`]. `None` if no object is scored.
 pub fn ap50_95(images: &[ImageBoxes]) -> Option<f64> {
-    thresholds().map(|threshold| ap(images, threshold)).collect::<Option<Vec<f64>>>().as_deref().map(mean)
+    mean(thresholds().map(|threshold| ap(images, threshold)).collect::<Option<Vec<f64>>>()?)
 }
 
-/// The mean of figures. 0 for an empty list.
-pub fn mean(figures: &[f64]) -> f64 {
-    figures.iter().sum::<f64>() / figures.len().max(1) as f64
+/// The mean of figures. `None` without any.
+pub fn mean(figures: impl IntoIterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = figures.into_iter().fold((0.0, 0u32), |(sum, n), figure| (sum + figure, n + 1));
+    (count > 0).then(|| sum / f64::from(count))
 }
 
 /// The matched detections of several images at one threshold, for repeated drawing by the bootstrap.
 #[derive(Clone, Debug)]
 pub struct Sample {
-    /// Matched detections by descending score, with the index of their image.
-    marks: Vec<(Mark, usize)>,
+    /// The score of each detection that is right or wrong, whether it is right, and the index of its image, by descending score.
+    marks: Vec<(f32, bool, usize)>,
     objects: Vec<u64>,
 }
 
 impl Sample {
     /// Matches the detections of all images.
     pub fn new(images: &[ImageBoxes], least_iou: f64) -> Self {
-        let of = |(place, image): (usize, &ImageBoxes)| {
-            image.marks(least_iou).into_iter().map(move |mark| (mark, place))
-        };
-        let mut marks: Vec<(Mark, usize)> = images.iter().enumerate().flat_map(of).collect();
+        let mut marks = Vec::new();
+        for (place, image) in images.iter().enumerate() {
+            let outcomes = image.outcomes(least_iou).into_iter();
+            let scored = outcomes.filter(|(_, outcome)| *outcome != MatchOutcome::Ignored);
+            marks
+                .extend(scored.map(|(i, outcome)| (image.found[i].1, outcome == MatchOutcome::Right, place)));
+        }
         // The sort is stable, as that of pycocotools (mergesort): equal scores keep the order of the images, on which
         // AP depends.
-        marks.sort_by(|a, b| b.0.score.total_cmp(&a.0.score));
+        marks.sort_by(|a, b| b.0.total_cmp(&a.0));
         Self { marks, objects: images.iter().map(|image| image.objects() as u64).collect() }
     }
 
     /// AP of a data set that has image i `times[i]` times. `None` if no object is scored.
     pub fn ap(&self, times: &[u64]) -> Option<f64> {
-        self.curve(times).as_deref().map(mean)
+        mean(self.curve(times)?)
     }
 
     /// The number of objects of all images.
@@ -77,7 +81,7 @@ impl Sample {
 
     fn curve(&self, times: &[u64]) -> Option<Vec<f64>> {
         let objects: u64 = self.objects.iter().zip(times).map(|(objects, times)| objects * times).sum();
-        let marks = self.marks.iter().map(|(mark, place)| (mark.right, times[*place]));
+        let marks = self.marks.iter().map(|(_, is_right, place)| (*is_right, times[*place]));
         (objects > 0).then(|| precisions(marks, objects))
     }
 }
@@ -114,25 +118,16 @@ pub fn precisions(marks: impl Iterator<Item = (bool, u64)>, objects: u64) -> Vec
 /// One frame: its detections and its ground truth.
 pub type ScoredFrame = (Vec<Detection>, Vec<GroundTruth>);
 
-/// AP50 and number of objects of each class that has an object of `difficulty`.
-pub fn by_class(frames: &[ScoredFrame], difficulty: Difficulty) -> BTreeMap<String, (f64, usize)> {
-    let once = vec![1; frames.len()];
-    let score = |(class, sample): (String, Sample)| Some((class, (sample.ap(&once)?, sample.objects())));
-    samples(frames, difficulty).into_iter().filter_map(score).collect()
-}
-
-/// The detections of each class that has an object of `difficulty`, matched at an IoU of 0.5.
-pub fn samples(frames: &[ScoredFrame], difficulty: Difficulty) -> BTreeMap<String, Sample> {
+/// The images of each class that has an object of `difficulty`.
+pub fn by_class(frames: &[ScoredFrame], difficulty: Difficulty) -> BTreeMap<String, Vec<ImageBoxes>> {
     let objects = frames.iter().flat_map(|(_, truth)| truth);
     let classes: BTreeSet<&str> =
         objects.filter(|t| difficulty.role(t) == ObjectRole::Counts).map(|t| t.class.as_str()).collect();
-    let sample = |class: &str| {
+    let of_class = |class: &str| {
         let own = |other: &str| if other == class { Membership::Member } else { Membership::Other };
-        let images: Vec<ImageBoxes> =
-            frames.iter().map(|(found, truth)| image_boxes(found, truth, difficulty, own)).collect();
-        (class.to_owned(), Sample::new(&images, 0.5))
+        (class.to_owned(), images(frames, difficulty, own))
     };
-    classes.into_iter().map(sample).collect()
+    classes.into_iter().map(of_class).collect()
 }
 
 /// Relation of a class to the category that is scored.
@@ -144,6 +139,16 @@ pub enum Membership {
     Ignored,
     /// The class does not belong to the category.
     Other,
+}
+
+/// The images of `frames` for matching, each as [`image_boxes`] makes it.
+pub fn images(
+    frames: &[ScoredFrame],
+    difficulty: Difficulty,
+    membership: impl Fn(&str) -> Membership,
+) -> Vec<ImageBoxes> {
+    let boxes = |(found, truth): &ScoredFrame| image_boxes(found, truth, difficulty, &membership);
+    frames.iter().map(boxes).collect()
 }
 
 /// The boxes of one image for matching. `membership` gives the relation of each class to the category that is scored.
@@ -178,7 +183,7 @@ mod tests {
     #[test]
     fn a_confident_mistake_costs_precision() {
         let curve = precisions([(false, 1), (true, 1)].into_iter(), 1);
-        assert_eq!((curve.len(), mean(&curve)), (RECALLS, 0.5));
+        assert_eq!((curve.len(), mean(curve)), (RECALLS, Some(0.5)));
     }
 
     #[test]
@@ -227,7 +232,7 @@ mod tests {
     }
 
     fn ap50(found: Vec<Detection>, truth: Vec<GroundTruth>) -> f64 {
-        by_class(&[(found, truth)], Difficulty::Moderate)["car"].0
+        ap(&by_class(&[(found, truth)], Difficulty::Moderate)["car"], 0.5).expect("a car counts")
     }
 
     #[test]
@@ -239,8 +244,10 @@ mod tests {
         for bad in [detection(100.0, 30.0, 0.9), detection(200.0, 8.0, 0.9), detection(310.0, 30.0, 0.9)] {
             assert_eq!(ap50(vec![bad, right.clone()], truth()), 1.0);
         }
-        assert_eq!(by_class(&[(vec![], truth())], Difficulty::Moderate)["car"], (0.0, 1));
-        assert_eq!(by_class(&[(vec![], truth())], Difficulty::All)["car"], (0.0, 3));
+        for (difficulty, objects) in [(Difficulty::Moderate, 1), (Difficulty::All, 3)] {
+            let images = &by_class(&[(vec![], truth())], difficulty)["car"];
+            assert_eq!((ap(images, 0.5), images[0].objects()), (Some(0.0), objects));
+        }
     }
 
     #[test]

@@ -24,15 +24,6 @@ pub struct ImageBoxes {
     pub least_height: f32,
 }
 
-/// A detection that is right or wrong. Ignored detections have no mark.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Mark {
-    /// Score of the detection.
-    pub score: f32,
-    /// Whether it found a scored object.
-    pub right: bool,
-}
-
 /// The result of matching a detection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MatchOutcome {
@@ -51,15 +42,6 @@ impl ImageBoxes {
     /// Number of scored objects.
     pub fn objects(&self) -> usize {
         self.truth.iter().filter(|(_, role)| *role == ObjectRole::Counts).count()
-    }
-
-    /// The scored detections as [`Self::outcomes`] has them.
-    pub fn marks(&self, least_iou: f64) -> Vec<Mark> {
-        let scored =
-            self.outcomes(least_iou).into_iter().filter(|(_, outcome)| *outcome != MatchOutcome::Ignored);
-        scored
-            .map(|(i, outcome)| Mark { score: self.found[i].1, right: outcome == MatchOutcome::Right })
-            .collect()
     }
 
     /// Matches the best `MOST_DETECTIONS` by descending score: each takes the free object of largest IoU, at least
@@ -134,7 +116,9 @@ mod tests {
 
     fn rights(truth: &[(BBox, ObjectRole)], found: &[(BBox, f32)]) -> Vec<bool> {
         let image = ImageBoxes { truth: truth.to_vec(), found: found.to_vec(), least_height: 10.0 };
-        image.marks(0.5).iter().map(|mark| mark.right).collect()
+        let outcomes = image.outcomes(0.5).into_iter().map(|(_, outcome)| outcome);
+        let scored = outcomes.filter(|outcome| *outcome != MatchOutcome::Ignored);
+        scored.map(|outcome| outcome == MatchOutcome::Right).collect()
     }
 
     #[test]

@@ -61,10 +61,9 @@ impl Scorer {
                     let images: Vec<ImageBoxes> = here.iter().map(|&at| images[at].clone()).collect();
                     average::ap(&images, 0.5)
                 });
-                let (ap50, frames) = (ap50.collect::<Vec<_>>(), here.len());
+                let (ap50, frames) = (average::mean(ap50), here.len());
                 let nearest = share(here.iter().filter_map(|&at| nearest[at]));
                 if frames > 0 {
-                    let ap50 = (!ap50.is_empty()).then(|| average::mean(&ap50));
                     moments.push(Moment { is_darker, frame, frames, ap50, nearest });
                 }
             }
@@ -75,6 +74,5 @@ impl Scorer {
 
 /// Returns the share of `true`; `None` of nothing.
 pub(super) fn share(flags: impl Iterator<Item = bool>) -> Option<f64> {
-    let (all, set) = flags.fold((0u64, 0u64), |(all, set), flag| (all + 1, set + u64::from(flag)));
-    (all > 0).then(|| set as f64 / all as f64)
+    average::mean(flags.map(|flag| f64::from(u8::from(flag))))
 }

@@ -71,14 +71,13 @@ impl Scorer {
         let papers = self.papers(&found);
         let nearest = self.nearest_found(&found);
         let moments = self.moments(&groups.values().cloned().collect::<Vec<_>>(), &nearest);
-        let means: Vec<f64> = groups.values().filter_map(|images| average::ap50_95(images)).collect();
         Cell {
             name: point.file_name(),
             point,
             frames: frames.len(),
             unanswered: frames.iter().filter(|frame| frame.found.is_none()).count(),
             ap50: by_group(&groups, |images| average::ap(images, 0.5)),
-            ap50_95: (!means.is_empty()).then(|| average::mean(&means)),
+            ap50_95: average::mean(groups.values().filter_map(|images| average::ap50_95(images))),
             objects: by_group(&groups, |images| images.iter().map(ImageBoxes::objects).sum()),
             classes: self.classes(&found, mapped),
             difficulty: self.difficulties(&found),
@@ -140,7 +139,7 @@ impl Scorer {
             };
             (difficulty, groups.iter().map(ap).collect())
         };
-        Difficulty::ALL.into_iter().map(score).collect()
+        Difficulty::WORDS.map(|(_, difficulty)| score(difficulty)).into()
     }
 
     pub(super) fn papers(&self, found: &Found) -> Vec<Paper> {
@@ -222,16 +221,12 @@ fn recovered(frames: &[FrameResult]) -> Cell {
     let exact: u64 = recoveries.clone().map(|r| r.exact).sum();
     let (psnr_db, ssim) = ImageSimilarity::mean(recoveries.clone().map(|r| &r.ideal));
     let (psnr_sharp_db, ssim_sharp) = ImageSimilarity::mean(recoveries.clone().map(|r| &r.sharp));
-    let share = |counts: &mut dyn Iterator<Item = bool>| {
-        let flags: Vec<f64> = counts.map(|flag| f64::from(u8::from(flag))).collect();
-        (!flags.is_empty()).then(|| average::mean(&flags))
-    };
     let unwrapped = recoveries.clone().filter(|r| r.samples > 0);
     let wrong = |r: &&RecoveryQuality| r.trusted == Some(true) && r.exact_share() < LEAST_TRUSTED_SHARE;
     Cell {
         exact_k: (samples > 0).then(|| exact as f64 / samples as f64),
-        exact_frames: share(&mut unwrapped.clone().map(|r| r.exact == r.samples)),
-        trusted: share(&mut recoveries.filter_map(|r| r.trusted)),
+        exact_frames: around::share(unwrapped.clone().map(|r| r.exact == r.samples)),
+        trusted: around::share(recoveries.filter_map(|r| r.trusted)),
         trusted_wrong: (samples > 0).then(|| unwrapped.filter(wrong).count()),
         psnr_db,
         ssim,

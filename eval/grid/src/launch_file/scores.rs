@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use modulo_ap::Difficulty;
-use modulo_ap::average::{Sample, ScoredFrame, image_boxes, mean, samples};
+use modulo_ap::average::{Sample, ScoredFrame, by_class, images, mean};
 use serde_json::{Value, json};
 
 use super::EvaluatedFrame;
@@ -125,27 +125,23 @@ fn matched(
             false => known.contains(category),
         })
     };
-    let mut samples = if has_groups {
+    let images = if has_groups {
         let frames: Vec<ScoredFrame> =
             scored.iter().map(|(found, truth)| (map.all(found), truth.clone())).collect();
-        let group = |group: &str| {
-            let member = |class: &str| groups.membership(class, group);
-            let images: Vec<_> =
-                frames.iter().map(|(found, truth)| image_boxes(found, truth, difficulty, member)).collect();
-            (group.to_owned(), Sample::new(&images, 0.5))
-        };
-        groups.names().into_iter().map(group).filter(|(_, sample)| sample.objects() > 0).collect()
+        let of = |group: &str| images(&frames, difficulty, |class| groups.membership(class, group));
+        groups.names().into_iter().map(|group| (group.to_owned(), of(group))).collect()
     } else {
-        samples(scored, difficulty)
+        by_class(scored, difficulty)
     };
+    let samples = images.into_iter().map(|(class, images)| (class, Sample::new(&images, 0.5)));
+    let mut samples: BTreeMap<_, _> = samples.filter(|(_, sample)| sample.objects() > 0).collect();
     let of_model = samples.extract_if(.., is_known).collect();
     (of_model, samples.into_iter().map(|(class, sample)| (class, sample.objects())).collect())
 }
 
 /// The mean AP50 of the classes of images that come so many `times`. `None` if no object is scored.
 fn mean_ap(samples: &BTreeMap<String, Sample>, times: &[u64]) -> Option<f64> {
-    let figures: Vec<f64> = samples.values().filter_map(|sample| sample.ap(times)).collect();
-    (!figures.is_empty()).then(|| mean(&figures))
+    mean(samples.values().filter_map(|sample| sample.ap(times)))
 }
 
 impl StreamScore {

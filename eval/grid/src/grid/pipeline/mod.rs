@@ -8,6 +8,7 @@ mod suite;
 
 use std::sync::Arc;
 
+use modulo_ap::average::mean;
 use modulo_core::metric::{LEAST_SIDE, mse, psnr_db, ssim};
 use modulo_core::{Exposure, Frame, Gains, Psf, Sensor, SensorConfig, tone};
 use modulo_detector::{Detector, DetectorParameters};
@@ -265,13 +266,9 @@ impl ImageSimilarity {
 
     /// Mean (PSNR dB, SSIM) of several images with equal weight. The PSNR of equal images is infinite.
     pub fn mean<'a>(all: impl Iterator<Item = &'a Self> + Clone) -> (Option<f64>, Option<f64>) {
-        let mean = |figures: &mut dyn Iterator<Item = f64>| {
-            let (sum, count) = figures.fold((0.0, 0u32), |(sum, count), figure| (sum + figure, count + 1));
-            (count > 0).then(|| sum / f64::from(count))
-        };
         // The mean is taken over the squared errors, not over PSNR: a single perfect frame has an infinite PSNR.
-        let mse = mean(&mut all.clone().map(|one| one.mse));
-        (mse.map(|mse| psnr_db(mse).unwrap_or(f64::INFINITY)), mean(&mut all.filter_map(|one| one.ssim)))
+        let mse = mean(all.clone().map(|one| one.mse));
+        (mse.map(|mse| psnr_db(mse).unwrap_or(f64::INFINITY)), mean(all.filter_map(|one| one.ssim)))
     }
 }
 
