@@ -28,56 +28,29 @@ const PAD: f64 = 0.05;
 pub struct FittedAxis {
     from: f64,
     to: f64,
-    places: Places,
-    /// Value and text of each tick.
+    scale: Scale,
+    /// Value and text of each tick, in ascending order.
     pub ticks: Vec<(f64, String)>,
 }
 
-/// The positions of values before they are scaled to the length of the axis.
-enum Places {
-    /// The values.
-    Linear,
-    /// The logarithms.
-    Log,
-    /// The numbers of the values in this ascending list.
-    Settings(Vec<f64>),
-}
-
 impl Axis {
-    /// A logarithmic axis of plain numbers, such as durations.
-    pub fn log(label: impl Into<String>) -> Self {
-        Self { label: label.into(), scale: Scale::Log }
-    }
-
-    /// A linear axis of plain numbers, such as frames.
-    pub fn linear(label: impl Into<String>) -> Self {
-        Self { scale: Scale::Linear, ..Self::log(label) }
-    }
-
-    /// An axis of the settings of the data, see [`Scale::Settings`].
-    pub fn settings(label: impl Into<String>) -> Self {
-        Self { scale: Scale::Settings, ..Self::log(label) }
-    }
-
-    /// An axis of shares, see [`Scale::Share`].
-    pub fn share(label: impl Into<String>) -> Self {
-        Self { scale: Scale::Share, ..Self::log(label) }
+    /// An axis of this scale, which `label` describes.
+    pub fn new(scale: Scale, label: impl Into<String>) -> Self {
+        Self { label: label.into(), scale }
     }
 
     /// Fits the axis to finite `values`.
     pub fn fit(&self, values: impl Iterator<Item = f64> + Clone) -> FittedAxis {
-        let (from, to, places, ticks) = match self.scale {
-            Scale::Share => (0.0, 1.0, Places::Linear, vec![0.0, 0.2, 0.4, 0.6, 0.8, 1.0]),
-            Scale::Linear => linear_range(values),
-            Scale::Log => {
-                let ticks = log_ticks(values);
-                (ticks[0].log10(), ticks[ticks.len() - 1].log10(), Places::Log, ticks)
-            }
-            Scale::Settings => {
-                let mut settings = distinct(values);
-                settings.sort_by(f64::total_cmp);
-                (-0.5, settings.len() as f64 - 0.5, Places::Settings(settings.clone()), settings)
-            }
+        let ticks = match self.scale {
+            Scale::Share => vec![0.0, 0.2, 0.4, 0.6, 0.8, 1.0],
+            Scale::Linear => linear_ticks(values),
+            Scale::Log => log_ticks(values),
+            Scale::Settings => ascending(values),
+        };
+        let (from, to) = match self.scale {
+            Scale::Settings => (-0.5, ticks.len() as f64 - 0.5),
+            Scale::Log => (ticks[0].log10(), ticks[ticks.len() - 1].log10()),
+            Scale::Share | Scale::Linear => (ticks[0], ticks[ticks.len() - 1]),
         };
         // An axis whose data have one value would have no length, and every position would be a division by zero.
         let pad = (to - from).max(1e-9) * PAD;
@@ -86,27 +59,24 @@ impl Axis {
             Scale::Linear | Scale::Log | Scale::Settings => rounded(value).to_string(),
         };
         let ticks = ticks.into_iter().map(|value| (value, text(value))).collect();
-        FittedAxis { from: from - pad, to: to + pad, places, ticks }
+        FittedAxis { from: from - pad, to: to + pad, scale: self.scale, ticks }
     }
 }
 
 impl FittedAxis {
     /// Position of a value: 0 at the left or bottom, 1 at the other end. Values outside are clamped.
     pub fn place(&self, value: f64) -> f32 {
-        let value = match &self.places {
-            Places::Log => value.max(0.0).log10(),
-            Places::Linear => value,
-            Places::Settings(settings) => settings.partition_point(|setting| *setting < value) as f64,
+        let value = match self.scale {
+            Scale::Log => value.max(0.0).log10(),
+            Scale::Share | Scale::Linear => value,
+            Scale::Settings => self.ticks.partition_point(|(setting, _)| *setting < value) as f64,
         };
         ((value - self.from) / (self.to - self.from)).clamp(0.0, 1.0) as f32
     }
 
     /// Distance of two neighbouring settings as a share of the length. 0 on an axis of another scale.
     pub fn step(&self) -> f32 {
-        match self.places {
-            Places::Settings(_) => (1.0 / (self.to - self.from)) as f32,
-            Places::Linear | Places::Log => 0.0,
-        }
+        if self.scale == Scale::Settings { (1.0 / (self.to - self.from)) as f32 } else { 0.0 }
     }
 }
 
@@ -121,13 +91,20 @@ pub fn distinct<T: PartialEq>(values: impl Iterator<Item = T>) -> Vec<T> {
     found
 }
 
+/// The distinct numbers in ascending order.
+pub fn ascending(values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut values = distinct(values);
+    values.sort_by(f64::total_cmp);
+    values
+}
+
 /// Removes the last digits that result from binary fractions.
 fn rounded(value: f64) -> f64 {
     format!("{value:.9e}").parse().expect("a number that was just written")
 }
 
-/// Both ends, the positions, and the values of at most eleven ticks, which enclose the data.
-fn linear_range(values: impl Iterator<Item = f64> + Clone) -> (f64, f64, Places, Vec<f64>) {
+/// The values of at most eleven ticks of a linear axis, which enclose the data.
+fn linear_ticks(values: impl Iterator<Item = f64> + Clone) -> Vec<f64> {
     let least = values.clone().fold(f64::INFINITY, f64::min);
     let most = values.fold(f64::NEG_INFINITY, f64::max);
     // Without data, and for a single value, the axis still needs a length.
@@ -140,8 +117,7 @@ fn linear_range(values: impl Iterator<Item = f64> + Clone) -> (f64, f64, Places,
     let step = [1.0, 2.0, 5.0].map(|m| m * power).into_iter().find(|step| (most - least) / step <= 9.0);
     let step = step.unwrap_or(10.0 * power);
     let (first, last) = ((least / step).floor() as i64, (most / step).ceil() as i64);
-    let ticks: Vec<f64> = (first..=last).map(|tick| tick as f64 * step).collect();
-    (ticks[0], ticks[ticks.len() - 1], Places::Linear, ticks)
+    (first..=last).map(|tick| tick as f64 * step).collect()
 }
 
 /// The values of the ticks of a logarithmic axis, which enclose the positive values.
@@ -167,7 +143,7 @@ mod tests {
     use super::*;
 
     fn axis(scale: Scale) -> Axis {
-        Axis { scale, ..Axis::log("") }
+        Axis::new(scale, "")
     }
 
     fn texts(fitted: &FittedAxis) -> Vec<&str> {

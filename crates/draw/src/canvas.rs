@@ -51,15 +51,11 @@ impl Canvas {
         self.shapes.push(Shape::Line { points, colour, width, dash: 0.0 });
     }
 
-    /// Adds a filled rectangle. The SVG shows `hover` while the pointer is on it.
-    pub fn block(&mut self, (left, top, right, bottom): Area, colour: Colour, hover: &str) {
+    /// Adds a filled rectangle.
+    pub fn block(&mut self, (left, top, right, bottom): Area, colour: Colour) {
         let points = vec![(left, top), (right, top), (right, bottom), (left, bottom)];
-        self.shapes.push(Shape::Area {
-            points,
-            fill: Some(colour),
-            edge: (WHITE, 1.0),
-            hover: hover.to_owned(),
-        });
+        let (fill, edge, hover) = (Some(colour), (WHITE, 1.0), String::new());
+        self.shapes.push(Shape::Area { points, fill, edge, hover });
     }
 
     pub fn text(&mut self, position: Position, text: &str, size: f32, colour: Colour, anchor: Anchor) {

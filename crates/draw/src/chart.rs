@@ -129,7 +129,7 @@ impl LegendKey {
         let Self::Colour(colour) = self else { return };
         let area =
             (x + KEY_WIDTH / 2.0 - KEY_BLOCK, y - KEY_BLOCK, x + KEY_WIDTH / 2.0 + KEY_BLOCK, y + KEY_BLOCK);
-        canvas.block(area, colour, "");
+        canvas.block(area, colour);
     }
 
     fn text_colour(self) -> Colour {

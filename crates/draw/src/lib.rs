@@ -19,7 +19,7 @@ mod svg;
 
 pub use image::RgbImage;
 
-pub use axis::{Axis, Scale, distinct};
+pub use axis::{Axis, Scale, ascending, distinct};
 pub use chart::{Chart, ChartBody, PageWidth, Pictures};
 pub use panel::{ChartPanel, DataPoint, Series, SeriesStyle};
 pub use picture::{LabelledBox, Picture, sheet};

@@ -229,7 +229,7 @@ fn note(canvas: &mut Canvas, layout: &mut LabelLayout, colour: Colour, spot: Pos
         canvas.line(vec![spot, edge], colour, 0.6);
     }
     // If a label cannot avoid a line, the line is interrupted behind the label.
-    canvas.block(area, WHITE, "");
+    canvas.block(area, WHITE);
     canvas.text((area.0, area.3 - LABEL_SIZE * 0.14), text, LABEL_SIZE, colour, Anchor::Start);
 }
 

@@ -6,7 +6,7 @@ use modulo_draw::{
 };
 
 fn axis(scale: Scale) -> Axis {
-    Axis { scale, ..Axis::log("a < b & c") }
+    Axis::new(scale, "a < b & c")
 }
 
 fn chart(body: ChartBody) -> Chart {
@@ -75,7 +75,11 @@ fn over_settings(series: &[(&str, [f64; 2])]) -> String {
         points: vec![point(1.0, *one), point(2.0, *two)],
         style: SeriesStyle::LineAndMarkers,
     });
-    let panel = ChartPanel { x: Axis::settings("setting"), y: axis(Scale::Share), series: series.collect() };
+    let panel = ChartPanel {
+        x: Axis::new(Scale::Settings, "setting"),
+        y: axis(Scale::Share),
+        series: series.collect(),
+    };
     chart(ChartBody::Panels(vec![panel])).svg(PageWidth::Wide).expect("drawn")
 }
 
@@ -161,10 +165,18 @@ fn no_text_lies_on_another_or_leaves_the_picture() {
         };
         ('a'..='p').enumerate().map(of_method).collect()
     };
-    let time = || Axis::log("median time of a call, ms");
+    let time = || Axis::new(Scale::Log, "median time of a call, ms");
     let panels = vec![
-        ChartPanel { x: time(), y: Axis::share("exact wrap counts, %"), series: series(|wrong| 1.0 - wrong) },
-        ChartPanel { x: time(), y: Axis::log("wrong wrap counts"), series: series(|wrong| wrong) },
+        ChartPanel {
+            x: time(),
+            y: Axis::new(Scale::Share, "exact wrap counts, %"),
+            series: series(|wrong| 1.0 - wrong),
+        },
+        ChartPanel {
+            x: time(),
+            y: Axis::new(Scale::Log, "wrong wrap counts"),
+            series: series(|wrong| wrong),
+        },
     ];
     let named = Chart {
         title: "What is exact, and what it costs".to_owned(),

@@ -3,6 +3,7 @@
 pub use modulo_draw::{below_100, distinct, number};
 
 use modulo_core::Mosaic;
+use modulo_draw::ascending;
 use modulo_runtime::{Descriptor, ParameterSet as _, SensorModel, Value};
 
 use crate::results::{Cell, Point, Stream};
@@ -268,9 +269,7 @@ pub fn busy(cells: &[Cell]) -> Vec<String> {
 
 /// The saturation factors of cells, in ascending order.
 pub fn alphas(cells: &[&Cell]) -> Vec<f64> {
-    let mut alphas = distinct(cells.iter().map(|cell| cell.point.sensor.alpha));
-    alphas.sort_by(f64::total_cmp);
-    alphas
+    ascending(cells.iter().map(|cell| cell.point.sensor.alpha))
 }
 
 /// The cells at the alpha nearest to 4, the largest of the paper.

@@ -1,6 +1,6 @@
 //! The accuracy over the time before and after a change of the light.
 
-use modulo_draw::{Axis, ChartBody, ChartPanel, DataPoint, Series, SeriesStyle};
+use modulo_draw::{Axis, ChartBody, ChartPanel, DataPoint, Scale, Series, SeriesStyle};
 
 use super::{NamedChart, file_name, models};
 use crate::labels::{self, distinct, number};
@@ -61,8 +61,8 @@ fn panel(cells: &[&Cell], (label, figure): Figure, is_darker: bool) -> ChartPane
         (!points.is_empty()).then_some(Series { name, points, style: SeriesStyle::LineAndMarkers })
     };
     ChartPanel {
-        x: Axis::linear("frames after the change of the light"),
-        y: Axis::share(label),
+        x: Axis::new(Scale::Linear, "frames after the change of the light"),
+        y: Axis::new(Scale::Share, label),
         series: cells.iter().filter_map(series).collect(),
     }
 }

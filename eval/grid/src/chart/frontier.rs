@@ -1,6 +1,6 @@
 //! Speed against accuracy.
 
-use modulo_draw::{Axis, ChartBody, ChartPanel, DataPoint, Series, SeriesStyle};
+use modulo_draw::{Axis, ChartBody, ChartPanel, DataPoint, Scale, Series, SeriesStyle};
 
 use super::pareto::{Candidate, pareto_front};
 use super::{NamedChart, models};
@@ -66,8 +66,11 @@ fn frontier_panel(cells: &[&Cell], group: &str) -> ChartPanel {
     }
     series.push(Series { name: FRONT.to_owned(), points: steps(&front), style: SeriesStyle::Line });
     ChartPanel {
-        x: Axis::log(format!("median time of a frame, ms, {}", labels::timed_frames(cells))),
-        y: Axis::share(labels::ap50(group, &labels::frames(cells.iter().map(|cell| cell.frames)))),
+        x: Axis::new(Scale::Log, format!("median time of a frame, ms, {}", labels::timed_frames(cells))),
+        y: Axis::new(
+            Scale::Share,
+            labels::ap50(group, &labels::frames(cells.iter().map(|cell| cell.frames))),
+        ),
         series,
     }
 }

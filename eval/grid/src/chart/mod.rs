@@ -7,7 +7,7 @@ pub(crate) mod pictures;
 mod sensors;
 
 use modulo_draw::{
-    Axis, Chart, ChartBody, ChartError, ChartPanel, DataPoint, PageWidth, Series, SeriesStyle,
+    Axis, Chart, ChartBody, ChartError, ChartPanel, DataPoint, PageWidth, Scale, Series, SeriesStyle,
 };
 
 use modulo_runtime::SensorModel;
@@ -144,8 +144,8 @@ fn panel(cells: &[&Cell], group: &str, setting: GridSetting) -> ChartPanel {
     };
     let frames = labels::frames(cells.iter().map(|cell| cell.frames));
     ChartPanel {
-        x: Axis::settings(setting.axis()),
-        y: Axis::share(labels::ap50(group, &frames)),
+        x: Axis::new(Scale::Settings, setting.axis()),
+        y: Axis::new(Scale::Share, labels::ap50(group, &frames)),
         series: names.into_iter().map(series).collect(),
     }
 }

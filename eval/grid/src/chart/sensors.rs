@@ -2,7 +2,7 @@
 //! the ideal image.
 
 use modulo_core::Mosaic;
-use modulo_draw::{Axis, ChartBody, ChartPanel, DataPoint, Series, SeriesStyle};
+use modulo_draw::{Axis, ChartBody, ChartPanel, DataPoint, Scale, Series, SeriesStyle, ascending};
 use modulo_runtime::SensorModel;
 
 use super::{NamedChart, file_name, models};
@@ -23,7 +23,7 @@ pub fn charts(results: &Results) -> Vec<NamedChart> {
         for fixed in distinct(all.iter().map(|cell| fixed(cell))) {
             let here = |cell: &&Cell| labels::model(&cell.point) == model && self::fixed(cell) == fixed;
             let cells: Vec<&Cell> = all.iter().copied().filter(here).collect();
-            if values(&cells, |cell| cell.point.sensor.alpha).len() > 1 && values(&cells, lens).len() > 1 {
+            if labels::alphas(&cells).len() > 1 && lenses(&cells).len() > 1 {
                 let groups = groups(&cells);
                 charts.extend(groups.iter().map(|group| chart(results, &cells, &model, group)));
             }
@@ -49,11 +49,9 @@ fn lens(cell: &Cell) -> f64 {
     cell.point.sensor.psf_sigma
 }
 
-/// The distinct values in ascending order.
-fn values(cells: &[&Cell], of: fn(&Cell) -> f64) -> Vec<f64> {
-    let mut values = distinct(cells.iter().map(|cell| of(cell)));
-    values.sort_by(f64::total_cmp);
-    values
+/// The lenses of cells, in ascending order.
+fn lenses(cells: &[&Cell]) -> Vec<f64> {
+    ascending(cells.iter().map(|cell| lens(cell)))
 }
 
 /// `cells` is not empty.
@@ -90,8 +88,8 @@ enum Pixels {
 fn panel(cells: &[&Cell], group: &str, pixels: Pixels) -> ChartPanel {
     // Each series with its rank, by which the legend is sorted.
     let mut series: Vec<(u8, Series)> = Vec::new();
-    for alpha in values(cells, |cell| cell.point.sensor.alpha) {
-        for lens in values(cells, lens) {
+    for alpha in labels::alphas(cells) {
+        for lens in lenses(cells) {
             let here = |cell: &&Cell| cell.point.sensor.alpha == alpha && self::lens(cell) == lens;
             let scene: Vec<&Cell> = cells.iter().copied().filter(here).collect();
             let Some((rank, name, point)) = marker(&scene, group, pixels) else { continue };
@@ -106,8 +104,8 @@ fn panel(cells: &[&Cell], group: &str, pixels: Pixels) -> ChartPanel {
     series.sort_by_key(|(rank, _)| *rank);
     let words = if pixels == Pixels::Normal { "normal" } else { "modulo" };
     ChartPanel {
-        x: Axis::settings(format!("lens blur, px ({words} pixels)")),
-        y: Axis::settings(labels::ALPHA),
+        x: Axis::new(Scale::Settings, format!("lens blur, px ({words} pixels)")),
+        y: Axis::new(Scale::Settings, labels::ALPHA),
         series: series.into_iter().map(|(_, series)| series).collect(),
     }
 }
