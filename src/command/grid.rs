@@ -11,7 +11,7 @@ use indicatif::ProgressBar;
 use modulo_bags::source::{FrameList, is_endless};
 use modulo_camera::CameraParameters;
 use modulo_eval::below_100;
-use modulo_eval::grid::{Data, GridError, GridEvent, GridOptions, Request, Suite, draw_pictures, run};
+use modulo_eval::grid::{Data, GridError, GridEvent, GridOptions, Request, detector, draw_pictures, run};
 use modulo_eval::results::{Cell, Provenance, Results};
 use modulo_eval::{report as page, store};
 use modulo_runtime::clock::utc;
@@ -94,7 +94,7 @@ pub fn grid(args: &Grid, source: &[String], out: &Path) -> Result<Ended, Failure
     };
     let progress = GridProgress::new();
     let timer = SystemClock::default();
-    let results = match run(&request, &Suite, &timer, &|event| progress.tell(event)) {
+    let results = match run(&request, &detector, &timer, &|event| progress.tell(event)) {
         // All frames are left out, each for its reason.
         Err(why @ GridError::Nothing(_, 1.., _)) => {
             eprintln!("modulo: {why}");
@@ -105,7 +105,7 @@ pub fn grid(args: &Grid, source: &[String], out: &Path) -> Result<Ended, Failure
     progress.bar.finish_and_clear();
     results.cells.iter().for_each(print_cell);
     tell_unscored(&results);
-    let pictures = draw_pictures(&request, &Suite, &timer, &results).map_err(failure)?;
+    let pictures = draw_pictures(&request, &detector, &timer, &results).map_err(failure)?;
     pictures.iter().try_for_each(|chart| page::save_pictures(out, chart)).map_err(failure)?;
     say!("{}", page::write(out, &results).map_err(failure)?.display());
     Ok(if results.lost() { Ended::WithLoss } else { Ended::Done })

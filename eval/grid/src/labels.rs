@@ -99,10 +99,6 @@ fn text(parameter: &str, value: &Value) -> String {
     }
 }
 
-/// The sensors of cells without alpha, which the tables of the paper do not vary, and without the gains and the mosaic, which
-/// the label of the stream names.
-pub type Conditions = SensorModel;
-
 /// The label of the axis of alpha.
 pub const ALPHA: &str = "alpha, the saturation factor";
 
@@ -168,7 +164,7 @@ pub fn suffix(sensor: &SensorModel, without: &[&str]) -> String {
 }
 
 /// Label of the conditions.
-pub fn conditions(conditions: &Conditions) -> String {
+pub fn conditions(conditions: &SensorModel) -> String {
     sensor(conditions, &["alpha"])
 }
 
@@ -186,13 +182,14 @@ pub fn grid(points: &[Point]) -> String {
     format!("{} cells of {}; {}; {}", points.len(), list(stream), list(model), settings.join("; "))
 }
 
-/// The conditions of a cell.
-pub fn conditions_of(point: &Point) -> Conditions {
+/// The conditions of a cell: its sensor without alpha, which the tables of the paper do not vary, and without the gains and the
+/// mosaic, which the label of the stream names.
+pub fn conditions_of(point: &Point) -> SensorModel {
     GridSetting("alpha").others(point)
 }
 
 /// Whether a cell belongs to these conditions.
-pub fn belongs(point: &Point, conditions: &Conditions) -> bool {
+pub fn belongs(point: &Point, conditions: &SensorModel) -> bool {
     is_at(point, conditions_of(point), conditions)
 }
 
@@ -203,7 +200,7 @@ pub fn is_at(point: &Point, own: SensorModel, wanted: &SensorModel) -> bool {
 }
 
 /// All conditions of the cells, in the order of their first appearance.
-pub fn all_conditions(cells: &[Cell]) -> Vec<Conditions> {
+pub fn all_conditions(cells: &[Cell]) -> Vec<SensorModel> {
     distinct(with_lens(cells).iter().map(|cell| conditions_of(&cell.point)))
 }
 

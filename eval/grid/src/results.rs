@@ -375,6 +375,16 @@ pub struct FrameTime {
 }
 
 impl Cell {
+    /// AP50 of a group, 0 to 1.
+    pub fn ap50_of(&self, group: &str) -> Option<f64> {
+        *self.ap50.get(group)?
+    }
+
+    /// The bounds of the 95 % interval of this AP50.
+    pub fn interval_of(&self, group: &str) -> Option<[f64; 2]> {
+        self.interval95.get(&format!("ap50.{group}")).copied()
+    }
+
     /// Whether no labelled object is scored.
     pub fn is_unscored(&self) -> bool {
         self.ap50.values().all(Option::is_none)

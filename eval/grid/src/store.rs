@@ -121,16 +121,9 @@ fn check_same(path: &Path, old: &Results, new: &Results) -> Result<(), GridError
     let Some((what, a, b)) = difference(old, new) else { return Ok(()) };
     let [old, new] = [old, new].map(|results| labels::grid(&results.setup.grid));
     let why = format!("its {what} is {a}, and that of this command is {b}. There: {old}. Here: {new}");
-    Err(other_setup(path, &why))
-}
-
-fn other_setup(path: &Path, why: &str) -> GridError {
-    GridError::of_file(
-        path,
-        format!(
-            "holds results that cannot be shown with those of this command: {why}; choose another folder, or start anew with --fresh"
-        ),
-    )
+    let refused = "holds results that cannot be shown with those of this command";
+    let remedy = "choose another folder, or start anew with --fresh";
+    Err(GridError::of_file(path, format!("{refused}: {why}; {remedy}")))
 }
 
 /// The first setting that must be the same in `old` and `new` and is not, with both values.

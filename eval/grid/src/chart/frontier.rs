@@ -1,10 +1,11 @@
 //! Speed against accuracy.
 
 use modulo_draw::{Axis, ChartBody, ChartPanel, DataPoint, Scale, Series, SeriesStyle};
+use modulo_runtime::SensorModel;
 
 use super::pareto::{Candidate, pareto_front};
 use super::{NamedChart, models};
-use crate::labels::{self, Conditions, distinct, number};
+use crate::labels::{self, distinct, number};
 use crate::results::{Cell, Results, Stream};
 
 /// Name of the line in the legend.
@@ -12,7 +13,7 @@ const FRONT: &str = "Pareto front";
 
 /// Speed against accuracy: one chart for each alpha, the alpha nearest to 4 first, with a point for each model, stream and
 /// method.
-pub fn charts(results: &Results, conditions: &Conditions) -> Vec<NamedChart> {
+pub fn charts(results: &Results, conditions: &SensorModel) -> Vec<NamedChart> {
     let own = |cell: &&Cell| labels::belongs(&cell.point, conditions) && labels::frame_ms(cell).is_some();
     let cells: Vec<&Cell> = results.cells.iter().filter(own).collect();
     let mut alphas = distinct(cells.iter().map(|cell| cell.point.sensor.alpha));
@@ -20,7 +21,7 @@ pub fn charts(results: &Results, conditions: &Conditions) -> Vec<NamedChart> {
     alphas.into_iter().map(|alpha| frontier(results, &cells, alpha, conditions)).collect()
 }
 
-fn frontier(results: &Results, cells: &[&Cell], alpha: f64, conditions: &Conditions) -> NamedChart {
+fn frontier(results: &Results, cells: &[&Cell], alpha: f64, conditions: &SensorModel) -> NamedChart {
     let cells: Vec<&Cell> = cells.iter().filter(|cell| cell.point.sensor.alpha == alpha).copied().collect();
     let groups = distinct(cells.iter().flat_map(|cell| cell.ap50.keys()));
     let footer = "Time: median of unwrap, tone or deblur, pre, infer and post together; the capture and the \
@@ -50,7 +51,7 @@ fn frontier_panel(cells: &[&Cell], group: &str) -> ChartPanel {
         let point = DataPoint {
             x: *cost,
             y: *gain,
-            interval: cell.interval95.get(&format!("ap50.{group}")).copied(),
+            interval: cell.interval_of(group),
             hover: format!(
                 "{name}, {model}: {} ms, AP50 of {group} {} %",
                 number(*cost, 1),
@@ -76,15 +77,14 @@ fn frontier_panel(cells: &[&Cell], group: &str) -> ChartPanel {
 }
 
 fn candidate(cell: &Cell, group: &str) -> Option<Candidate> {
-    Some((labels::frame_ms(cell)?, (*cell.ap50.get(group)?)?))
+    Some((labels::frame_ms(cell)?, cell.ap50_of(group)?))
 }
 
 /// Whether a cell is more accurate than another one measured in the same pass, beyond the 95 % intervals of both, and not
 /// slower, within them.
 fn beats(cell: &Cell, other: &Cell, group: &str) -> bool {
     let (Some(time), Some(others)) = (&cell.frame_ms, &other.frame_ms) else { return false };
-    let key = format!("ap50.{group}");
-    let (Some([low, _]), Some([_, high])) = (cell.interval95.get(&key), other.interval95.get(&key)) else {
+    let (Some([low, _]), Some([_, high])) = (cell.interval_of(group), other.interval_of(group)) else {
         return false;
     };
     time.pass == others.pass && time.interval95[0] <= others.interval95[1] && low > high

@@ -70,12 +70,11 @@ pub(crate) fn models(cells: &[&Cell]) -> Vec<String> {
 fn subtitle(results: &Results) -> String {
     let objects = results.cells.first().map(|cell| &cell.objects);
     let objects = objects.into_iter().flatten().map(|(group, n)| format!("{n} {group}")).collect::<Vec<_>>();
-    let counted = |n: usize, one: &str, many: &str| format!("{n} {}", if n == 1 { one } else { many });
     let timed = results.cells.iter().filter(|cell| cell.frame_ms.is_some());
     let devices = distinct(timed.map(|cell| {
         let device = &cell.device;
-        let threads = counted(device.threads, "thread an inference", "threads an inference");
-        format!("{} on {}, {threads}", device.engine, device.processor)
+        let threads = if device.threads == 1 { "thread" } else { "threads" };
+        format!("{} on {}, {} {threads} an inference", device.engine, device.processor, device.threads)
     }));
     let busy = if labels::busy(&results.cells).is_empty() { vec![] } else { vec!["BUSY MACHINE".to_owned()] };
     let frames = format!("{} labelled frames of {}", results.input.labelled, results.setup.source);
@@ -151,8 +150,7 @@ fn panel(cells: &[&Cell], group: &str, setting: GridSetting) -> ChartPanel {
 }
 
 fn point(cell: &Cell, group: &str, setting: GridSetting) -> Option<DataPoint> {
-    let ap50 = (*cell.ap50.get(group)?)?;
-    let interval = cell.interval95.get(&format!("ap50.{group}")).copied();
+    let (ap50, interval) = (cell.ap50_of(group)?, cell.interval_of(group));
     let bounds = interval.map_or(String::new(), |[low, high]| {
         format!(" (95 % interval {} to {})", number(100.0 * low, 1), number(100.0 * high, 1))
     });

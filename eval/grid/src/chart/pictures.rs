@@ -18,62 +18,39 @@ pub struct DetectionPicture {
     pub picture: Picture,
 }
 
-/// A chart whose images are not made yet.
-pub struct PictureChart {
-    title: String,
-    columns: Vec<Point>,
-    /// The heading and the cells of each row.
-    rows: Vec<(String, Vec<Point>)>,
-}
-
 const FOOTER: &str = "White boxes are labelled objects. Coloured boxes are objects that were found with a score of at least 0.25, in the colour of \
      their class.";
 
-/// The chart of the first model, lens and method: the frame called `frame` at all alphas. `None` without cells.
-pub fn planned(results: &Results, frame: &str) -> Option<PictureChart> {
-    let cells = selected(results);
-    let points = |cells: &[&Cell]| -> Vec<Point> { cells.iter().map(|cell| cell.point.clone()).collect() };
-    let at_alpha = |alpha: f64| {
-        let cells: Vec<&Cell> =
-            cells.iter().filter(|cell| cell.point.sensor.alpha == alpha).copied().collect();
-        (format!("alpha {alpha}"), points(&cells))
+/// The chart of the frame called `frame` in `cells`, those of [`selected`]: a row for each alpha, with the images among `pictures`.
+pub fn chart(results: &Results, frame: &str, cells: &[&Cell], pictures: &[DetectionPicture]) -> NamedChart {
+    let find = |cell: &&Cell| {
+        let found = pictures.iter().find(|picture| picture.of == cell.point);
+        found.map(|found| found.picture.clone())
     };
-    (!cells.is_empty()).then(|| PictureChart {
-        title: format!("What the detector sees: frame {frame}"),
-        columns: points(&labels::nearest_to_four(&cells)),
-        rows: labels::alphas(&cells).into_iter().map(at_alpha).collect(),
-    })
+    let row = |alpha: f64| {
+        let row = cells.iter().filter(|cell| cell.point.sensor.alpha == alpha);
+        (format!("alpha {alpha}"), row.map(find).collect())
+    };
+    let columns = labels::nearest_to_four(cells);
+    let classes = distinct(pictures.iter().flat_map(|picture| picture.classes.iter().cloned()));
+    let body = ChartBody::Pictures(Pictures {
+        columns: columns.iter().map(|cell| labels::stream(&cell.point)).collect(),
+        rows: labels::alphas(cells).into_iter().map(row).collect(),
+        legend: classes.into_iter().map(|class| (class.clone(), class_colour(&class))).collect(),
+    });
+    let title = format!("What the detector sees: frame {frame}");
+    let mut named = NamedChart::new(PICTURES.to_owned(), title, results, FOOTER, body);
+    if let Some(Cell { point, .. }) = columns.first() {
+        let conditions = labels::conditions(&labels::conditions_of(point));
+        let subtitle = &mut named.chart.subtitle;
+        *subtitle = format!("{}, {conditions} · {subtitle}", labels::model(point));
+    }
+    named
 }
 
-impl PictureChart {
-    /// The cells that the chart shows.
-    pub fn wanted(&self) -> impl Iterator<Item = &Point> {
-        self.rows.iter().flat_map(|(_, row)| row)
-    }
-
-    /// The chart with its images among `pictures`.
-    pub fn with(self, results: &Results, pictures: &[DetectionPicture]) -> NamedChart {
-        let find = |of| pictures.iter().find(|picture| picture.of == of).map(|one| one.picture.clone());
-        let row = |(heading, row): (String, Vec<Point>)| (heading, row.into_iter().map(find).collect());
-        let classes = distinct(pictures.iter().flat_map(|picture| picture.classes.iter().cloned()));
-        let body = ChartBody::Pictures(Pictures {
-            columns: self.columns.iter().map(labels::stream).collect(),
-            rows: self.rows.into_iter().map(row).collect(),
-            legend: classes.into_iter().map(|class| (class.clone(), class_colour(&class))).collect(),
-        });
-        let mut named = NamedChart::new(PICTURES.to_owned(), self.title, results, FOOTER, body);
-        if let Some(point) = self.columns.first() {
-            let conditions = labels::conditions(&labels::conditions_of(point));
-            let subtitle = &mut named.chart.subtitle;
-            *subtitle = format!("{}, {conditions} · {subtitle}", labels::model(point));
-        }
-        named
-    }
-}
-
-/// One cell for each stream of the paper and each alpha, in the order of the paper: those of the first model, lens, noise
-/// and method.
-fn selected(results: &Results) -> Vec<&Cell> {
+/// One cell for each alpha and each stream of the paper, in the order of the paper: those of the first model, lens, noise and
+/// method.
+pub fn selected(results: &Results) -> Vec<&Cell> {
     let Some(first) = labels::all_conditions(&results.cells).into_iter().next() else { return Vec::new() };
     let own = |cell: &&Cell| labels::conditions_of(&cell.point) == first;
     let cells: Vec<&Cell> = results.cells.iter().filter(own).collect();
@@ -90,5 +67,6 @@ fn selected(results: &Results) -> Vec<&Cell> {
     let order = [Stream::Ideal, Stream::Saturated, Stream::Modulo, Stream::Recovered];
     cells.retain(|cell| order.contains(&cell.point.stream));
     cells.sort_by_key(|cell| order.iter().position(|stream| *stream == cell.point.stream));
+    cells.sort_by(|a, b| a.point.sensor.alpha.total_cmp(&b.point.sensor.alpha));
     cells
 }

@@ -140,14 +140,14 @@ fn percent(share: f64) -> String {
 }
 
 fn ideal(scene: &[&Cell], group: &str) -> Option<f64> {
-    *scene.iter().find(|cell| cell.point.stream == Stream::Ideal)?.ap50.get(group)?
+    scene.iter().find(|cell| cell.point.stream == Stream::Ideal)?.ap50_of(group)
 }
 
 /// The cells of a scene that a sensor with these pixels can deliver: place in the order of choices, cell, AP50.
 fn choices<'a>(scene: &[&'a Cell], group: &str, pixels: Pixels) -> impl Iterator<Item = (u8, &'a Cell, f64)> {
     scene.iter().filter_map(move |&cell| {
         let (of, rank) = rank(cell)?;
-        let ap50 = (*cell.ap50.get(group)?)?;
+        let ap50 = cell.ap50_of(group)?;
         (of == pixels).then_some((rank, cell, ap50))
     })
 }

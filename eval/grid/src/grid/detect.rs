@@ -10,7 +10,7 @@ use modulo_detector::DetectorParameters;
 use modulo_runtime::lockstep::Lockstep;
 use modulo_runtime::{Clock, Message, StampedFrame};
 
-use super::pipeline::Nodes;
+use super::pipeline::MakeDetector;
 use super::pipeline::{Stages, node_name, stamp};
 use super::{GridError, Request};
 use crate::messages::found;
@@ -44,12 +44,12 @@ impl<'a> DetectorWorker<'a> {
     /// Loads and warms up the detector of the cell at `point`, which has `threads` threads for an inference.
     pub fn open(
         request: &Request,
-        nodes: &dyn Nodes,
+        make: &MakeDetector,
         timer: &'a dyn Clock,
         point: &Point,
         threads: usize,
     ) -> Result<Self, GridError> {
-        let node = nodes.detector(&DetectorParameters {
+        let node = make(&DetectorParameters {
             model: request.model(&point.model)?.display().to_string(),
             engine: request.options.engine,
             device: request.options.device.to_string(),

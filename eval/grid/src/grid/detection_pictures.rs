@@ -7,12 +7,12 @@ use modulo_draw::{LabelledBox, Picture, class_colour, distinct};
 use modulo_runtime::{Clock, StreamScale};
 
 use super::frames::{Frames, FramesWithNeighbours};
-use super::pipeline::{self, Nodes};
+use super::pipeline::{self, MakeDetector};
 use super::runner::CellRunner;
 use super::{GridError, Request};
 use crate::chart::NamedChart;
 use crate::chart::pictures::{self, DetectionPicture};
-use crate::results::{Point, Results, Stream};
+use crate::results::{Cell, Point, Results, Stream};
 
 /// Lowest score of a box that is drawn.
 const LEAST_SHOWN: f32 = 0.25;
@@ -26,7 +26,7 @@ const WHITE: [u8; 3] = [0xff; 3];
 /// [`GridError`] if a step fails.
 pub fn draw_pictures(
     request: &Request,
-    nodes: &dyn Nodes,
+    make: &MakeDetector,
     timer: &dyn Clock,
     results: &Results,
 ) -> Result<Option<NamedChart>, GridError> {
@@ -37,33 +37,33 @@ pub fn draw_pictures(
     // The folder may have cells of models that are not at hand.
     let mut results = results.clone();
     results.cells.retain(|cell| request.model(&cell.point.model).is_ok());
-    let Some(chart) = pictures::planned(&results, &frames.scored[busiest].name) else { return Ok(None) };
-    let wanted = distinct(chart.wanted().cloned());
-    let pictures = detect(request, nodes, timer, (&mut frames, busiest), wanted)?;
-    Ok((!pictures.is_empty()).then(|| chart.with(&results, &pictures)))
+    let cells = pictures::selected(&results);
+    let pictures = detect(request, make, timer, (&mut frames, busiest), &cells)?;
+    let name = &frames.scored[busiest].name;
+    Ok((!pictures.is_empty()).then(|| pictures::chart(&results, name, &cells, &pictures)))
 }
 
 /// Runs frame `number` of the wanted cells again.
 fn detect(
     request: &Request,
-    nodes: &dyn Nodes,
+    make: &MakeDetector,
     timer: &dyn Clock,
     (frames, number): (&mut Frames, usize),
-    wanted: Vec<Point>,
+    wanted: &[&Cell],
 ) -> Result<Vec<DetectionPicture>, GridError> {
     let truth = frames.scored[number].truth.clone();
     let frame = FramesWithNeighbours::new(frames, false)?.nth(number).transpose()?;
     let Some(frame) = frame else { return Ok(Vec::new()) };
-    let (mut runner, mut pictures) = (CellRunner::new(request, nodes, timer), Vec::new());
-    for of in wanted {
-        runner.load_detector(&of)?;
-        let input = pipeline::open(request, timer, &of, false)?(frame.clone())?;
+    let (mut runner, mut pictures) = (CellRunner::new(request, make, timer), Vec::new());
+    for Cell { point: of, .. } in wanted {
+        runner.load_detector(of)?;
+        let input = pipeline::open(request, timer, of, false)?(frame.clone())?;
         let (Some(image), Some(worker)) = (input.image, runner.workers.first_mut()) else { continue };
         let found = worker.infer(number, image.clone())?.0.unwrap_or_default();
         let shown: Vec<&Detection> = found.iter().filter(|d| d.score >= LEAST_SHOWN).collect();
-        let Some(picture) = picture(&image.frame, &of, &truth, &shown) else { continue };
+        let Some(picture) = picture(&image.frame, of, &truth, &shown) else { continue };
         let classes = distinct(shown.into_iter().map(|d| d.class.clone()));
-        pictures.push(DetectionPicture { of, classes, picture });
+        pictures.push(DetectionPicture { of: of.clone(), classes, picture });
     }
     Ok(pictures)
 }

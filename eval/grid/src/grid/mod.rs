@@ -30,6 +30,6 @@ pub use crate::GridError;
 pub use cells::{Axes, DeblurChoice};
 pub use detection_pictures::draw_pictures;
 pub use pipeline::multi_exposure::CAPTURES;
-pub use pipeline::{Nodes, Suite};
+pub use pipeline::{MakeDetector, detector};
 pub use request::{Data, GridEvent, GridOptions, Request, words};
 pub use run::run;

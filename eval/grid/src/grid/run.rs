@@ -5,7 +5,7 @@ use modulo_runtime::Clock;
 use modulo_runtime::output::prepare_folder;
 
 use super::frames::Frames;
-use super::pipeline::{Nodes, RECOVERY_DEFINITION, auto_exposure, multi_exposure};
+use super::pipeline::{MakeDetector, RECOVERY_DEFINITION, auto_exposure, multi_exposure};
 use super::runner::CellRunner;
 use super::score::Scorer;
 use super::{GridEvent, GridOptions, Request, timing};
@@ -22,7 +22,7 @@ use crate::{GridError, store};
 /// can be scored; and later if a step fails or results cannot be written.
 pub fn run(
     request: &Request,
-    nodes: &dyn Nodes,
+    make: &MakeDetector,
     timer: &dyn Clock,
     tell: &(dyn Fn(GridEvent<'_>) + Sync),
 ) -> Result<Results, GridError> {
@@ -45,7 +45,7 @@ pub fn run(
     results.runs.push(request.provenance.clone());
     let (done, todo): (Vec<&Point>, Vec<&Point>) = points.iter().partition(|point| results.has(point));
     tell(GridEvent::Resumed { cells: done.len(), others: results.others(&points) });
-    let (each, mut runner) = (frames.len() as u64, CellRunner::new(request, nodes, timer));
+    let (each, mut runner) = (frames.len() as u64, CellRunner::new(request, make, timer));
     for (index, &point) in todo.iter().enumerate() {
         let frames_of_all = (index as u64 * each, todo.len() as u64 * each);
         tell(GridEvent::Cell { frames: frames_of_all, name: &point.to_string() });
@@ -53,7 +53,7 @@ pub fn run(
         store::keep(&request.out, &mut results, scorer.cell(point.clone(), &found), &scorer.listing(&found))?;
     }
     drop(runner);
-    timing::measure(request, nodes, timer, &mut frames, &mut results, tell)?;
+    timing::measure(request, make, timer, &mut frames, &mut results, tell)?;
     let run = results.runs.last_mut().expect("this run was added");
     run.wall_s = Some(timer.ticks_ns().saturating_sub(start) as f64 / 1e9);
     // A run without any cell to process writes its files, too.

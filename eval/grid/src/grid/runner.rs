@@ -7,7 +7,7 @@ use modulo_runtime::Clock;
 
 use super::detect::{DetectionCache, DetectorWorker, Found};
 use super::frames::{Frames, FramesWithNeighbours};
-use super::pipeline::{DetectorInput, FramePipeline, Nodes, RecoveryQuality};
+use super::pipeline::{DetectorInput, FramePipeline, MakeDetector, RecoveryQuality};
 use super::{GridError, Request, pipeline};
 use crate::results::{Point, Stream};
 
@@ -21,7 +21,7 @@ pub struct FrameResult {
 /// Runs cells one after the other. It keeps the detectors and their cache while the model and its input size stay.
 pub struct CellRunner<'a> {
     request: &'a Request,
-    nodes: &'a dyn Nodes,
+    make: &'a MakeDetector,
     timer: &'a dyn Clock,
     /// One detector for each job.
     pub workers: Vec<DetectorWorker<'a>>,
@@ -32,8 +32,8 @@ pub struct CellRunner<'a> {
 
 impl<'a> CellRunner<'a> {
     /// A runner that has not loaded a detector yet.
-    pub fn new(request: &'a Request, nodes: &'a dyn Nodes, timer: &'a dyn Clock) -> Self {
-        Self { request, nodes, timer, workers: Vec::new(), cache: DetectionCache::default(), loaded: None }
+    pub fn new(request: &'a Request, make: &'a MakeDetector, timer: &'a dyn Clock) -> Self {
+        Self { request, make, timer, workers: Vec::new(), cache: DetectionCache::default(), loaded: None }
     }
 
     /// Runs all frames of the cell at `point` and calls `done` after each of them.
@@ -88,7 +88,7 @@ impl<'a> CellRunner<'a> {
         self.workers.clear();
         for _ in 0..self.request.jobs() {
             // The cores are used by the jobs. The threads of the nodes are used where times are measured.
-            self.workers.push(DetectorWorker::open(self.request, self.nodes, self.timer, point, 1)?);
+            self.workers.push(DetectorWorker::open(self.request, self.make, self.timer, point, 1)?);
         }
         self.cache = DetectionCache::default();
         self.loaded = Some(wanted);

@@ -15,7 +15,7 @@ use rand_pcg::Pcg64;
 
 use super::detect::DetectorWorker;
 use super::frames::{FrameWithNeighbours, Frames, FramesWithNeighbours};
-use super::pipeline::{self, FramePipeline, Nodes, Stages};
+use super::pipeline::{self, FramePipeline, MakeDetector, Stages};
 use super::{GridError, GridEvent, GridOptions, Request};
 use crate::labels::{self, SENSE};
 use crate::metric::latency;
@@ -45,7 +45,7 @@ impl Clock for SwitchClock<'_> {
 /// request does not have keep their times.
 pub fn measure(
     request: &Request,
-    nodes: &dyn Nodes,
+    make: &MakeDetector,
     timer: &dyn Clock,
     frames: &mut Frames,
     results: &mut Results,
@@ -71,7 +71,7 @@ pub fn measure(
         let done = || tell(GridEvent::Frame);
         timed = cells
             .chunk_by_mut(|a, b| detector(a) == detector(b))
-            .try_for_each(|cells| measure_group(request, nodes, &clock, frames, cells, &done));
+            .try_for_each(|cells| measure_group(request, make, &clock, frames, cells, &done));
         labels::busy(&cells).iter().for_each(|warning| tell(GridEvent::Warning(warning)));
     }
     cells.extend(others);
@@ -91,14 +91,14 @@ struct TimedCell<'a, 'p> {
 /// Measures the `cells` of one detector on the first frames of the data and calls `done` after each frame of each cell.
 fn measure_group(
     request: &Request,
-    nodes: &dyn Nodes,
+    make: &MakeDetector,
     clock: &SwitchClock<'_>,
     frames: &mut Frames,
     cells: &mut [Cell],
     done: &dyn Fn(),
 ) -> Result<(), GridError> {
     let GridOptions { threads, time_frames, .. } = request.options;
-    let mut detector = DetectorWorker::open(request, nodes, clock, &cells[0].point, threads)?;
+    let mut detector = DetectorWorker::open(request, make, clock, &cells[0].point, threads)?;
     let with_neighbours = cells.iter().any(|cell| cell.point.stream == Stream::MultiExposure);
     let mut timed = Vec::with_capacity(cells.len());
     for cell in cells {

@@ -1,8 +1,9 @@
 //! The tables of the report, whose columns a script can sort: the summary and all cells.
 
 use maud::{Markup, Render, html};
+use modulo_runtime::SensorModel;
 
-use crate::labels::{self, Conditions, GridSetting, STAGES, distinct, number};
+use crate::labels::{self, GridSetting, STAGES, distinct, number};
 use crate::results::{Cell, Results};
 
 /// One cell of a table.
@@ -80,7 +81,7 @@ pub fn summary(results: &Results) -> Markup {
     }
 }
 
-fn group_tables(results: &Results, model: &str, conditions: &Conditions) -> Markup {
+fn group_tables(results: &Results, model: &str, conditions: &SensorModel) -> Markup {
     let own = |cell: &&Cell| labels::model(&cell.point) == model && labels::belongs(&cell.point, conditions);
     let cells: Vec<&Cell> = results.cells.iter().filter(own).collect();
     let objects = |group| cells.first().and_then(|cell| cell.objects.get(group)).unwrap_or(&0);
@@ -108,19 +109,9 @@ fn by_alpha(cells: &[&Cell], figure_of: impl Fn(&Cell) -> Td) -> Markup {
     table(&head.concat(), &names.iter().map(row).collect::<Vec<_>>())
 }
 
-/// AP50 of a group, 0 to 1.
-pub fn group_of(cell: &Cell, group: &str) -> Option<f64> {
-    cell.ap50.get(group).copied().flatten()
-}
-
-/// The 95 % interval of the AP50 of a group.
-pub fn interval_of(cell: &Cell, group: &str) -> Option<[f64; 2]> {
-    cell.interval95.get(&format!("ap50.{group}")).copied()
-}
-
 fn ap50(cell: &Cell, group: &str) -> Td {
-    let value = group_of(cell, group);
-    let interval = interval_of(cell, group).map(|bounds| {
+    let value = cell.ap50_of(group);
+    let interval = cell.interval_of(group).map(|bounds| {
         let [low, high] = bounds.map(|bound| number(100.0 * bound, 1));
         format!(" ({low} to {high})")
     });
@@ -179,7 +170,7 @@ fn cell_row(cell: &Cell, (settings, groups, stages): Columns<'_>) -> Vec<Td> {
     row.extend(settings.iter().map(|setting| Td::setting(setting.of(point))));
     row.extend([point.model.clone(), point.input.clone()].map(Td::Text));
     row.push(Td::Number(frames(cell), Some(cell.frames as f64)));
-    row.extend(groups.iter().map(|group| Td::percent(cell.ap50.get(group).copied().flatten())));
+    row.extend(groups.iter().map(|group| Td::percent(cell.ap50_of(group))));
     row.push(Td::percent(cell.ap50_95));
     row.extend([cell.paper.iou, cell.paper.f1, cell.paper.accuracy].map(|figure| Td::percent(Some(figure))));
     row.extend([cell.exact_k, cell.exact_frames, cell.trusted].map(Td::percent));

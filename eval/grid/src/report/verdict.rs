@@ -2,7 +2,6 @@
 
 use std::cmp::Reverse;
 
-use super::tables::{group_of, interval_of};
 use crate::labels::{self, distinct};
 use crate::results::{Cell, Results, Stream};
 
@@ -21,9 +20,8 @@ pub fn sentence(results: &Results) -> Option<String> {
     let groups = distinct(recovered.objects.keys());
     let group = groups.into_iter().min_by_key(|group| Reverse(recovered.objects[*group]))?;
     let objects = recovered.objects[group];
-    let [kept, all, clipped] =
-        [recovered, ideal, saturated].map(|cell| labels::percent(group_of(cell, group)));
-    let [[low, _], [_, high]] = [interval_of(recovered, group)?, interval_of(saturated, group)?];
+    let [kept, all, clipped] = [recovered, ideal, saturated].map(|cell| labels::percent(cell.ap50_of(group)));
+    let [[low, _], [_, high]] = [recovered.interval_of(group)?, saturated.interval_of(group)?];
     let doubt =
         if low > high { "" } else { " The intervals overlap: there are too few objects to rank these two." };
     Some(format!(

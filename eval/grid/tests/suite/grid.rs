@@ -15,7 +15,7 @@ use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_core::Frame;
 use modulo_detector::{DetectorParameters, EngineChoice};
 use modulo_eval::grid::{
-    Axes, Data, GridError, GridEvent, GridOptions, Nodes, Request, Suite, draw_pictures, run,
+    Axes, Data, GridError, GridEvent, GridOptions, MakeDetector, Request, detector, draw_pictures, run,
 };
 use modulo_eval::launch_file::{CameraPlan, Evaluation, EvaluationPlan, Recordings};
 use modulo_eval::report;
@@ -30,15 +30,11 @@ use modulo_runtime::{
 use modulo_unwrap::{UnwrapNode, UnwrapParameters};
 use ndarray::Array3;
 
-/// The nodes of the suite with a detector that depends on the wall clock.
-struct DriftingNodes;
-
+/// A detector that depends on the wall clock.
 struct DriftingDetector(Box<dyn Node>);
 
-impl Nodes for DriftingNodes {
-    fn detector(&self, with: &DetectorParameters) -> Result<Box<dyn Node>, GridError> {
-        Ok(Box::new(DriftingDetector(Suite.detector(with)?)))
-    }
+fn drifting_detector(with: &DetectorParameters) -> Result<Box<dyn Node>, GridError> {
+    Ok(Box::new(DriftingDetector(detector(with)?)))
 }
 
 impl Node for DriftingDetector {
@@ -93,21 +89,21 @@ fn still_request(out: &Path) -> Request {
 }
 
 /// The cells of a new run without their durations.
-fn cells(nodes: &dyn Nodes) -> Vec<Cell> {
+fn cells(make: &MakeDetector) -> Vec<Cell> {
     let folder = tempfile::tempdir().expect("a folder");
     let outcome =
-        run(&still_request(folder.path()), nodes, &SystemClock::default(), &|_| {}).expect("evaluated");
+        run(&still_request(folder.path()), make, &SystemClock::default(), &|_| {}).expect("evaluated");
     let timeless = |cell: Cell| Cell { latency_ms: Default::default(), frame_ms: None, ..cell };
     outcome.cells.into_iter().map(timeless).collect()
 }
 
 #[test]
 fn two_runs_are_the_same_and_a_look_at_the_clock_is_seen() {
-    let steady = cells(&Suite);
+    let steady = cells(&detector);
     assert!(steady[0].ap50["vehicle"].is_some_and(|ap| ap > 0.2), "{:?}", steady[0].ap50);
-    assert_eq!(steady, cells(&Suite));
-    let drifting = cells(&DriftingNodes);
-    assert_ne!(drifting, cells(&DriftingNodes), "a wall clock in a step must not go unseen");
+    assert_eq!(steady, cells(&detector));
+    let drifting = cells(&drifting_detector);
+    assert_ne!(drifting, cells(&drifting_detector), "a wall clock in a step must not go unseen");
     assert_ne!(drifting, steady);
 }
 
@@ -120,7 +116,7 @@ fn request(data: Data, streams: &[Stream], out: &Path) -> Request {
 }
 
 fn results(request: &Request) -> Result<Results, GridError> {
-    run(request, &Suite, &SystemClock::default(), &|_: GridEvent<'_>| {})
+    run(request, &detector, &SystemClock::default(), &|_: GridEvent<'_>| {})
 }
 
 fn cell(results: &Results, stream: Stream) -> &Cell {
@@ -175,7 +171,7 @@ fn what_moves_has_ghosts_in_three_captures_and_none_in_one() {
     assert_eq!((merged.frames, merged.exact_k), (6, None));
     assert!(merged.latency_ms.contains_key("merge"));
 
-    let pictures = draw_pictures(&request, &Suite, &SystemClock::default(), &results).expect("pictures");
+    let pictures = draw_pictures(&request, &detector, &SystemClock::default(), &results).expect("pictures");
     report::save_pictures(folder.path(), &pictures.expect("a chart")).expect("kept");
     let page =
         std::fs::read_to_string(report::write(folder.path(), &results).expect("a page")).expect("readable");

@@ -42,22 +42,16 @@ pub struct DetectorInput {
 pub type FramePipeline<'a> =
     Box<dyn FnMut(FrameWithNeighbours) -> Result<DetectorInput, GridError> + Send + 'a>;
 
-/// Makes the detectors. A test can replace them.
-pub trait Nodes: Sync {
-    /// Makes a detector and warms it up.
-    ///
-    /// # Errors
-    /// [`GridError`] for an impossible parameter or a model that does not run.
-    fn detector(&self, with: &DetectorParameters) -> Result<Box<dyn Node>, GridError> {
-        Ok(Box::new(Detector::new(with)?))
-    }
+/// Makes a detector, as [`detector`] does. A test can replace it.
+pub type MakeDetector = dyn Fn(&DetectorParameters) -> Result<Box<dyn Node>, GridError> + Sync;
+
+/// Makes a detector of the suite and warms it up.
+///
+/// # Errors
+/// [`GridError`] for an impossible parameter or a model that does not run.
+pub fn detector(with: &DetectorParameters) -> Result<Box<dyn Node>, GridError> {
+    Ok(Box::new(Detector::new(with)?))
 }
-
-/// Makes the detectors of the suite.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Suite;
-
-impl Nodes for Suite {}
 
 /// The clock, seed and comparison of a pipeline.
 #[derive(Clone, Copy)]
@@ -125,20 +119,10 @@ impl Truth {
         Ok(Self([Sensor::new(sensor)?, Sensor::new(SensorConfig { psf: Psf::None, ..sensor })?]))
     }
 
-    /// Adds the quality that `quality` computes from the true exposures to `input`, unless nothing is compared.
-    fn compare(
-        &self,
-        config: PipelineConfig<'_>,
-        (radiance, seed): (&Array3<f32>, u64),
-        input: &mut DetectorInput,
-        quality: impl FnOnce(&[Exposure; 2]) -> Option<RecoveryQuality>,
-    ) -> Result<(), GridError> {
-        if config.compares {
-            let [blurred, sharp] = &self.0;
-            let truth = [blurred.expose(radiance.view(), seed)?, sharp.expose(radiance.view(), seed)?];
-            input.recovery = quality(&truth);
-        }
-        Ok(())
+    /// The exposures to a scene: its radiance, and the seed of the noise.
+    fn expose(&self, (radiance, seed): (&Array3<f32>, u64)) -> Result<[Exposure; 2], GridError> {
+        let [blurred, sharp] = &self.0;
+        Ok([blurred.expose(radiance.view(), seed)?, sharp.expose(radiance.view(), seed)?])
     }
 
     /// The input of a detector with an image that has no wrap counts, and with its quality unless nothing is compared.
@@ -149,10 +133,9 @@ impl Truth {
         image: Frame,
         stages: Stages,
     ) -> Result<DetectorInput, GridError> {
-        let image = unstamped(image);
-        let mut input = DetectorInput { image: Some(image.clone()), stages, ..DetectorInput::default() };
-        self.compare(config, scene, &mut input, |truth| RecoveryQuality::of_merged(&image.frame, truth))?;
-        Ok(input)
+        let truth = config.compares.then(|| self.expose(scene)).transpose()?;
+        let recovery = truth.and_then(|truth| RecoveryQuality::of_merged(&image, &truth));
+        Ok(DetectorInput { image: Some(unstamped(image)), stages, recovery })
     }
 }
 

@@ -76,9 +76,7 @@ impl<'a> SuitePipeline<'a> {
         if self.unwrap.is_some() {
             self.recover(&mut passed, stamp(number), scene)?;
         } else if let (Some(scene), Some(codes)) = (scene, passed.image.clone()) {
-            self.truth.compare(self.config, scene, &mut passed, |truth| {
-                RecoveryQuality::of_saturated(&codes.frame, truth)
-            })?;
+            passed.recovery = RecoveryQuality::of_saturated(&codes.frame, &self.truth.expose(scene)?);
         }
         Ok(passed)
     }
@@ -114,14 +112,8 @@ impl<'a> SuitePipeline<'a> {
         if let (Some(scene), Some(toned), Some(counts)) =
             (scene, image(&out, "/recovered"), image(&out, "/hdr"))
         {
-            self.truth.compare(self.config, scene, passed, |truth| {
-                RecoveryQuality::of_unwrapped(
-                    &counts.frame,
-                    &toned.frame,
-                    |key| value(&out, "/diagnostics", key),
-                    truth,
-                )
-            })?;
+            let (said, truth) = (|key: &str| value(&out, "/diagnostics", key), self.truth.expose(scene)?);
+            passed.recovery = RecoveryQuality::of_unwrapped(&counts.frame, &toned.frame, said, &truth);
         }
         Ok(())
     }
