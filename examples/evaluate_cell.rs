@@ -5,7 +5,7 @@
 //! Writes `results.json` into the folder `evaluation`, as `modulo eval` does.
 
 use clap::Parser;
-use modulo_eval::grid::{Data, GridOptions, Request, Suite, run};
+use modulo_eval::grid::{Data, GridOptions, Request, detector, run};
 use modulo_eval::results::Provenance;
 use modulo_runtime::SystemClock;
 
@@ -19,7 +19,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         provenance: Provenance { command: "evaluate_cell".into(), ..Provenance::default() },
         out: "evaluation".into(),
     };
-    let outcome = run(&request, &Suite, &SystemClock::default(), &|_| {})?;
+    let outcome = run(&request, &detector, &SystemClock::default(), &|_| {})?;
     for cell in &outcome.cells {
         println!("{}", cell.point);
         for (group, ap) in &cell.ap50 {

@@ -3,7 +3,7 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser};
 use clap_complete::CompleteEnv;
 
 use crate::LONG_VERSION;
@@ -17,15 +17,7 @@ use crate::command::{bag, bench, demo, detect, eval, graph, images, launch, mode
     arg_required_else_help = true,
     after_help = "As in ROS 2: modulo run, topic, node and param. To complete words in bash: source <(COMPLETE=bash modulo)."
 )]
-pub struct Cli {
-    /// What to do.
-    #[command(subcommand)]
-    pub command: Command,
-}
-
-/// What to do.
-#[derive(Subcommand)]
-pub enum Command {
+pub enum Cli {
     /// Show what a modulo camera sees at a low sun, on a web page or as a picture
     Demo(demo::Demo),
     /// Write the pictures of a source with the boxes of its objects

@@ -3,7 +3,7 @@
 use std::fmt::Display;
 
 use modulo_core::{Frame, FrameError, Samples};
-use ndarray::{Array3, ArrayView3, Axis};
+use ndarray::{Array3, Axis};
 use numpy::{
     Element, IntoPyArray, PyArray3, PyArrayMethods, PyReadonlyArray3, PyUntypedArray, PyUntypedArrayMethods,
 };
@@ -27,19 +27,12 @@ pub struct Image<'py> {
     pub is_flat: bool,
 }
 
-/// The samples of an [`Image`], which lie in the memory of numpy.
+/// The samples of an [`Image`], which lie in the memory of numpy: another thread may write them as soon as the lock of Python is
+/// released, so that a function copies what it reads without the lock.
 pub enum Pixels<'py> {
     U8(PyReadonlyArray3<'py, u8>),
     U16(PyReadonlyArray3<'py, u16>),
     F32(PyReadonlyArray3<'py, f32>),
-}
-
-/// The samples of [`Pixels`]. They belong to numpy: another thread may write them as soon as the lock of Python is released, so that
-/// a function copies what it reads without the lock.
-pub enum View<'a> {
-    U8(ArrayView3<'a, u8>),
-    U16(ArrayView3<'a, u16>),
-    F32(ArrayView3<'a, f32>),
 }
 
 impl<'py> Image<'py> {
@@ -88,9 +81,11 @@ impl<'py> Image<'py> {
 /// # Errors
 /// Those of [`Image::new`], and `ValueError` for other samples.
 pub fn eight_bits(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Array3<u8>> {
-    match Image::new(name, given)?.pixels.view() {
-        View::U8(pixels) => Ok(pixels.to_owned()),
-        View::U16(_) | View::F32(_) => Err(value_error(format!("{name} is no image of uint8; use tone_map"))),
+    match Image::new(name, given)?.pixels {
+        Pixels::U8(pixels) => Ok(pixels.as_array().to_owned()),
+        Pixels::U16(_) | Pixels::F32(_) => {
+            Err(value_error(format!("{name} is no image of uint8; use tone_map")))
+        }
     }
 }
 
@@ -115,26 +110,15 @@ impl<'py> Pixels<'py> {
         )))
     }
 
-    /// Returns the samples.
-    pub fn view(&self) -> View<'_> {
-        match self {
-            Self::U8(pixels) => View::U8(pixels.as_array()),
-            Self::U16(pixels) => View::U16(pixels.as_array()),
-            Self::F32(pixels) => View::F32(pixels.as_array()),
-        }
-    }
-}
-
-impl View<'_> {
     /// Returns a copy as a frame.
     ///
     /// # Errors
     /// [`FrameError`] for what is no image.
     pub fn to_frame(&self) -> Result<Frame, FrameError> {
         match self {
-            Self::U8(pixels) => Frame::from_u8(pixels.to_owned()),
-            Self::U16(pixels) => Frame::from_u16(pixels.to_owned()),
-            Self::F32(pixels) => Frame::from_f32(pixels.to_owned()),
+            Self::U8(pixels) => Frame::from_u8(pixels.as_array().to_owned()),
+            Self::U16(pixels) => Frame::from_u16(pixels.as_array().to_owned()),
+            Self::F32(pixels) => Frame::from_f32(pixels.as_array().to_owned()),
         }
     }
 }

@@ -6,7 +6,7 @@ use ndarray::{Array3, ArrayRef3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::image::{Image, View, frame_to_numpy, value_error};
+use crate::image::{Image, Pixels, frame_to_numpy, value_error};
 use crate::parameters::parse;
 
 /// Returns the image of 8 bits of the radiance, deblurred on request.
@@ -29,8 +29,8 @@ pub fn picture<'py>(
 /// Returns the argument `radiance` as floats, and whether it has no axis of channels.
 fn floats(radiance: &Bound<'_, PyAny>) -> PyResult<(Array3<f32>, bool)> {
     let Image { pixels, is_flat } = Image::new("radiance", radiance)?;
-    let x = match pixels.view() {
-        View::F32(x) => x.to_owned(),
+    let x = match pixels {
+        Pixels::F32(x) => x.as_array().to_owned(),
         codes => codes.to_frame().map_err(value_error)?.to_f32(),
     };
     Ok((x, is_flat))

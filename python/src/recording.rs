@@ -13,9 +13,7 @@ use pyo3::types::PyDict;
 
 use crate::image::{frame_to_numpy, to_numpy, value_error};
 use crate::parameters::parse;
-
-/// The edges of a box, its class, and its truncation and occlusion.
-type Object = (f32, f32, f32, f32, String, f32, i32);
+use crate::score::Object;
 
 /// The image, its name, its stamp, its coordinate frame, its mosaic, and its labelled objects.
 type Frame<'py> = (Bound<'py, PyAny>, String, Option<u64>, String, &'static str, Option<Vec<Object>>);

@@ -15,7 +15,7 @@ use crate::image::value_error;
 pub type Found = (f32, f32, f32, f32, f32, String);
 
 /// The edges of a box, its class, and its truncation and occlusion.
-type Object = (f32, f32, f32, f32, String, f32, i32);
+pub type Object = (f32, f32, f32, f32, String, f32, i32);
 
 /// Returns AP50, AP50:95 and the number of scored objects of each class.
 #[pyfunction]

@@ -9,7 +9,7 @@ use ndarray::Array3;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::image::{Image, View, frame_to_numpy, to_numpy, value_error};
+use crate::image::{Image, Pixels, frame_to_numpy, to_numpy, value_error};
 use crate::parameters::parse;
 
 /// A simulated modulo sensor.
@@ -77,8 +77,8 @@ impl Sensor {
         let Image { pixels, is_flat } = Image::new("radiance", radiance)?;
         let Coding { white, black, ref knees, .. } = self.coding;
         let is_relative = white == 0.0 && black == 0.0 && knees.is_none();
-        let given = match pixels.view() {
-            View::F32(radiance) if is_relative => Given::Radiance(radiance.to_owned()),
+        let given = match pixels {
+            Pixels::F32(radiance) if is_relative => Given::Radiance(radiance.as_array().to_owned()),
             codes => Given::Codes(codes.to_frame().map_err(value_error)?),
         };
         Ok((given, is_flat || self.has_mosaic))

@@ -47,7 +47,7 @@ pub fn unwrap<'py>(
         method.expect_edges(sensor.sharpness());
     }
     let Image { pixels, is_flat } = Image::new("codes", codes)?;
-    let mut frame = pixels.view().to_frame().map_err(value_error)?;
+    let mut frame = pixels.to_frame().map_err(value_error)?;
     if let Some(mosaic) = mosaic {
         frame = frame.with_mosaic(mosaic).map_err(value_error)?;
     }

@@ -26,9 +26,6 @@ const STRIDE: usize = 32;
 /// Number of runs of the network by itself before and after each run of the pipeline.
 const BARE_RUNS: NonZeroUsize = NonZeroUsize::new(20).expect("not zero");
 
-/// Template of the progress bar.
-pub const STEPS: &str = "{bar:30} {pos}/{len} {eta} {msg}";
-
 #[derive(Subcommand)]
 pub enum Bench {
     /// Measure the time from the modulo image to the boxes in one process, in several and in lockstep, beside that of the network
@@ -87,10 +84,7 @@ fn bench_pipeline(request: &pipeline::PipelineRequest) -> Result<Ended, Failure>
     let (program, now_ns) = (&this_program()?, monotonic_ns);
     let mut bench = pipeline::PipelineBench { program, launch_file, now_ns, bare: &mut bare };
     let load = load();
-    let bar = progress_bar(STEPS);
-    let rows =
-        pipeline::pipeline(request, &mut bench, &mut |event| tell_long(&bar, event)).map_err(failure)?;
-    bar.finish_and_clear();
+    let rows = with_bar(tell_long, |tell| pipeline::pipeline(request, &mut bench, tell))?;
     say!("{load}");
     print_pipeline(&rows);
     Ok(Ended::Done)
@@ -137,10 +131,8 @@ fn bench_detector(args: &DetectorBench) -> Result<Ended, Failure> {
         options = vec!["--source".into(), source.into()];
     }
     let load = load();
-    let bar = progress_bar(STEPS);
-    let rows = engines::engines(request, &options, &this_program()?, &mut |event| tell_long(&bar, event))
-        .map_err(failure)?;
-    bar.finish_and_clear();
+    let program = this_program()?;
+    let rows = with_bar(tell_long, |tell| engines::engines(request, &options, &program, tell))?;
     say!("{load}");
     print_engines(&rows);
     Ok(Ended::Done)
@@ -187,7 +179,7 @@ fn accuracy(figures: &EngineFigures) -> String {
 }
 
 /// Tells an error of the command line from one of a file or of the run.
-pub fn failure(why: BenchError) -> Failure {
+fn failure(why: BenchError) -> Failure {
     let of_command_line = match &why {
         BenchError::Request(_)
         | BenchError::NotCodes(..)
@@ -204,9 +196,7 @@ pub fn failure(why: BenchError) -> Failure {
 }
 
 fn bench_stability(out: &Path) -> Result<Ended, Failure> {
-    let bar = progress_bar(STEPS);
-    let outcome = stability::run(out, |event| tell_long(&bar, event)).map_err(failure)?;
-    bar.finish_and_clear();
+    let outcome = with_bar(tell_long, |tell| stability::run(out, tell))?;
     outcome.better.iter().for_each(|what| say!("better than documented: {what}"));
     outcome.broken.iter().for_each(|what| say!("broken: {what}"));
     let (held, broken) = (outcome.held, outcome.broken.len());
@@ -242,6 +232,17 @@ pub fn style(template: &str) -> ProgressStyle {
     ProgressStyle::with_template(template).expect("the templates of this program are valid")
 }
 
+/// Runs `work` with a progress bar, on which `tell` shows its events.
+pub fn with_bar<T>(
+    tell: fn(&ProgressBar, BenchEvent<'_>),
+    work: impl FnOnce(&mut dyn FnMut(BenchEvent<'_>)) -> Result<T, BenchError>,
+) -> Result<T, Failure> {
+    let bar = progress_bar("{bar:30} {pos}/{len} {eta} {msg}");
+    let done = work(&mut |event| tell(&bar, event)).map_err(failure)?;
+    bar.finish_and_clear();
+    Ok(done)
+}
+
 /// Shows the progress of long work as [`tell`] does. Without a terminal, it prints up to twenty lines in place of the bar.
 fn tell_long(bar: &ProgressBar, event: BenchEvent<'_>) {
     if let BenchEvent::Step { done, total, next } = event
@@ -263,7 +264,6 @@ pub fn tell(bar: &ProgressBar, event: BenchEvent<'_>) {
         }
         // A line that is printed while a bar is drawn would tear it apart, so the bar is taken away
         // meanwhile.
-        BenchEvent::Skipped(why) => bar.suspend(|| eprintln!("modulo: skipped: {why}")),
         BenchEvent::Warning(warning) => bar.suspend(|| eprintln!("modulo: {warning}")),
     }
 }

@@ -22,48 +22,50 @@ pub fn files() -> ArgValueCompleter {
 
 /// Completes the name of an argument of the launch file in the command line, or of the suite where there is none.
 pub fn arguments() -> ArgValueCompleter {
-    ArgValueCompleter::new(|current: &OsStr| {
-        let named = words().chain([FILE.to_owned()]);
-        let mut declared =
-            named.filter_map(|word| declared_arguments(&launch_file(Path::new(&word)).ok()?).ok());
-        let names = declared.next().into_iter().flatten().map(|argument| format!("{}:=", argument.name));
-        matching(current, names)
+    completer(|| {
+        let mut named = words().chain([FILE.to_owned()]);
+        let declared =
+            named.find_map(|word| declared_arguments(&launch_file(Path::new(&word)).ok()?).ok())?;
+        Some(declared.into_iter().map(|argument| format!("{}:=", argument.name)).collect())
     })
 }
 
 /// Completes the name of a topic.
 pub fn topics() -> ArgValueCompleter {
-    ArgValueCompleter::new(|current: &OsStr| {
-        let found = open_session().ok().map(|(_clock, transport)| transport.settled_graph().topics());
-        let names = found.into_iter().flatten().map(|(topic, _)| topic);
-        matching(current, names.filter(|topic| !is_hidden(topic)))
+    completer(|| {
+        let (_clock, transport) = open_session().ok()?;
+        let topics = transport.settled_graph().topics().into_keys();
+        Some(topics.filter(|topic| !is_hidden(topic)).collect())
     })
 }
 
 /// Completes the name of a node.
 pub fn nodes() -> ArgValueCompleter {
-    ArgValueCompleter::new(|current: &OsStr| {
-        let found = open_session().ok().map(|(_clock, transport)| transport.settled_graph().nodes());
-        matching(current, found.into_iter().flatten().filter(|node| !is_hidden_node(node)))
+    completer(|| {
+        let (_clock, transport) = open_session().ok()?;
+        let nodes = transport.settled_graph().nodes().into_iter();
+        Some(nodes.filter(|node| !is_hidden_node(node)).collect())
     })
 }
 
 /// Completes the name of a parameter of the node in the command line.
 pub fn parameters() -> ArgValueCompleter {
-    ArgValueCompleter::new(|current: &OsStr| {
-        let names = |node: &str| {
-            let (_clock, transport) = open_session().ok()?;
-            transport.settled_graph();
-            ParameterClient::new(&transport, node).names().ok()
-        };
-        let found = words().find(|word| word.starts_with('/')).and_then(|node| names(&node));
-        matching(current, found.into_iter().flatten())
+    completer(|| {
+        let node = words().find(|word| word.starts_with('/'))?;
+        let (_clock, transport) = open_session().ok()?;
+        transport.settled_graph();
+        ParameterClient::new(&transport, &node).names().ok()
     })
 }
 
 /// Returns the words of the command line behind the command: the shell gives them after `--` and the name of this program.
 fn words() -> impl Iterator<Item = String> {
     std::env::args_os().skip_while(|word| word != "--").skip(3).filter_map(|word| word.into_string().ok())
+}
+
+/// Completes one of `names`, if they can be found.
+fn completer(names: fn() -> Option<Vec<String>>) -> ArgValueCompleter {
+    ArgValueCompleter::new(move |current: &OsStr| matching(current, names().into_iter().flatten()))
 }
 
 fn matching(current: &OsStr, names: impl Iterator<Item = String>) -> Vec<CompletionCandidate> {

@@ -166,11 +166,9 @@ fn finish(
 }
 
 fn print_result(stream: &str, result: &StreamResult, Evaluation { difficulty, .. }: &Evaluation) {
-    let score = match result {
-        StreamResult::Scored(score) => score,
-        other => {
-            return say!("AP50 on {stream}: none, {}", other.missing().expect("only a score is not missing"));
-        }
+    let score = match result.score() {
+        Ok(score) => score,
+        Err(why) => return say!("AP50 on {stream}: none, {why}"),
     };
     let classes: Vec<_> = score.classes.iter().map(|(c, (ap, n))| format!("{c} {ap:.3} ({n})")).collect();
     let interval = score.interval95.map_or_else(String::new, |[low, high]| format!(" [{low:.3}, {high:.3}]"));

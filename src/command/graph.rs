@@ -5,7 +5,7 @@ use std::io::Write as _;
 use std::time::Duration;
 
 use anyhow::{Context as _, anyhow};
-use clap::{Args, Subcommand};
+use clap::Subcommand;
 use modulo_middleware::graph::Graph;
 use modulo_middleware::graph::discovery::Twins;
 use modulo_middleware::transport::zenoh::ZenohTransport;
@@ -46,7 +46,14 @@ pub enum TopicCommand {
         json: bool,
     },
     /// Print the messages of a topic as YAML
-    Echo(Echo),
+    Echo {
+        /// Name of the topic, such as /detections
+        #[arg(add = completion::topics())]
+        topic: String,
+        /// End after the first message
+        #[arg(long)]
+        once: bool,
+    },
     /// Print the rate of the messages of a topic until SIGINT
     Hz {
         /// Name of the topic, such as /recovered
@@ -56,16 +63,6 @@ pub enum TopicCommand {
         #[arg(short, long, default_value_t = 10_000, value_parser = clap::value_parser!(u32).range(2..))]
         window: u32,
     },
-}
-
-#[derive(Args)]
-pub struct Echo {
-    /// Name of the topic, such as /detections
-    #[arg(add = completion::topics())]
-    pub topic: String,
-    /// End after the first message
-    #[arg(long)]
-    pub once: bool,
 }
 
 #[derive(Subcommand)]
@@ -112,7 +109,7 @@ pub fn topic(args: &TopicCommand) -> Result<Ended, Failure> {
             let graph = transport.graph_with(&topic)?;
             if *json { say!("{}", info_json(&graph, &topic)) } else { info(&graph, &topic, *verbose) }
         }
-        TopicCommand::Echo(args) => echo(&transport, args)?,
+        TopicCommand::Echo { topic, once } => echo(&transport, topic, *once)?,
         TopicCommand::Hz { topic, window } => hz(&transport, &*clock, topic, *window as usize)?,
     }
     Ok(Ended::Done)
@@ -260,8 +257,8 @@ fn describe(node: &str, endpoints: &BTreeMap<&str, BTreeSet<NamedType>>) {
     }
 }
 
-fn echo(transport: &ZenohTransport, args: &Echo) -> Result<(), Failure> {
-    let listening = transport.listen(&absolute(&args.topic), stop_on_signals()?)?;
+fn echo(transport: &ZenohTransport, topic: &str, once: bool) -> Result<(), Failure> {
+    let listening = transport.listen(&absolute(topic), stop_on_signals()?)?;
     let name = ros_name(&listening.endpoint.dds_type);
     let description = match rihs::type_description(&name) {
         Some(description) => description,
@@ -277,7 +274,7 @@ fn echo(transport: &ZenohTransport, args: &Echo) -> Result<(), Failure> {
         // Nothing comes when the command was asked to end meanwhile.
         let Some(sample) = listening.next(None) else { continue };
         let value = dynamic::from_slice(&description, &sample.item.payload)?;
-        if !print(&format!("{value}---")) || args.once {
+        if !print(&format!("{value}---")) || once {
             break;
         }
     }

@@ -128,7 +128,6 @@ impl GridProgress {
     fn tell(&self, event: GridEvent<'_>) {
         let Self { bar, .. } = self;
         match event {
-            GridEvent::Resumed { cells, others } => bar.suspend(|| tell_resumed(cells, others)),
             GridEvent::Cell { frames: (done, all), name } => {
                 bar.set_length(all);
                 bar.set_position(done);
@@ -154,16 +153,6 @@ impl GridProgress {
         // Workers finish frames in parallel.
         let mut lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
         with(&mut lines, Duration::from_nanos(self.clock.ticks_ns()))
-    }
-}
-
-/// Prints what the folder of the results already holds.
-fn tell_resumed(cells: usize, others: usize) {
-    if cells > 0 {
-        eprintln!("modulo: {cells} cells are finished already");
-    }
-    if others > 0 {
-        eprintln!("modulo: {others} cells of other grids are in the folder and stay");
     }
 }
 

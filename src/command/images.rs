@@ -7,13 +7,12 @@ use clap::Args;
 use modulo_bench::recover::{UnwrapRequest, unwrap_files};
 use modulo_bench::runner::{Row, RunOutcome};
 use modulo_bench::simulate::SimulationRequest;
-use modulo_bench::{BenchError, BenchEvent, below_100, simulate as simulation};
+use modulo_bench::{below_100, quantile, simulate as simulation};
 use modulo_camera::CameraParameters;
-use modulo_core::metric::quantile;
 use modulo_images::WHITE_PERCENTILE;
 use modulo_runtime::sensor::options::CHIP;
 
-use super::bench::{STEPS, failure, progress_bar, tell};
+use super::bench::{tell, with_bar};
 use super::usage;
 use crate::{Ended, Failure};
 
@@ -32,22 +31,16 @@ pub fn simulate(args: Simulate) -> Result<Ended, Failure> {
     if let Some(file) = sensor_file {
         request.sensor.take_chip(&CameraParameters::read_sensor(&file).map_err(usage)?);
     }
-    run(&request.run.out, |tell| simulation::simulate(&request, tell))
+    report(&request.run.out, &with_bar(tell, |tell| simulation::simulate(&request, tell))?)
 }
 
 /// Unwraps modulo images.
 pub fn unwrap(request: &UnwrapRequest) -> Result<Ended, Failure> {
-    run(&request.run.out, |tell| unwrap_files(request, tell))
+    report(&request.run.out, &with_bar(tell, |tell| unwrap_files(request, tell))?)
 }
 
-/// Runs a command with a progress bar, and prints its results.
-fn run(
-    out: &Path,
-    command: impl FnOnce(&mut dyn FnMut(BenchEvent<'_>)) -> Result<RunOutcome, BenchError>,
-) -> Result<Ended, Failure> {
-    let bar = progress_bar(STEPS);
-    let outcome = command(&mut |event| tell(&bar, event)).map_err(failure)?;
-    bar.finish_and_clear();
+/// Prints the results of a command, which lie in the folder `out`.
+fn report(out: &Path, outcome: &RunOutcome) -> Result<Ended, Failure> {
     let white = |row: &Row| Some((row.file.clone(), row.simulated.as_ref()?.white?));
     let mut whites: Vec<_> = outcome.rows.iter().filter_map(white).collect();
     whites.dedup();
@@ -103,9 +96,7 @@ fn print_methods(rows: &[Row]) {
         let exact: Option<f64> = rows.iter().map(|row| Some(row.simulated.as_ref()?.exact_k)).sum();
         let exact = exact.map_or("-".to_owned(), |sum| format!("{}%", below_100(sum / count as f64, 3)));
         let trusted = rows.iter().filter(|row| row.trusted == Some(true)).count();
-        let mut times: Vec<f64> = rows.iter().map(|row| row.ms).collect();
-        times.sort_by(f64::total_cmp);
-        let ms = quantile(&times, 0.5).unwrap_or_default();
+        let ms = quantile(rows.iter().map(|row| row.ms), 0.5);
         say!("{count:>6} {:>5} {method:<16} {exact:>12} {trusted:>7} {ms:>9.2}", f64::from_bits(alpha));
     }
 }

@@ -46,7 +46,7 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::reload;
 use tracing_subscriber::util::SubscriberInitExt;
 
-use crate::cli::{Cli, Command};
+use crate::cli::Cli;
 use crate::{Ended, Failure};
 
 /// The environment variable of the form of type hashes: `rihs01` as ROS 2 writes them since Iron, or `none` for ROS 2 Humble.
@@ -54,22 +54,22 @@ const HASHES_VARIABLE: &str = "MODULO_TYPE_HASH";
 
 /// Runs the command of `cli`.
 pub fn dispatch(cli: Cli) -> Result<Ended, Failure> {
-    match cli.command {
-        Command::Demo(args) => demo::demo(&args),
-        Command::Detect(args) => detect::detect(&args),
-        Command::Launch(args) => launch::launch(&args),
-        Command::Run(args) => run::run(&args),
-        Command::Bag(args) => bag::bag(&args),
-        Command::Eval(args) => eval::eval(&args),
-        Command::Simulate(args) => images::simulate(args),
-        Command::Unwrap(request) => images::unwrap(&request),
-        Command::Bench(command) => bench::bench(&command),
-        Command::Param(args) => param::param(&args),
-        Command::Topic(args) => graph::topic(&args),
-        Command::Node(args) => graph::node(&args),
-        Command::View(args) => view::view(&args),
-        Command::Model(args) => model::model(&args),
-        Command::Doctor { sensor, json } => model::doctor(sensor.as_deref(), json),
+    match cli {
+        Cli::Demo(args) => demo::demo(&args),
+        Cli::Detect(args) => detect::detect(&args),
+        Cli::Launch(args) => launch::launch(&args),
+        Cli::Run(args) => run::run(&args),
+        Cli::Bag(args) => bag::bag(&args),
+        Cli::Eval(args) => eval::eval(&args),
+        Cli::Simulate(args) => images::simulate(args),
+        Cli::Unwrap(request) => images::unwrap(&request),
+        Cli::Bench(command) => bench::bench(&command),
+        Cli::Param(args) => param::param(&args),
+        Cli::Topic(args) => graph::topic(&args),
+        Cli::Node(args) => graph::node(&args),
+        Cli::View(args) => view::view(&args),
+        Cli::Model(args) => model::model(&args),
+        Cli::Doctor { sensor, json } => model::doctor(sensor.as_deref(), json),
     }
 }
 

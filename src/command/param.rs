@@ -7,7 +7,7 @@ use anyhow::anyhow;
 use clap::Subcommand;
 use modulo_middleware::parameter::client::ParameterClient;
 use modulo_middleware::transport::zenoh::ZenohTransport;
-use modulo_msgs::rcl_interfaces::ParameterType;
+use modulo_msgs::rcl_interfaces::{ParameterType, ParameterValue};
 use modulo_runtime::parameter::file;
 use modulo_runtime::parameter::text::{self, bare, described, labelled, type_name};
 use serde_json::json;
@@ -120,7 +120,11 @@ fn ask(args: &Param, transport: &ZenohTransport) -> Result<Ended, Failure> {
                 say!("{}", described(&descriptor));
             }
         }
-        Param::Dump { node } => dump(&client(node), node)?,
+        Param::Dump { node } => {
+            let file = file::write(&graph::absolute(node), &all_values(&client(node))?);
+            // A reader that has left, such as `head`, is no failure.
+            let _ = std::io::stdout().write_all(file.as_bytes());
+        }
         Param::Set { node, name, value } => {
             client(node).set(name, value)?;
             say!("Set parameter successful");
@@ -136,7 +140,10 @@ fn list(node: Option<&str>, types: bool, json: bool, transport: &ZenohTransport)
     let nodes = one.unwrap_or_else(|| transport.graph().nodes_with_parameters());
     graph::tell_empty("node with parameters", nodes.is_empty())?;
     if json {
-        let of = |node: String| Ok((node.clone(), all_values(&client(&node))?));
+        let of = |node: String| {
+            let values = all_values(&client(&node))?.into_iter();
+            Ok((node, values.map(|(name, value)| (name, text::json(&value))).collect::<BTreeMap<_, _>>()))
+        };
         let all: BTreeMap<_, _> = nodes.into_iter().map(of).collect::<anyhow::Result<_>>()?;
         say!("{}", json!(all));
         return Ok(());
@@ -150,19 +157,10 @@ fn list(node: Option<&str>, types: bool, json: bool, transport: &ZenohTransport)
     Ok(())
 }
 
-fn dump(client: &ParameterClient<'_>, node: &str) -> Result<(), Failure> {
-    let names = client.names()?;
-    let values = client.values(&names)?;
-    let all: Vec<_> = names.into_iter().zip(values).collect();
-    // A reader that has left, such as `head`, is no failure.
-    let _ = std::io::stdout().write_all(file::write(&graph::absolute(node), &all).as_bytes());
-    Ok(())
-}
-
-fn all_values(node: &ParameterClient<'_>) -> anyhow::Result<BTreeMap<String, serde_json::Value>> {
+fn all_values(node: &ParameterClient<'_>) -> anyhow::Result<Vec<(String, ParameterValue)>> {
     let names = node.names()?;
     let values = node.values(&names)?;
-    Ok(names.into_iter().zip(values.iter().map(text::json)).collect())
+    Ok(names.into_iter().zip(values).collect())
 }
 
 fn print_names(node: &ParameterClient<'_>, types: bool) -> anyhow::Result<()> {

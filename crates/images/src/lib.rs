@@ -21,7 +21,8 @@ use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
 use image::error::{LimitError, LimitErrorKind, UnsupportedError, UnsupportedErrorKind};
 use image::{
-    ColorType, DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat, ImageReader, Limits,
+    ColorType, DynamicImage, ExtendedColorType, ImageBuffer, ImageDecoder, ImageEncoder, ImageFormat,
+    ImageReader, Limits, Pixel,
 };
 use modulo_core::{Frame, Samples};
 use ndarray::Array3;
@@ -139,22 +140,13 @@ pub fn sample_depth(mut image: impl BufRead + Seek) -> Option<SampleDepth> {
 pub fn decode(bytes: &[u8], origin: &str) -> Result<Frame, ImageError> {
     let bad = |why: String| ImageError::Undecodable(origin.to_owned(), why);
     let picture = picture(bytes).map_err(bad)?;
-    let size = (picture.height() as usize, picture.width() as usize);
     // The conversions drop alpha, and change nothing else.
     let frame = match picture.color() {
-        ColorType::L8 | ColorType::La8 => Frame::from_u8(samples(size, 1, picture.into_luma8().into_raw())),
-        ColorType::Rgb8 | ColorType::Rgba8 => {
-            Frame::from_u8(samples(size, 3, picture.into_rgb8().into_raw()))
-        }
-        ColorType::L16 | ColorType::La16 => {
-            Frame::from_u16(samples(size, 1, picture.into_luma16().into_raw()))
-        }
-        ColorType::Rgb16 | ColorType::Rgba16 => {
-            Frame::from_u16(samples(size, 3, picture.into_rgb16().into_raw()))
-        }
-        ColorType::Rgb32F | ColorType::Rgba32F => {
-            Frame::from_f32(samples(size, 3, picture.into_rgb32f().into_raw()))
-        }
+        ColorType::L8 | ColorType::La8 => Frame::from_u8(samples(picture.into_luma8())),
+        ColorType::Rgb8 | ColorType::Rgba8 => Frame::from_u8(samples(picture.into_rgb8())),
+        ColorType::L16 | ColorType::La16 => Frame::from_u16(samples(picture.into_luma16())),
+        ColorType::Rgb16 | ColorType::Rgba16 => Frame::from_u16(samples(picture.into_rgb16())),
+        ColorType::Rgb32F | ColorType::Rgba32F => Frame::from_f32(samples(picture.into_rgb32f())),
         other => return Err(bad(format!("colour type {other:?} is not supported"))),
     };
     frame.map_err(|e| bad(e.to_string()))
@@ -187,10 +179,10 @@ fn upright(reader: ImageReader<Cursor<&[u8]>>) -> Result<DynamicImage, image::Im
     Ok(image)
 }
 
-/// Returns the pixels, `H x W x C`, of an image of (height, width).
-fn samples<T>((height, width): (usize, usize), channels: usize, samples: Vec<T>) -> Array3<T> {
-    Array3::from_shape_vec((height, width, channels), samples)
-        .expect("the decoder gives as many samples as its size needs")
+/// Returns the samples of an image, `H x W x C`.
+fn samples<P: Pixel>(image: ImageBuffer<P, Vec<P::Subpixel>>) -> Array3<P::Subpixel> {
+    let dim = (image.height() as usize, image.width() as usize, P::CHANNEL_COUNT.into());
+    Array3::from_shape_vec(dim, image.into_raw()).expect("an image has all its samples")
 }
 
 /// Error of a frame that could not be written.
@@ -479,7 +471,11 @@ mod tests {
         encoder.write_image(&words, 24, 16, ExtendedColorType::L16).expect("encoded");
         let mut file = bytes.into_inner();
         let frame = decode(&file, "raw.tiff").expect("a TIFF of one image");
-        assert_eq!(frame, Frame::from_u16(samples((16, 24), 1, codes)).expect("an image"));
+        assert_eq!(
+            frame,
+            Frame::from_u16(Array3::from_shape_vec((16, 24, 1), codes).expect("24 x 16 codes"))
+                .expect("an image")
+        );
         assert_eq!(sample_depth(Cursor::new(&file)), Some(SampleDepth::U16));
         for length in 0..file.len() {
             // Behind its last directory, a TIFF may have bytes that nobody needs.

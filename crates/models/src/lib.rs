@@ -23,21 +23,11 @@ const RELEASE: &str = "https://github.com/THU-MIG/yolov10/releases/download/v1.1
 pub struct Official {
     /// Name of the model, such as `yolov10n`.
     pub name: &'static str,
-    /// Length of the file in bytes, if it is known.
-    pub bytes: Option<u64>,
-    /// The sha256 as 64 hexadecimal digits, if it is known.
-    pub sha256: Option<&'static str>,
+    /// Length of the file in bytes and its sha256 as 64 hexadecimal digits, if they are known.
+    pub known: Option<(u64, &'static str)>,
 }
 
 impl Official {
-    const fn known(name: &'static str, bytes: u64, sha256: &'static str) -> Self {
-        Self { name, bytes: Some(bytes), sha256: Some(sha256) }
-    }
-
-    const fn unknown(name: &'static str) -> Self {
-        Self { name, bytes: None, sha256: None }
-    }
-
     /// Name of the released file.
     pub fn file_name(&self) -> String {
         format!("{}.onnx", self.name)
@@ -54,9 +44,9 @@ impl Official {
     /// # Errors
     /// [`OfficialError`] when no sha256 is known.
     pub fn pinned<'a>(&self, given: Option<&'a str>) -> Result<(Option<u64>, &'a str), OfficialError> {
-        match (given, self.sha256) {
+        match (given, self.known) {
             (Some(given), _) => Ok((None, given)),
-            (None, Some(known)) => Ok((self.bytes, known)),
+            (None, Some((bytes, sha256))) => Ok((Some(bytes), sha256)),
             (None, None) => Err(OfficialError(self.name.to_owned(), UNPINNED.to_owned())),
         }
     }
@@ -64,20 +54,18 @@ impl Official {
 
 /// All official exports, from small to large.
 pub const OFFICIAL: &[Official] = &[
-    Official::known(
-        "yolov10n",
-        9_309_375,
-        "aeab0bcae6d55b6dd1907c14620e79f21a487e55a0e04f5051c365ebb780b059",
-    ),
-    Official::unknown("yolov10s"),
-    Official::known(
-        "yolov10m",
-        61_659_339,
-        "89b526498a6d55f869a6ab52e3a2eb20ad45b3711c1f7de3dd9ca0b399dfd6d7",
-    ),
-    Official::unknown("yolov10b"),
-    Official::unknown("yolov10l"),
-    Official::unknown("yolov10x"),
+    Official {
+        name: "yolov10n",
+        known: Some((9_309_375, "aeab0bcae6d55b6dd1907c14620e79f21a487e55a0e04f5051c365ebb780b059")),
+    },
+    Official { name: "yolov10s", known: None },
+    Official {
+        name: "yolov10m",
+        known: Some((61_659_339, "89b526498a6d55f869a6ab52e3a2eb20ad45b3711c1f7de3dd9ca0b399dfd6d7")),
+    },
+    Official { name: "yolov10b", known: None },
+    Official { name: "yolov10l", known: None },
+    Official { name: "yolov10x", known: None },
 ];
 
 /// Error of an official export that is not fetched: no export has its name, or its sha256 is not known.
@@ -105,10 +93,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_known_hash_is_64_hex_digits_and_comes_with_a_length() {
-        for model in OFFICIAL {
-            assert_eq!(model.sha256.is_some(), model.bytes.is_some(), "{}", model.name);
-            let digits = model.sha256.unwrap_or(OFFICIAL[0].sha256.expect("known"));
+    fn a_known_hash_is_64_hex_digits() {
+        assert!(OFFICIAL[0].known.is_some());
+        for (_, digits) in OFFICIAL.iter().filter_map(|model| model.known) {
             assert!(digits.len() == 64 && digits.bytes().all(|digit| digit.is_ascii_hexdigit()));
         }
     }

@@ -79,7 +79,7 @@ impl LiveAddress {
             None => words(&["-f", "v4l2"]),
             Some(protocols) => {
                 let mut options = words(&["-protocol_whitelist", protocols]);
-                if self.is_rtsp() {
+                if self.url.starts_with("rtsp") {
                     // Packets of UDP that are lost damage the picture, and many firewalls stop them.
                     options.extend(words(&["-rtsp_transport", "tcp"]));
                 } else {
@@ -89,10 +89,6 @@ impl LiveAddress {
             }
         };
         [options, vec!["-i".to_owned(), self.url.clone()]].concat()
-    }
-
-    fn is_rtsp(&self) -> bool {
-        self.url.starts_with("rtsp")
     }
 
     /// Returns the path of a device; `None` for a URL.

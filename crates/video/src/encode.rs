@@ -6,7 +6,7 @@ use std::process::{Child, ChildStdin, Stdio};
 use std::thread::JoinHandle;
 
 use crate::VideoError;
-use crate::program::{Reports, command, needed_version, next_line};
+use crate::program::{Reports, command, needed_version};
 
 /// Filters that make the sides even, as most encoders need them, and luma and chroma by BT.709, as players read them.
 const FILTERS: &str =
@@ -45,14 +45,8 @@ impl Encoder {
             .stderr(Stdio::piped())
             .spawn()
             .map_err(|why| VideoError::failed(path.display(), why))?;
-        let mut lines = BufReader::new(child.stderr.take().expect("it is piped"));
-        let reports = std::thread::spawn(move || {
-            let mut reports = Reports::default();
-            while let Some(line) = next_line(&mut lines) {
-                reports.take(&line);
-            }
-            reports
-        });
+        let lines = BufReader::new(child.stderr.take().expect("it is piped"));
+        let reports = std::thread::spawn(move || Reports::read(lines));
         let (pixels, size) = (child.stdin.take(), width as usize * height as usize * 3);
         Ok(Self { path: path.to_owned(), child, pixels, reports: Some(reports), size })
     }

@@ -225,11 +225,7 @@ impl FrameIndex {
             .args(input(path))
             .output()
             .map_err(|why| format!("ffprobe: {why}"))?;
-        let mut reports = Reports::default();
-        let text = String::from_utf8_lossy(&output.stderr);
-        for line in text.lines() {
-            reports.take(line);
-        }
+        let (reports, text) = (Reports::read(&*output.stderr), String::from_utf8_lossy(&output.stderr));
         if !output.status.success() {
             return Err(match reports.first {
                 _ if text.contains("not on whitelist") => format!(

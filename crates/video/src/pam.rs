@@ -2,15 +2,15 @@
 //!
 //! Source: <https://netpbm.sourceforge.net/doc/pam.html>
 
-use std::io::{self, BufRead, Read};
+use std::io::{self, BufRead};
 
 use modulo_core::{Frame, FrameError};
 use ndarray::Array3;
 
+use crate::program::next_line;
+
 /// The most bytes of a frame: 16384 x 8192 px of three colours at 16 bits.
 const LARGEST: usize = 16_384 * 8192 * 3 * 2;
-/// The most bytes of a line of the header.
-const LONGEST_LINE: u64 = 256;
 
 /// Reads the next frame; `None` at the end. Codes of 16 bits, which ffmpeg has made of codes of fewer `bits`, become those again. `bits`
 /// is called once for each frame that begins.
@@ -19,14 +19,14 @@ const LONGEST_LINE: u64 = 256;
 /// [`io::Error`] of a pipe that ends within a frame, and of anything that is no frame.
 pub fn read(input: &mut impl BufRead, bits: impl FnOnce() -> u32) -> io::Result<Option<Frame>> {
     let bad = |why: String| io::Error::new(io::ErrorKind::InvalidData, why);
-    let Some(first) = line(input)? else { return Ok(None) };
+    let Some(first) = next_line(input)? else { return Ok(None) };
     if first != "P7" {
         return Err(bad(format!("frame that begins with '{first}', P7 expected")));
     }
     let bits = bits().clamp(1, 16);
     let (mut width, mut height, mut depth, mut largest) = (0, 0, 0, 0);
     loop {
-        let line = line(input)?.ok_or(io::ErrorKind::UnexpectedEof)?;
+        let line = next_line(input)?.ok_or(io::ErrorKind::UnexpectedEof)?;
         let (key, value) = line.split_once(' ').unwrap_or((&line, ""));
         let number = || value.parse::<usize>().map_err(|_| bad(format!("'{line}' in the header of a frame")));
         match key {
@@ -60,15 +60,6 @@ fn frame(dim: (usize, usize, usize), samples: Vec<u8>, bits: Option<u32>) -> Res
     };
     let codes = samples.as_chunks().0.iter().map(code).collect();
     Frame::from_u16(Array3::from_shape_vec(dim, codes).expect("as many as were read"))
-}
-
-/// Reads a line of the header; `None` at the end of the input.
-fn line(input: &mut impl BufRead) -> io::Result<Option<String>> {
-    let mut line = Vec::new();
-    if input.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line)? == 0 {
-        return Ok(None);
-    }
-    Ok(Some(String::from_utf8_lossy(&line).trim_end().to_owned()))
 }
 
 #[cfg(test)]

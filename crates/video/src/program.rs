@@ -126,6 +126,15 @@ pub(crate) struct Reports {
 }
 
 impl Reports {
+    /// Takes all lines of a program.
+    pub fn read(mut lines: impl BufRead) -> Self {
+        let mut reports = Self::default();
+        while let Ok(Some(line)) = next_line(&mut lines) {
+            reports.take(&line);
+        }
+        reports
+    }
+
     /// Takes a line of a program at the log level `level+...`. Returns what it says and whether that is an error.
     pub fn take<'a>(&mut self, line: &'a str) -> (&'a str, bool) {
         // Only names such as `[h264 @ 0x5581]` may stand before the level.
@@ -235,7 +244,7 @@ fn listen(lines: ChildStderr, infos: &SyncSender<FrameInfo>, keys: u32) -> Repor
     let (mut lines, mut reports, mut base) = (BufReader::new(lines), Reports::default(), TimeBase(1, 1));
     let mut damage = Damage { keys: 0, most: keys, is_next: false, is_predicting: false };
     let mut decoder = String::new();
-    while let Some(line) = next_line(&mut lines) {
+    while let Ok(Some(line)) = next_line(&mut lines) {
         let message = line.starts_with("[Parsed_showinfo_").then(|| line.split_once("] [info] ")).flatten();
         match message {
             Some((_, message)) if message.starts_with("config in time_base:") => {
@@ -269,10 +278,10 @@ fn is_of(line: &str, decoder: &str) -> bool {
 }
 
 /// Reads a line; a long one in parts. `None` at the end.
-pub(crate) fn next_line(lines: &mut impl BufRead) -> Option<String> {
+pub(crate) fn next_line(lines: &mut impl BufRead) -> std::io::Result<Option<String>> {
     let mut line = Vec::new();
-    let read = lines.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line).ok()?;
-    (read > 0).then(|| String::from_utf8_lossy(&line).trim_end().to_owned())
+    let read = lines.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line)?;
+    Ok((read > 0).then(|| String::from_utf8_lossy(&line).trim_end().to_owned()))
 }
 
 /// A time base in seconds: the numerator and the denominator, both above 0.

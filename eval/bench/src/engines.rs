@@ -15,8 +15,8 @@ use modulo_runtime::output::free_folder;
 use modulo_runtime::report::Percentiles;
 use serde::{Deserialize, Serialize};
 
-use crate::pipeline::{Mode, RESULTS, temporary_folder, watch};
-use crate::{BenchError, BenchEvent, make_folder, read_json, write_json};
+use crate::pipeline::{Mode, temporary_folder, watch};
+use crate::{BenchError, BenchEvent, RESULTS, make_folder, read_json, write_json};
 
 /// Engines and devices in the order in which they are measured; the first one that is there is the reference.
 const ENGINES: [(&str, &str); 6] = [

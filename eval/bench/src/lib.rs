@@ -14,7 +14,7 @@ pub mod stability;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use modulo_core::{SensorError, UnwrapError};
+use modulo_core::{SensorError, UnwrapError, metric};
 pub use modulo_draw::below_100;
 use modulo_images::{EXTENSIONS, ImageError, SaveError, is_hidden};
 use modulo_runtime::output::prepare_folder;
@@ -58,6 +58,16 @@ pub enum BenchError {
     Run(String),
 }
 
+/// Name of the list of results in the folder of a command.
+pub const RESULTS: &str = "results.json";
+
+/// Returns the least of `values`, of which there is one, that the share `q` of them does not exceed.
+pub fn quantile(values: impl IntoIterator<Item = f64>, q: f64) -> f64 {
+    let mut values: Vec<f64> = values.into_iter().collect();
+    values.sort_by(f64::total_cmp);
+    metric::quantile(&values, q).expect("there is a value")
+}
+
 impl BenchError {
     fn number(what: &str, value: usize, possible: &str) -> Self {
         Self::Request(format!("{what} is {value}, but must be {possible}"))
@@ -76,9 +86,7 @@ pub enum BenchEvent<'a> {
         /// Description, such as the file.
         next: &'a str,
     },
-    /// A file was skipped, for this reason, which has its name.
-    Skipped(&'a str),
-    /// A measurement is uncertain.
+    /// Something was left out, such as a file that is skipped for a reason, which has its name.
     Warning(&'a str),
 }
 

@@ -12,15 +12,11 @@ use std::thread;
 use std::time::Duration;
 
 use clap::Args;
-use modulo_core::metric::quantile;
 use modulo_runtime::output::free_folder;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::{BenchError, BenchEvent, make_folder, read_json, write_json};
-
-/// Name of the list of results in the folder.
-pub const RESULTS: &str = "results.json";
+use crate::{BenchError, BenchEvent, RESULTS, make_folder, quantile, read_json, write_json};
 
 /// Number of turns that the modes take, so that a machine that becomes slower becomes slower for all of them.
 const ROUNDS: usize = 4;
@@ -133,7 +129,7 @@ pub fn pipeline(
         return Err(BenchError::number("count", *count, possible));
     }
     if *rate > 0.0 {
-        check_count(*count, *rate, at(&sorted((bench.bare)(Duration::ZERO)?), 0.5))?;
+        check_count(*count, *rate, quantile((bench.bare)(Duration::ZERO)?, 0.5))?;
     }
     make_folder(out)?;
     let frames = frames_of_run(*count);
@@ -205,10 +201,7 @@ pub(crate) fn temporary_folder() -> Result<tempfile::TempDir, BenchError> {
 fn row(mode: Mode, runs: Vec<ModeRun>) -> Result<PipelineRow, BenchError> {
     let count = runs.len() as f64;
     let mean = |value: fn(&ModeRun) -> f64| runs.iter().map(value).sum::<f64>() / count;
-    let [total, bare] = [
-        sorted(runs.iter().flat_map(|run| run.times.total())),
-        sorted(runs.iter().flat_map(|run| run.bare_ms.iter().copied())),
-    ];
+    let total = || runs.iter().flat_map(|run| run.times.total());
     let mut stages = BTreeMap::<String, Vec<f64>>::new();
     for (name, durations) in runs.iter().flat_map(|run| &run.times.stages) {
         stages.entry(name.clone()).or_default().extend(durations);
@@ -216,26 +209,16 @@ fn row(mode: Mode, runs: Vec<ModeRun>) -> Result<PipelineRow, BenchError> {
     Ok(PipelineRow {
         mode,
         engine: runs[0].engine.clone(),
-        frames: total.len(),
+        frames: total().count(),
         frames_per_s: mean(|run| run.times.frames_per_s()),
-        p50_ms: at(&total, 0.5),
-        p99_ms: at(&total, 0.99),
-        bare_p50_ms: at(&bare, 0.5),
+        p50_ms: quantile(total(), 0.5),
+        p99_ms: quantile(total(), 0.99),
+        bare_p50_ms: quantile(runs.iter().flat_map(|run| run.bare_ms.iter().copied()), 0.5),
         first_box_s: runs.iter().filter_map(|run| run.first_box_s).reduce(f64::max),
         cpu_s_per_frame: mean(|run| run.cpu_s_per_frame),
         rss_mb: runs.iter().map(|run| run.rss_mb).fold(0.0, f64::max),
-        stage_ms: stages.into_iter().map(|(name, values)| (name, at(&sorted(values), 0.5))).collect(),
+        stage_ms: stages.into_iter().map(|(name, values)| (name, quantile(values, 0.5))).collect(),
     })
-}
-
-fn sorted(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
-    let mut values: Vec<f64> = values.into_iter().collect();
-    values.sort_by(f64::total_cmp);
-    values
-}
-
-fn at(sorted: &[f64], share: f64) -> f64 {
-    quantile(sorted, share).expect("there is a value")
 }
 
 /// Runs the suite on `frames` frames of its source, and leaves the files of the run in `folder`.

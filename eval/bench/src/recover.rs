@@ -45,7 +45,7 @@ pub struct UnwrapRequest {
 
 /// Unwraps the images. For each method it writes `NAME_METHOD.png` (8 bits as by [`modulo_core::tone::picture`], demosaiced),
 /// `NAME_METHOD_x.png` (16 bits, x in code units), `NAME_METHOD_k.png` (8 bits, the wrap counts), and
-/// [`RESULTS`](crate::runner::RESULTS).
+/// [`RESULTS`](crate::RESULTS).
 ///
 /// # Errors
 /// [`BenchError`] before anything is written if the request is wrong, and later if a result cannot be written. A file

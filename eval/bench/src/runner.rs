@@ -7,7 +7,7 @@ use std::slice;
 use std::time::Instant;
 
 use clap::{Args, value_parser};
-use modulo_core::metric::{mse, psnr_db, quantile, ssim};
+use modulo_core::metric::{mse, psnr_db, ssim};
 use modulo_core::unwrap::{METHODS, Options, Sharpness, by_name, of_gains};
 use modulo_core::{
     Exposure, Frame, Gains, MAX_THREADS, Range, Recovered, TwoGains, Unwrap, UnwrapError, tone,
@@ -18,10 +18,7 @@ use modulo_runtime::output::free_folder;
 use ndarray::Array3;
 use serde::Serialize;
 
-use crate::{BenchError, BenchEvent, make_folder, write_json};
-
-/// Name of the list of results in the folder.
-pub const RESULTS: &str = "results.json";
+use crate::{BenchError, BenchEvent, RESULTS, make_folder, quantile, write_json};
 
 /// The word that stands for the names of all methods.
 const ALL: &str = "all";
@@ -165,7 +162,7 @@ impl<'a> Runner<'a> {
                 match rows {
                     Ok(rows) => self.outcome.rows.extend(rows),
                     Err(why) if total > 1 && is_of_a_picture(&why) => {
-                        tell(BenchEvent::Skipped(&why.to_string()));
+                        tell(BenchEvent::Warning(&format!("skipped: {why}")));
                         self.outcome.skipped.push(why.to_string());
                     }
                     Err(why) => return Err(why),
@@ -275,9 +272,8 @@ fn median_time(
     if repeats == 1 {
         return Ok(first);
     }
-    let mut times = (0..repeats).map(|_| call()).collect::<Result<Vec<f64>, UnwrapError>>()?;
-    times.sort_by(f64::total_cmp);
-    Ok(quantile(&times, 0.5).expect("there is at least one call"))
+    let times = (0..repeats).map(|_| call()).collect::<Result<Vec<f64>, UnwrapError>>()?;
+    Ok(quantile(times, 0.5))
 }
 
 fn compare(

@@ -54,7 +54,7 @@ pub struct SimulationRequest {
 }
 
 /// Runs the simulation. For each image and alpha it writes `NAME_alphaA_ideal.png`, `.._saturated.png`, `.._auto_exposed.png`,
-/// `.._modulo.png` and `NAME_alphaA_METHOD.png` for each method, and [`RESULTS`](crate::runner::RESULTS).
+/// `.._modulo.png` and `NAME_alphaA_METHOD.png` for each method, and [`RESULTS`](crate::RESULTS).
 ///
 /// `ideal` and the recovered images have 8 bits as by [`modulo_core::tone::picture`], and are demosaiced; the others hold
 /// codes of b bits, with 8 bits a sample for b <= 8, else 16. `auto_exposed` has the exposure at which the image alone

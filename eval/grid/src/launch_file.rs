@@ -151,9 +151,9 @@ impl Evaluation {
 
     /// Says for each camera with several scored streams which one finds the most.
     pub fn verdicts(&self, results: &BTreeMap<&str, StreamResult>) -> Vec<String> {
-        let scored = |stream: &'_ String| match results.get_key_value(stream.as_str()) {
-            Some((stream, StreamResult::Scored(score))) => Some((*stream, score)),
-            _ => None,
+        let scored = |stream: &'_ String| {
+            let (stream, result) = results.get_key_value(stream.as_str())?;
+            Some((*stream, result.score().ok()?))
         };
         let verdict =
             |streams: &Vec<String>| scores::verdict(&streams.iter().filter_map(scored).collect::<Vec<_>>());
@@ -176,19 +176,10 @@ impl Evaluation {
         let mut files: Vec<_> =
             self.streams.iter().map(|(name, frames)| (format!("{name}.json"), boxes(frames))).collect();
         files.push((PAGE.to_owned(), page::page(self, pictured, results, stopped)));
-        let scores: BTreeMap<&str, Value> = results
-            .iter()
-            .filter_map(|(stream, result)| match result {
-                StreamResult::Scored(score) => Some((*stream, score.json(self.difficulty))),
-                _ => None,
-            })
-            .map(|(stream, mut score)| {
-                if stopped {
-                    score["stopped"] = true.into();
-                }
-                (stream, score)
-            })
-            .collect();
+        let score = |(stream, result): (&&str, &StreamResult)| {
+            Some(((*stream).to_owned(), result.score().ok()?.json(self.difficulty, stopped)))
+        };
+        let scores: BTreeMap<String, Value> = results.iter().filter_map(score).collect();
         if scores.is_empty() {
             // It fails where there is none.
             let _ = std::fs::remove_file(folder.join(SCORES));

@@ -37,30 +37,30 @@ pub enum Judgement {
 }
 
 impl Expect {
-    /// Compares `score` with the expectation.
-    pub fn judge(&self, score: &MethodScore) -> Judgement {
+    /// Compares `score` with the expectation, and judges the trust of the method: it must be justified if k is observable.
+    pub fn judge(&self, score: &MethodScore, observable: bool) -> Judgement {
         let below = |least: f64| {
             (score.exact < least)
                 .then(|| format!("{} exact, {} expected", percent(score.exact), percent(least)))
         };
-        let broken = match self {
+        let missed = match self {
             Self::Exact => below(1.0),
             Self::AtLeast(share) | Self::Fails(share, _) => below(*share),
             Self::UpToOffset => (score.up_to_offset < 1.0)
                 .then(|| format!("{} exact up to an offset, 100 % expected", percent(score.up_to_offset))),
         };
+        // Where k is not observable, another scene gives the same y. A method that trusted no such result could trust no
+        // result on that other scene either, so that a wrong trust is excused there and nowhere else.
+        let is_wrong = score.report.trust == Trust::Trusted && score.exact < RECOVERED && observable;
+        let vouches = is_wrong.then(|| format!("vouches for k, of which {} is exact", percent(score.exact)));
+        let broken: Vec<String> = missed.into_iter().chain(vouches).collect();
         // A failure that is gone is told, but is no error: the documentation is to be improved, and the build stays
         // green.
-        match broken {
-            Some(how) => Judgement::Broken(how),
-            None if self.is_failure() && score.exact >= RECOVERED => Judgement::Better,
-            None => Judgement::Held,
+        match self {
+            _ if !broken.is_empty() => Judgement::Broken(broken.join("; ")),
+            Self::UpToOffset | Self::Fails(..) if score.exact >= RECOVERED => Judgement::Better,
+            _ => Judgement::Held,
         }
-    }
-
-    /// Whether the method is expected to miss the absolute k.
-    pub fn is_failure(&self) -> bool {
-        matches!(self, Self::UpToOffset | Self::Fails(..))
     }
 
     /// The expectation as a phrase.
@@ -77,28 +77,6 @@ impl Expect {
     pub fn reason(&self) -> Option<&str> {
         if let Self::Fails(_, why) = self { Some(why) } else { None }
     }
-}
-
-impl Judgement {
-    /// The worse of two verdicts.
-    pub fn both(first: Self, second: Self) -> Self {
-        match (&first, &second) {
-            (Self::Broken(a), Self::Broken(b)) => Self::Broken(format!("{a}; {b}")),
-            (_, Self::Broken(_)) | (Self::Held, _) => second,
-            _ => first,
-        }
-    }
-}
-
-/// Judges the trust of a method: it must be justified if k is observable.
-pub fn judge_trust(score: &MethodScore, observable: bool) -> Judgement {
-    // Where k is not observable, another scene gives the same y. A method that trusted no such result could trust no
-    // result on that other scene either, so that a wrong trust is excused there and nowhere else.
-    let trusted = score.report.trust == Trust::Trusted;
-    if trusted && score.exact < RECOVERED && observable {
-        return Judgement::Broken(format!("vouches for k, of which {} is exact", percent(score.exact)));
-    }
-    Judgement::Held
 }
 
 /// `share` as percent with two decimal digits, rounded down: only 1 is "100 %".
@@ -121,7 +99,7 @@ mod tests {
     #[test]
     fn worse_is_broken_and_better_is_said() {
         let worse = |expect: Expect, exact| {
-            matches!(expect.judge(&score(exact, exact, Trust::Unknown)), Judgement::Broken(_))
+            matches!(expect.judge(&score(exact, exact, Trust::Unknown), true), Judgement::Broken(_))
         };
         assert!(worse(Expect::Exact, 0.99999) && !worse(Expect::Exact, 1.0));
         assert!(worse(Expect::AtLeast(0.9), 0.89) && !worse(Expect::AtLeast(0.9), 0.9));
@@ -129,22 +107,26 @@ mod tests {
             worse(Expect::Fails(0.5, String::new()), 0.49) && !worse(Expect::Fails(0.5, String::new()), 0.5)
         );
         assert_eq!(
-            Expect::Fails(0.5, String::new()).judge(&score(0.9991, 1.0, Trust::Unknown)),
+            Expect::Fails(0.5, String::new()).judge(&score(0.9991, 1.0, Trust::Unknown), true),
             Judgement::Better
         );
-        assert_eq!(Expect::UpToOffset.judge(&score(0.0, 1.0, Trust::Unknown)), Judgement::Held);
-        assert_eq!(Expect::UpToOffset.judge(&score(1.0, 1.0, Trust::Unknown)), Judgement::Better);
+        assert_eq!(Expect::UpToOffset.judge(&score(0.0, 1.0, Trust::Unknown), true), Judgement::Held);
+        assert_eq!(Expect::UpToOffset.judge(&score(1.0, 1.0, Trust::Unknown), true), Judgement::Better);
         assert!(worse(Expect::UpToOffset, 0.9));
     }
 
     #[test]
     fn only_absent_evidence_excuses_false_trust() {
-        let wrong = score(0.99, 1.0, Trust::Trusted);
-        assert!(matches!(judge_trust(&wrong, true), Judgement::Broken(_)));
-        assert_eq!(judge_trust(&wrong, false), Judgement::Held);
-        assert_eq!(judge_trust(&score(0.99, 1.0, Trust::Untrusted), true), Judgement::Held);
-        assert_eq!(judge_trust(&score(0.99, 1.0, Trust::Unknown), true), Judgement::Held);
-        assert_eq!(judge_trust(&score(1.0, 1.0, Trust::Trusted), true), Judgement::Held);
+        let judged =
+            |exact, trust, observable| Expect::AtLeast(0.9).judge(&score(exact, 1.0, trust), observable);
+        assert!(matches!(judged(0.99, Trust::Trusted, true), Judgement::Broken(_)));
+        assert_eq!(judged(0.99, Trust::Trusted, false), Judgement::Held);
+        assert_eq!(judged(0.99, Trust::Untrusted, true), Judgement::Held);
+        assert_eq!(judged(0.99, Trust::Unknown, true), Judgement::Held);
+        assert_eq!(judged(1.0, Trust::Trusted, true), Judgement::Held);
+        let both =
+            Judgement::Broken("80 % exact, 90 % expected; vouches for k, of which 80 % is exact".to_owned());
+        assert_eq!(judged(0.8, Trust::Trusted, true), both);
     }
 
     #[test]

@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use clap::Parser;
+use modulo_bench::RESULTS;
 use modulo_bench::recover::{self, UnwrapRequest};
-use modulo_bench::runner::{RESULTS, Row, Simulated};
+use modulo_bench::runner::{Row, Simulated};
 use modulo_bench::simulate::{self, SimulationRequest};
 use modulo_bench::{BenchError, BenchEvent};
 use modulo_core::unwrap::METHODS;
@@ -171,8 +172,8 @@ fn a_file_that_cannot_be_read_is_named_and_the_others_go_on() {
     let request = |files: &[&Path]| request_with("--psf-sigma 0 --method spud", &out, files);
     let mut wanted = Vec::new();
     let outcome = simulate::simulate(&request(&[&bad, &good]), &mut |event| {
-        if let BenchEvent::Skipped(skipped) = event {
-            wanted.push(skipped.to_owned());
+        if let BenchEvent::Warning(skipped) = event {
+            wanted.push(skipped.trim_start_matches("skipped: ").to_owned());
         }
     })
     .unwrap();

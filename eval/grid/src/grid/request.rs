@@ -34,13 +34,6 @@ pub struct Request {
 /// Progress of a grid run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum GridEvent<'a> {
-    /// The folder already holds cells, all of which stay.
-    Resumed {
-        /// Number of the cells that this run would process.
-        cells: usize,
-        /// Number of the cells of other grids.
-        others: usize,
-    },
     /// A cell begins.
     Cell {
         /// Number of processed frames, and of all frames, over all cells of this run.
@@ -50,7 +43,7 @@ pub enum GridEvent<'a> {
     },
     /// A frame of the cell is finished.
     Frame,
-    /// A problem that does not end the run.
+    /// A problem that does not end the run, or what the folder already holds.
     Warning(&'a str),
 }
 
@@ -123,7 +116,8 @@ impl Request {
         match (&self.options.class_map, self.options.protocol) {
             (Some(file), _) => ClassMap::read(file),
             (None, Protocol::Paper) => Ok(ClassMap::paper()),
-            (None, Protocol::Suite) => Ok(self.data.class_map()),
+            (None, Protocol::Suite) if self.data.has_classes_of_model() => Ok(ClassMap::same()),
+            (None, Protocol::Suite) => Ok(ClassMap::kitti()),
         }
     }
 
@@ -143,7 +137,9 @@ impl Request {
     }
 
     pub(super) fn difficulty(&self) -> Difficulty {
-        self.options.difficulty.unwrap_or_else(|| self.data.difficulty())
+        // These labels have no information on it.
+        let of_data = if self.data.has_classes_of_model() { Difficulty::All } else { Difficulty::Moderate };
+        self.options.difficulty.unwrap_or(of_data)
     }
 
     /// The file of the model with this name in cells.
@@ -256,7 +252,7 @@ impl Data {
     }
 
     /// The data as it was given on the command line.
-    pub fn name(&self) -> String {
+    pub(super) fn name(&self) -> String {
         let path = |path: &Path| path.display().to_string();
         match self {
             Self::Kitti { folder, list: None } => path(folder),
@@ -270,20 +266,14 @@ impl Data {
         }
     }
 
-    /// The default class mapping: to the classes of KITTI, or the identity for labels that use the classes of the model.
-    pub fn class_map(&self) -> ClassMap {
-        match self {
-            Self::Yolo(_) | Self::Coco { .. } => ClassMap::same(),
-            _ => ClassMap::kitti(),
-        }
+    /// Whether its labels have the classes of the model, and not those of KITTI.
+    fn has_classes_of_model(&self) -> bool {
+        matches!(self, Self::Yolo(_) | Self::Coco { .. })
     }
 
-    /// The default difficulty: moderate, or all for labels without such information.
-    pub fn difficulty(&self) -> Difficulty {
-        match self {
-            Self::Yolo(_) | Self::Coco { .. } => Difficulty::All,
-            _ => Difficulty::Moderate,
-        }
+    /// Whether its frames are single images, which do not follow each other.
+    pub(super) fn is_still(&self) -> bool {
+        matches!(self, Self::Kitti { .. } | Self::Yolo(_) | Self::Coco { .. })
     }
 }
 

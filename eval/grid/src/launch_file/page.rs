@@ -35,15 +35,11 @@ fn scores(evaluation: &Evaluation, results: &BTreeMap<&str, StreamResult>) -> Ma
     let head = ["stream", "AP50 %", "95 % interval", "objects", "classes", "notes"];
     let row = |(stream, result): (&&str, &StreamResult)| {
         let mut row = vec![Td::Text((*stream).to_owned())];
-        match result {
-            StreamResult::Scored(score) => row.extend(scored(score)),
-            other => {
+        match result.score() {
+            Ok(score) => row.extend(scored(score)),
+            Err(why) => {
                 row.extend([Td::number(None, 1), Td::Text("-".to_owned()), Td::number(None, 0)]);
-                row.extend(
-                    ["-", other.missing().expect("only a score is not missing")]
-                        .map(str::to_owned)
-                        .map(Td::Text),
-                );
+                row.extend(["-", why].map(|text| Td::Text(text.to_owned())));
             }
         }
         row

@@ -87,13 +87,13 @@ impl StreamResult {
         })
     }
 
-    /// Says why there is no score; `None` where there is one.
-    pub fn missing(&self) -> Option<&'static str> {
+    /// Returns the score, or why there is none.
+    pub fn score(&self) -> Result<&StreamScore, &'static str> {
         match self {
-            Self::Scored(_) => None,
-            Self::NoImage => Some("no image arrived"),
-            Self::NoLabels => Some("no frame has labels"),
-            Self::NoObject => Some("there is no labelled object of a class that the model knows"),
+            Self::Scored(score) => Ok(score),
+            Self::NoImage => Err("no image arrived"),
+            Self::NoLabels => Err("no frame has labels"),
+            Self::NoObject => Err("there is no labelled object of a class that the model knows"),
         }
     }
 
@@ -178,8 +178,8 @@ impl StreamScore {
     }
 
     /// `{"ap50": f, "interval95": [f, f], "difficulty": "moderate", "frames": n, "classes": {"CLASS": {"ap50": f, "objects": n}}}`, and
-    /// `"unknown": {"CLASS": n}` where the labels have classes that the model does not know.
-    pub(super) fn json(&self, difficulty: Difficulty) -> Value {
+    /// `"unknown": {"CLASS": n}` where the labels have classes that the model does not know; `"stopped": true` of a run that was stopped.
+    pub(super) fn json(&self, difficulty: Difficulty, stopped: bool) -> Value {
         let class = |(ap50, objects): &(f64, usize)| json!({ "ap50": ap50, "objects": objects });
         let classes: BTreeMap<&String, Value> = self.classes.iter().map(|(k, v)| (k, class(v))).collect();
         let mut value = json!({
@@ -187,6 +187,9 @@ impl StreamScore {
         });
         if !self.unknown.is_empty() {
             value["unknown"] = json!(self.unknown);
+        }
+        if stopped {
+            value["stopped"] = true.into();
         }
         value
     }
@@ -247,10 +250,8 @@ mod tests {
 
     fn score(frames: &[EvaluatedFrame], known: &[&str]) -> StreamScore {
         let known = known.iter().map(|class| (*class).to_owned()).collect();
-        match StreamResult::new(frames, Some(&known), Difficulty::Moderate) {
-            StreamResult::Scored(score) => score,
-            other => panic!("{other:?}"),
-        }
+        let result = StreamResult::new(frames, Some(&known), Difficulty::Moderate);
+        result.score().expect("labelled frames").clone()
     }
 
     #[test]

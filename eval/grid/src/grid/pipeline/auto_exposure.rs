@@ -2,8 +2,8 @@
 
 use super::{DetectorInput, FramePipeline, PipelineConfig, Stages, timed, unstamped};
 use crate::GridError;
+use crate::grid::Request;
 use crate::grid::frames::FrameWithNeighbours;
-use crate::grid::{Data, Request};
 use crate::results::{Point, Protocol};
 
 /// Refuses the stream under the protocol of the paper, which knows no exposure control.
@@ -26,7 +26,7 @@ pub fn pipeline<'a>(
     config: PipelineConfig<'a>,
 ) -> Result<FramePipeline<'a>, GridError> {
     let fresh = point.sensor.auto_exposure()?;
-    let is_still = matches!(request.data, Data::Kitti { .. } | Data::Yolo(_) | Data::Coco { .. });
+    let is_still = request.data.is_still();
     let mut camera = (0, fresh.clone());
     Ok(Box::new(move |FrameWithNeighbours { number, drive, frame, .. }| {
         if is_still || camera.0 != drive {

@@ -9,7 +9,7 @@ use ndarray::Array3;
 
 use super::{FramePipeline, FrameWithNeighbours, PipelineConfig, Stages, Truth, timed};
 use crate::GridError;
-use crate::grid::{Data, Request};
+use crate::grid::Request;
 use crate::results::{Point, Protocol, Stream};
 
 /// Number of captures that are merged.
@@ -24,12 +24,12 @@ pub fn check(request: &Request, points: &[Point]) -> Result<(), GridError> {
     if (moving || has(Stream::MultiExposureStill)) && request.options.protocol == Protocol::Paper {
         return refuse("one of the other streams under the protocol of the paper");
     }
-    match request.data {
-        Data::Kitti { .. } | Data::Yolo(_) | Data::Coco { .. } if moving => refuse(
+    if moving && request.data.is_still() {
+        return refuse(
             "multi_exposure_still, because these frames are not consecutive; use --sequence or --source otherwise",
-        ),
-        _ => Ok(()),
+        );
     }
+    Ok(())
 }
 
 /// The captures and the merging of the cell at `point`.
