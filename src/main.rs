@@ -31,6 +31,13 @@ pub enum Ended {
     WithLoss,
 }
 
+impl Ended {
+    /// How a command ended that has done its work, with something `lost` or without.
+    pub fn of(lost: bool) -> Self {
+        if lost { Self::WithLoss } else { Self::Done }
+    }
+}
+
 /// Why a command did not do its work.
 pub enum Failure {
     /// It was asked for something impossible.

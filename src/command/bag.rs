@@ -9,7 +9,7 @@ use clap::{Args, Subcommand};
 use modulo_bags::bag::{
     self, BagError, BagInfo, BagReader, BagWarning, BagWriter, Compression, TopicCount, WriteOptions,
 };
-use modulo_bags::import::{ImportError, ImportReport, import_kitti, import_video};
+use modulo_bags::import::{ImportError, import_kitti, import_video};
 use modulo_bags::source::SourceError;
 use modulo_bags_live::LiveError;
 use modulo_bags_live::capture::capture;
@@ -153,19 +153,19 @@ pub fn bag(args: &Bag) -> Result<Ended, Failure> {
             } else {
                 say!("{}", BagInfo(&reader).to_string().trim_end());
             }
-            Ok(loss(reader.warnings()))
+            Ok(Ended::of(loss(reader.warnings())))
         }
         // Both copy what can be read; only the reason to call them differs.
         Bag::Recover(args) | Bag::Convert(args) => copy(&BagReader::open(&args.bag)?, args),
         Bag::Import(BagImport::Kitti { folder, out }) => {
             let report = import_kitti(folder, out).map_err(import_failed)?;
             say!("{} frames, {} labelled, {} objects", report.frames, report.labelled, report.objects);
-            Ok(missing(report))
+            Ok(Ended::of(report.missing > 0))
         }
         Bag::Import(BagImport::Video { video, out }) => {
             let report = import_video(video, out).map_err(import_failed)?;
             say!("{} frames, {} missing", report.frames, report.missing);
-            Ok(missing(report))
+            Ok(Ended::of(report.missing > 0))
         }
     }
 }
@@ -185,10 +185,6 @@ fn info_json(bag: &BagReader) -> serde_json::Value {
     })
 }
 
-fn missing(report: ImportReport) -> Ended {
-    if report.missing > 0 { Ended::WithLoss } else { Ended::Done }
-}
-
 fn import_failed(why: ImportError) -> Failure {
     match why {
         ImportError::Bag(why) => without_place(why),
@@ -203,11 +199,10 @@ fn copy(reader: &BagReader, args: &BagCopy) -> Result<Ended, Failure> {
     for topic in copied.topics {
         say!("{}: {} messages", topic.topic.name, topic.messages);
     }
-    let ended = loss(reader.warnings().iter().chain(&copied.left_out));
+    let lost = loss(reader.warnings().iter().chain(&copied.left_out));
     // What came before the break is in the new bag: the command has done its work, but not without a loss.
-    let Some(why) = copied.broke else { return Ok(ended) };
-    eprintln!("modulo: {why}");
-    Ok(Ended::WithLoss)
+    copied.broke.iter().for_each(|why| eprintln!("modulo: {why}"));
+    Ok(Ended::of(lost || copied.broke.is_some()))
 }
 
 /// Tells a new bag without a place, which is a wrong command line, from an error of a run.
@@ -224,16 +219,14 @@ fn write_options(form: &Form) -> WriteOptions {
     WriteOptions { compression: form.compression, max_bytes, max_duration }
 }
 
-/// Prints the warnings; with messages that cannot be read the exit code is 3.
-fn loss<'a>(warnings: impl IntoIterator<Item = &'a BagWarning>) -> Ended {
-    let mut ended = Ended::Done;
+/// Prints the warnings. Returns whether one tells of messages that cannot be read.
+fn loss<'a>(warnings: impl IntoIterator<Item = &'a BagWarning>) -> bool {
+    let mut lost = false;
     for warning in warnings {
         eprintln!("modulo: {warning}");
-        if warning.is_loss() {
-            ended = Ended::WithLoss;
-        }
+        lost |= warning.is_loss();
     }
-    ended
+    lost
 }
 
 fn record(args: &BagRecord) -> Result<Ended, Failure> {
@@ -260,13 +253,13 @@ fn record(args: &BagRecord) -> Result<Ended, Failure> {
         let missing = missing.join(", ");
         eprintln!("modulo: no node has published {missing}; modulo topic list shows the topics of the graph");
     }
-    Ok(if captured.lost.is_empty() && missing.is_empty() { Ended::Done } else { Ended::WithLoss })
+    Ok(Ended::of(!captured.lost.is_empty() || !missing.is_empty()))
 }
 
 fn play(args: &BagPlay) -> Result<Ended, Failure> {
     let stop = stop_on_signals()?;
     let reader = BagReader::open(&args.bag)?;
-    let ended = loss(reader.warnings());
+    let lost = loss(reader.warnings());
     let duration = args.playback_duration.map(|given| seconds("--playback-duration", given)).transpose()?;
     let options = PlayOptions {
         start_offset: seconds("--start-offset", args.start_offset)?,
@@ -296,20 +289,20 @@ fn play(args: &BagPlay) -> Result<Ended, Failure> {
     for (topic, count) in sent {
         say!("{topic}: {count} messages");
     }
-    Ok(reported(&player, &unheard, ended))
+    Ok(Ended::of(left_out(&player, &unheard) || lost))
 }
 
-/// Tells what a replay has left out. What the bag lacks is told again, because a launcher gives the last line as the reason.
-fn reported(player: &Player, unheard: &[String], ended: Ended) -> Ended {
+/// Tells what a replay has left out, and returns whether it is anything. What the bag lacks is told again, because a launcher gives the last
+/// line as the reason.
+fn left_out(player: &Player, unheard: &[String]) -> bool {
     player.bag().warnings().iter().filter(|w| w.is_loss()).for_each(|why| eprintln!("modulo: {why}"));
     if !unheard.is_empty() {
         eprintln!("modulo: no reader gets {}", unheard.join(", "));
     }
-    if player.left_out() == 0 {
-        return if unheard.is_empty() { ended } else { Ended::WithLoss };
+    if player.left_out() > 0 {
+        eprintln!("modulo: {} messages that cannot be read were left out", player.left_out());
     }
-    eprintln!("modulo: {} messages that cannot be read were left out", player.left_out());
-    Ended::WithLoss
+    !unheard.is_empty() || player.left_out() > 0
 }
 
 fn seconds(option: &str, given: f64) -> Result<Duration, Failure> {

@@ -73,9 +73,6 @@ fn wait_for_departure(transport: &ZenohTransport, camera: &str) {
 
 fn tells_end(incoming: Incoming) -> bool {
     let Ok(Message::Diagnostics(state)) = incoming.open(MessageKind::Diagnostics) else { return false };
-    state
-        .status
-        .iter()
-        .flat_map(|status| &status.values)
-        .any(|value| value.key == ENDED && value.value == "true")
+    let mut values = state.status.iter().flat_map(|status| &status.values);
+    values.any(|value| value.key == ENDED && value.value == "true")
 }

@@ -72,5 +72,5 @@ pub fn detect(args: &Detect) -> Result<Ended, Failure> {
         );
     }
     let lost = modulo_launch::Summary::new(&chain.finish(), []).lost(false);
-    Ok(if lost || frames == 0 { Ended::WithLoss } else { Ended::Done })
+    Ok(Ended::of(lost || frames == 0))
 }

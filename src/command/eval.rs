@@ -162,7 +162,7 @@ fn finish(
     }
     eprintln!("report: {}", out.join(PAGE).display());
     let lost = summary.lost(false) || summary.stopped || results.values().any(StreamResult::lost);
-    Ok(if lost { Ended::WithLoss } else { Ended::Done })
+    Ok(Ended::of(lost))
 }
 
 fn print_result(stream: &str, result: &StreamResult, Evaluation { difficulty, .. }: &Evaluation) {
@@ -238,7 +238,7 @@ pub(super) fn nodes(
     let prepared = evaluable(&plan).map_err(usage)?.into_iter();
     let prepared = prepared.filter(|(.., parameters)| !cameras_alone || parameters.get("source").is_some());
     let make = |(kind, node_name, parameters): (&NodeKind, NodeName, Parameters)| {
-        let step = kind.make(&parameters).with_context(|| node_name.fully_qualified())?;
+        let step = (kind.make)(&parameters).with_context(|| node_name.fully_qualified())?;
         Ok((step, node_name))
     };
     prepared.map(make).collect::<anyhow::Result<_>>().map_err(usage)

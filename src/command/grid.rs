@@ -108,7 +108,7 @@ pub fn grid(args: &Grid, source: &[String], out: &Path) -> Result<Ended, Failure
     let pictures = draw_pictures(&request, &detector, &timer, &results).map_err(failure)?;
     pictures.iter().try_for_each(|chart| page::save_pictures(out, chart)).map_err(failure)?;
     say!("{}", page::write(out, &results).map_err(failure)?.display());
-    Ok(if results.lost() { Ended::WithLoss } else { Ended::Done })
+    Ok(Ended::of(results.lost()))
 }
 
 /// The progress of a run: a bar on a terminal, else a line a minute.

@@ -31,16 +31,16 @@ pub fn simulate(args: Simulate) -> Result<Ended, Failure> {
     if let Some(file) = sensor_file {
         request.sensor.take_chip(&CameraParameters::read_sensor(&file).map_err(usage)?);
     }
-    report(&request.run.out, &with_bar(tell, |tell| simulation::simulate(&request, tell))?)
+    Ok(report(&request.run.out, &with_bar(tell, |tell| simulation::simulate(&request, tell))?))
 }
 
 /// Unwraps modulo images.
 pub fn unwrap(request: &UnwrapRequest) -> Result<Ended, Failure> {
-    report(&request.run.out, &with_bar(tell, |tell| unwrap_files(request, tell))?)
+    Ok(report(&request.run.out, &with_bar(tell, |tell| unwrap_files(request, tell))?))
 }
 
 /// Prints the results of a command, which lie in the folder `out`.
-fn report(out: &Path, outcome: &RunOutcome) -> Result<Ended, Failure> {
+fn report(out: &Path, outcome: &RunOutcome) -> Ended {
     let white = |row: &Row| Some((row.file.clone(), row.simulated.as_ref()?.white?));
     let mut whites: Vec<_> = outcome.rows.iter().filter_map(white).collect();
     whites.dedup();
@@ -50,7 +50,7 @@ fn report(out: &Path, outcome: &RunOutcome) -> Result<Ended, Failure> {
     print_rows(&outcome.rows);
     print_methods(&outcome.rows);
     eprintln!("results: {}", out.display());
-    Ok(if outcome.skipped.is_empty() { Ended::Done } else { Ended::WithLoss })
+    Ended::of(!outcome.skipped.is_empty())
 }
 
 /// Prints a line for each image, sensor and method. Only a simulation knows the truth.

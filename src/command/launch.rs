@@ -120,11 +120,7 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
         tell_pictures(named, &args.arguments);
     }
     summary.with_loss.iter().for_each(|why| eprintln!("[launch] {why}"));
-    match failure {
-        Some(failure) => Err(failure),
-        None if summary.lost(args.strict) => Ok(Ended::WithLoss),
-        None => Ok(Ended::Done),
-    }
+    failure.map_or_else(|| Ok(Ended::of(summary.lost(args.strict))), Err)
 }
 
 /// Prints the command that draws the boxes of this run.
@@ -364,7 +360,7 @@ fn members(plan: &Plan) -> Result<Vec<Member>, Failure> {
     let nodes = modulo_launch::compose(plan).map_err(usage)?;
     let member = |(node, ends_all): (&ComposedNode, bool)| {
         let (kind, node_name, parameters) = prepare(node)?;
-        let step = kind.make(&parameters).with_context(|| node_name.fully_qualified())?;
+        let step = (kind.make)(&parameters).with_context(|| node_name.fully_qualified())?;
         let setup = NodeSetup { node: step, parameters, node_name, saved: None, report_file: None };
         Ok(Member { setup, ends_all })
     };

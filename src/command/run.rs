@@ -109,12 +109,12 @@ fn restored(
     launched: Parameters,
     saved: Option<&SavedState>,
 ) -> anyhow::Result<(Box<dyn Node>, Parameters)> {
-    let Some(saved) = saved else { return Ok((kind.make(&launched)?, launched)) };
+    let Some(saved) = saved else { return Ok(((kind.make)(&launched)?, launched)) };
     let accepted = saved.restore(launched.clone());
     let mut tries = if accepted == launched { 1 } else { TRIES };
     let why = loop {
         tries -= 1;
-        match kind.make(&accepted) {
+        match (kind.make)(&accepted) {
             Ok(node) => return Ok((node, accepted)),
             Err(why) if tries == 0 => break why,
             Err(_) => std::thread::sleep(PAUSE),
@@ -125,7 +125,7 @@ fn restored(
     let changed = names.filter(|name| accepted.get(name) != launched.get(name)).filter_map(launched_value);
     let without = changed.filter_map(|value| accepted.with(&[value], false).ok());
     for parameters in without.chain([launched.clone()]).filter(|parameters| *parameters != accepted) {
-        let Ok(node) = kind.make(&parameters) else { continue };
+        let Ok(node) = (kind.make)(&parameters) else { continue };
         tracing::warn!("{why:#}; the node goes on without this value from before the crash");
         // The position counts the frames of a part that is another one now, such as the source.
         if node.prepare(&accepted, &parameters).is_some() {
@@ -196,7 +196,8 @@ pub struct NodeKind {
     pub about: &'static str,
     declare: fn() -> Vec<Descriptor>,
     outputs: fn() -> Vec<Topic>,
-    make: fn(&Parameters) -> anyhow::Result<Box<dyn Node>>,
+    /// Makes the node.
+    pub make: fn(&Parameters) -> anyhow::Result<Box<dyn Node>>,
 }
 
 /// All kinds, in the order in which frames pass them.
@@ -246,10 +247,6 @@ impl NodeKind {
     /// Its parameters with their defaults, without those that depend on the name of the node.
     pub fn parameters(&self) -> Parameters {
         Parameters::declare([(self.declare)(), CommonParameters::descriptors()].concat())
-    }
-
-    pub fn make(&self, parameters: &Parameters) -> anyhow::Result<Box<dyn Node>> {
-        (self.make)(parameters)
     }
 }
 

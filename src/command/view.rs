@@ -96,9 +96,8 @@ pub fn serve(args: &ViewCommand, open: impl FnOnce(&ViewAddresses)) -> Result<En
     let left_out = modulo_viewer::run(transport, clock, &options, &stop, open)?;
     if left_out > 0 {
         eprintln!("{left_out} moments are not in the recording: each of them alone is larger than it may be");
-        return Ok(Ended::WithLoss);
     }
-    Ok(Ended::Done)
+    Ok(Ended::of(left_out > 0))
 }
 
 /// Returns a command of this program that prints no counters.

@@ -24,14 +24,9 @@ pub fn thresholds() -> impl Iterator<Item = f64> {
     (0..10).map(|step| 0.5 + f64::from(step) * (0.45 / 9.0))
 }
 
-/// Precision at each of the [`RECALLS`]. `None` if no object is scored.
-pub fn curve(images: &[ImageBoxes], least_iou: f64) -> Option<Vec<f64>> {
-    Sample::new(images, least_iou).curve(&vec![1; images.len()])
-}
-
 /// AP at one IoU threshold. `None` if no object is scored.
 pub fn ap(images: &[ImageBoxes], least_iou: f64) -> Option<f64> {
-    mean(curve(images, least_iou)?)
+    Sample::new(images, least_iou).ap(&vec![1; images.len()])
 }
 
 /// Mean AP over [`thresholds`]. `None` if no object is scored.
@@ -79,6 +74,7 @@ impl Sample {
         self.objects.iter().sum::<u64>() as usize
     }
 
+    /// Precision at each of the [`RECALLS`].
     fn curve(&self, times: &[u64]) -> Option<Vec<f64>> {
         let objects: u64 = self.objects.iter().zip(times).map(|(objects, times)| objects * times).sum();
         let marks = self.marks.iter().map(|(_, is_right, place)| (*is_right, times[*place]));
@@ -290,7 +286,7 @@ mod tests {
             };
             near(ap(&images, 0.5), &case["ap50"]);
             near(ap50_95(&images), &case["ap50_95"]);
-            let ours = curve(&images, 0.5).expect("objects");
+            let ours = Sample::new(&images, 0.5).curve(&vec![1; images.len()]).expect("objects");
             let theirs = case["precision50"].as_array().expect("a curve");
             assert_eq!(ours.len(), theirs.len());
             ours.iter().zip(theirs).for_each(|(ours, theirs)| near(Some(*ours), theirs));

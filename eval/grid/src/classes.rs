@@ -80,7 +80,7 @@ impl ClassMap {
 
 /// The groups in which classes are scored: lines `class: group` and `class: ignore group`.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ClassGroups(Table);
+pub struct ClassGroups(pub Table);
 
 impl Default for ClassGroups {
     fn default() -> Self {
@@ -95,11 +95,6 @@ impl ClassGroups {
     /// [`GridError::Request`] with the wrong line.
     pub fn read(path: &Path) -> Result<Self, GridError> {
         read(path).map(Self)
-    }
-
-    /// The lines of the file.
-    pub fn table(&self) -> &Table {
-        &self.0
     }
 
     /// The names of all groups.
@@ -136,11 +131,6 @@ impl ClassGroups {
             )
         })
     }
-}
-
-/// The classes of the labels, without DontCare.
-pub fn of_labels<'a>(labels: impl Iterator<Item = &'a GroundTruth>) -> BTreeSet<&'a str> {
-    labels.map(|label| label.class.as_str()).filter(|class| *class != DONT_CARE).collect()
 }
 
 fn read(path: &Path) -> Result<Table, GridError> {

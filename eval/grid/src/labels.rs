@@ -221,6 +221,11 @@ pub fn ap50(group: &str, frames: &str) -> String {
     format!("AP50 of {group}{plural}, %, {frames}")
 }
 
+/// The bounds of an interval of fractions, in percent: `12.3 to 45.6`.
+pub fn bounds(interval: [f64; 2]) -> String {
+    interval.map(|bound| number(100.0 * bound, 1)).join(" to ")
+}
+
 /// The number of frames of cells: `20 frames`, or `10 to 20 frames` if it differs.
 pub fn frames(counts: impl Iterator<Item = usize> + Clone) -> String {
     match (counts.clone().min().unwrap_or(0), counts.max().unwrap_or(0)) {

@@ -42,23 +42,20 @@ impl AnnotatedVideo {
     /// # Errors
     /// [`VideoError`] when it cannot be written, and for a picture of another size.
     pub fn add(&mut self, picture: RgbImage, stamp: u64) -> Result<(), VideoError> {
-        match (&mut self.encoder, self.first.take()) {
-            (Some(encoder), _) => encoder.add(&picture),
-            (None, None) => {
-                self.first = Some((picture, stamp));
-                Ok(())
-            }
-            (None, Some((first, before))) => {
-                let seconds = stamp.saturating_sub(before) as f64 / 1e9;
-                let encoder = self.encoder.insert(encoder(
-                    &self.path,
-                    &first,
-                    (1.0 / seconds).clamp(RATES.0, RATES.1),
-                )?);
-                encoder.add(&first)?;
-                encoder.add(&picture)
-            }
+        if let Some((first, before)) = self.first.take() {
+            let seconds = stamp.saturating_sub(before) as f64 / 1e9;
+            self.start(&first, (1.0 / seconds).clamp(RATES.0, RATES.1))?;
         }
+        match &mut self.encoder {
+            Some(encoder) => encoder.add(&picture)?,
+            None => self.first = Some((picture, stamp)),
+        }
+        Ok(())
+    }
+
+    /// Starts the file with its first picture.
+    fn start(&mut self, first: &RgbImage, rate: f64) -> Result<(), VideoError> {
+        self.encoder.insert(Encoder::create(&self.path, first.dimensions(), rate)?).add(first)
     }
 
     /// Completes the file.
@@ -67,9 +64,7 @@ impl AnnotatedVideo {
     /// [`VideoError`] when it cannot be written, and when there was no picture.
     pub fn finish(mut self) -> Result<(), VideoError> {
         if let Some((first, _)) = self.first.take() {
-            let mut encoder = encoder(&self.path, &first, NOMINAL_RATE)?;
-            encoder.add(&first)?;
-            self.encoder = Some(encoder);
+            self.start(&first, NOMINAL_RATE)?;
         }
         match self.encoder {
             Some(encoder) => encoder.finish(),
@@ -79,8 +74,4 @@ impl AnnotatedVideo {
             }
         }
     }
-}
-
-fn encoder(path: &Path, picture: &RgbImage, rate: f64) -> Result<Encoder, VideoError> {
-    Encoder::create(path, picture.dimensions(), rate)
 }

@@ -151,11 +151,10 @@ fn panel(cells: &[&Cell], group: &str, setting: GridSetting) -> ChartPanel {
 
 fn point(cell: &Cell, group: &str, setting: GridSetting) -> Option<DataPoint> {
     let (ap50, interval) = (cell.ap50_of(group)?, cell.interval_of(group));
-    let bounds = interval.map_or(String::new(), |[low, high]| {
-        format!(" (95 % interval {} to {})", number(100.0 * low, 1), number(100.0 * high, 1))
-    });
+    let bounds = interval.map(|bounds| format!(" (95 % interval {})", labels::bounds(bounds)));
     let x = setting.of(&cell.point);
     let (stream, at) = (labels::stream(&cell.point), setting.text(x));
-    let hover = format!("{stream}, {at}: AP50 of {group} {} %{bounds}", number(100.0 * ap50, 1));
+    let (percent, bounds) = (number(100.0 * ap50, 1), bounds.unwrap_or_default());
+    let hover = format!("{stream}, {at}: AP50 of {group} {percent} %{bounds}");
     Some(DataPoint { x, y: ap50, interval, hover, ..DataPoint::default() })
 }

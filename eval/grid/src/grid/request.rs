@@ -170,7 +170,7 @@ impl Request {
                 device => format!("{} on {device}", options.engine),
             },
             class_map: map.table.clone(),
-            groups: groups.table().clone(),
+            groups: groups.0.clone(),
             models: options.axes.model.iter().map(model).collect::<Result<_, GridError>>()?,
             grid: points.to_vec(),
         })
@@ -215,24 +215,27 @@ pub(super) type Drive = (Option<String>, Box<dyn Source>);
 
 impl Data {
     pub(super) fn open(&self, options: &SourceOptions) -> Result<Vec<Drive>, SourceError> {
-        match self {
-            Self::Kitti { folder, list: None } => {
-                Ok(vec![(None, Box::new(KittiSource::open(folder, options)?))])
-            }
+        let source: Box<dyn Source> = match self {
+            Self::Kitti { folder, list: None } => Box::new(KittiSource::open(folder, options)?),
             Self::Kitti { folder, list: Some(list) } => {
-                let folder = KittiFolder::listed(folder, &list.frames)?;
-                Ok(vec![(None, Box::new(KittiSource::of(folder, options)?))])
+                Box::new(KittiSource::of(KittiFolder::listed(folder, &list.frames)?, options)?)
             }
-            Self::Sequences(folders) => folders.iter().map(|folder| sequence(folder, options)).collect(),
-            Self::Yolo(folder) => Ok(vec![(None, Box::new(YoloSource::open(folder, options)?))]),
+            Self::Yolo(folder) => Box::new(YoloSource::open(folder, options)?),
             Self::Coco { annotations, images } => {
-                Ok(vec![(None, Box::new(CocoSource::open(annotations, images.as_deref(), options)?))])
+                Box::new(CocoSource::open(annotations, images.as_deref(), options)?)
+            }
+            Self::Sequences(folders) => {
+                let name = |folder: &PathBuf| Some(folder.file_name()?.to_string_lossy().into_owned());
+                let drive =
+                    |folder| Ok((name(folder), Box::new(KittiSource::open(folder, options)?) as Box<_>));
+                return folders.iter().map(drive).collect();
             }
             Self::Any(specs) => {
-                let drive = |spec: &String| Some(spec.clone()).filter(|_| specs.len() > 1);
-                specs.iter().map(|spec| Ok((drive(spec), source::open(spec, options)?))).collect()
+                let name = |spec: &String| Some(spec.clone()).filter(|_| specs.len() > 1);
+                return specs.iter().map(|spec| Ok((name(spec), source::open(spec, options)?))).collect();
             }
-        }
+        };
+        Ok(vec![(None, source)])
     }
 
     /// The drive of a frame, if a list names it.
@@ -285,9 +288,4 @@ fn sha256(model: &Path) -> Result<String, GridError> {
     // As `cat model.onnx model.onnx.data | sha256sum` gives it.
     let hash = parts.iter().fold(Sha256::new(), |hash, (_, bytes)| hash.chain_update(bytes));
     Ok(modulo_models::hex(&hash.finalize()))
-}
-
-fn sequence(folder: &Path, options: &SourceOptions) -> Result<Drive, SourceError> {
-    let drive = folder.file_name().map(|name| name.to_string_lossy().into_owned());
-    Ok((drive, Box::new(KittiSource::open(folder, options)?)))
 }

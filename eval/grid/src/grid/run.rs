@@ -44,12 +44,10 @@ pub fn run(
     let mut results = store::resume(&request.out, *fresh, empty)?;
     results.runs.push(request.provenance.clone());
     let (done, todo): (Vec<&Point>, Vec<&Point>) = points.iter().partition(|point| results.has(point));
-    let others = results.others(&points);
-    let kept = (!done.is_empty()).then(|| format!("{} cells are finished already", done.len()));
-    let kept = kept
-        .into_iter()
-        .chain((others > 0).then(|| format!("{others} cells of other grids are in the folder and stay")));
-    kept.for_each(|line| warn(&line));
+    let (finished, others) = (done.len(), results.others(&points));
+    let finished = (finished > 0).then(|| format!("{finished} cells are finished already"));
+    let others = (others > 0).then(|| format!("{others} cells of other grids are in the folder and stay"));
+    finished.iter().chain(&others).for_each(warn);
     let (each, mut runner) = (frames.len() as u64, CellRunner::new(request, make, timer));
     for (index, &point) in todo.iter().enumerate() {
         let frames_of_all = (index as u64 * each, todo.len() as u64 * each);

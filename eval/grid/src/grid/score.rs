@@ -15,7 +15,7 @@ use super::pipeline::{ImageSimilarity, RecoveryQuality};
 use super::runner::FrameResult;
 use super::{Axes, Request};
 use crate::GridError;
-use crate::classes::{ClassGroups, ClassMap, of_labels};
+use crate::classes::{ClassGroups, ClassMap};
 use crate::metric::{bootstrap, paper};
 use crate::results::{Cell, ClassScore, Paper, Point};
 
@@ -193,10 +193,8 @@ fn mapped_classes(
     map: &ClassMap,
     frames: &mut Frames,
 ) -> Result<MappedClasses, GridError> {
-    let labels: BTreeSet<String> = of_labels(frames.scored.iter().flat_map(|frame| &frame.truth))
-        .into_iter()
-        .map(str::to_owned)
-        .collect();
+    let labels = frames.scored.iter().flat_map(|frame| &frame.truth).map(|label| label.class.clone());
+    let labels: BTreeSet<String> = labels.filter(|class| class != DONT_CARE).collect();
     let mut all = MappedClasses::new();
     for model in &request.options.axes.model {
         let name = Axes::model_name(model);

@@ -6,6 +6,7 @@ use maud::{Markup, html};
 use modulo_draw::{html_page, number};
 
 use super::{Evaluation, GRID, StreamResult, StreamScore};
+use crate::labels;
 use crate::report::tables::{Td, table};
 
 /// The whole page of the `results`, beside which [`GRID`] shows the frame `pictured`.
@@ -58,9 +59,7 @@ fn scores(evaluation: &Evaluation, results: &BTreeMap<&str, StreamResult>) -> Ma
 /// The columns of a stream with scores, behind its name.
 fn scored(score: &StreamScore) -> Vec<Td> {
     let percent = |figure: f64| number(100.0 * figure, 1);
-    let interval = score
-        .interval95
-        .map_or_else(|| "-".to_owned(), |[low, high]| format!("{} to {}", percent(low), percent(high)));
+    let interval = score.interval95.map_or_else(|| "-".to_owned(), labels::bounds);
     let classes = score.classes.iter().map(|(class, (ap, n))| format!("{class} {} ({n})", percent(*ap)));
     vec![
         Td::percent(Some(score.ap50)),

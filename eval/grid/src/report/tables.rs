@@ -111,12 +111,8 @@ fn by_alpha(cells: &[&Cell], figure_of: impl Fn(&Cell) -> Td) -> Markup {
 
 fn ap50(cell: &Cell, group: &str) -> Td {
     let value = cell.ap50_of(group);
-    let interval = cell.interval_of(group).map(|bounds| {
-        let [low, high] = bounds.map(|bound| number(100.0 * bound, 1));
-        format!(" ({low} to {high})")
-    });
-    let text = labels::percent(value) + interval.as_deref().unwrap_or("");
-    Td::Number(text, value)
+    let interval = cell.interval_of(group).map(|bounds| format!(" ({})", labels::bounds(bounds)));
+    Td::Number(labels::percent(value) + &interval.unwrap_or_default(), value)
 }
 
 /// The section with the table of all cells, one row for each.
