@@ -19,7 +19,7 @@ use modulo_middleware::parameter::client::ParameterClient;
 use modulo_middleware::transport::queue::{Keep, Limit, Queue};
 use modulo_middleware::transport::zenoh::{RawPublisher, ZenohTransport};
 use modulo_middleware::transport::{Guard, Incoming, Publisher, RawSample, Transport};
-use modulo_runtime::wire::keys::{Endpoint, Hashes, qos_string};
+use modulo_runtime::wire::keys::{Endpoint, EntityKind, Hashes, qos_string};
 use modulo_runtime::{Address, Clock, Message, MessageKind, NodeName, Qos, SystemClock, Topic};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -277,6 +277,12 @@ impl Peer {
         (self.transport.subscribe_raw(&self.node_name, &endpoint, take).expect("a subscription"), arrived)
     }
 
+    /// The fully qualified names of the nodes that subscribe to `topic` now.
+    pub fn subscribers(&self, topic: &str) -> Vec<String> {
+        let endpoints = self.transport.endpoints(EntityKind::Subscription, topic);
+        endpoints.into_iter().map(|node| node.name).collect()
+    }
+
     /// Sets a parameter of `node` to the value that `text` has in YAML; the error is the reason of the refusal.
     pub fn set(&self, node: &str, name: &str, text: &str) -> Result<(), String> {
         ParameterClient::new(&self.transport, node).set(name, text).map_err(|why| why.to_string())
@@ -314,7 +320,7 @@ fn address(topic: &str, kind: MessageKind) -> Address {
 impl Heard {
     /// The next message within `patience`.
     pub fn next(&self, patience: Duration) -> Option<Message> {
-        let incoming = self.queue.take(Some(patience)).item()?;
+        let incoming = self.queue.take(Some(patience))?.item;
         Some(incoming.open(self.kind).expect("a message of its kind"))
     }
 

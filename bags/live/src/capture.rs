@@ -7,7 +7,7 @@ use std::thread;
 use std::time::Duration;
 
 use modulo_bags::bag::{BagError, BagTopic, BagWriter, TopicCount};
-use modulo_middleware::transport::queue::{Arrived, Keep, Lane, Limit, Next, Queue};
+use modulo_middleware::transport::queue::{Arrived, Keep, Lane, Limit, Queue};
 use modulo_middleware::transport::zenoh::ZenohTransport;
 use modulo_middleware::transport::{Guard, RawSample, Transport, TransportError};
 use modulo_runtime::name::is_hidden;
@@ -193,7 +193,7 @@ impl CaptureLoop<'_> {
 
     /// Writes the sample that arrived first; waits at most `patience` for one. Returns whether there was one.
     fn write_next(&mut self, patience: Duration) -> Result<bool, BagError> {
-        let Next::Item(sample) = self.queue.take(Some(patience)) else {
+        let Some(sample) = self.queue.take(Some(patience)) else {
             return Ok(false);
         };
         let Some(asked) = self.asked.get_mut(&sample.lane) else {

@@ -222,7 +222,7 @@ impl Replay<'_> {
             if self.ticks_until_due(now) == Some(0) && !self.waits_for_readers() {
                 self.send_next(now)?;
             }
-            match self.events.take(self.patience()).item() {
+            match self.events.take(self.patience()).map(|arrived| arrived.item) {
                 Some(PlayerEvent::Command(command)) => {
                     let answer = self.carry_out(command.action, stop)?;
                     // Fails only when the caller has gone.

@@ -149,7 +149,7 @@ fn receive(frames: usize, carrier: &str) {
     let deliver = Box::new(move |incoming| drop(waiting.push(lane, incoming)));
     let _subscription = transport.subscribe(&node_name, &address, deliver).expect("a subscription");
     let (mut bytes, mut pixels, mut early) = (Vec::new(), Vec::new(), 0.0);
-    while let Some(incoming) = queue.take(Some(Duration::from_secs(5))).item() {
+    while let Some(incoming) = queue.take(Some(Duration::from_secs(5))).map(|arrived| arrived.item) {
         // Taken before the message is decoded: the first latency is that of the bytes, the second that of the pixels.
         let there = clock.now_ns();
         let Ok(Message::Image(image)) = incoming.open(MessageKind::Image) else { panic!("an image") };

@@ -7,7 +7,7 @@ use anyhow::Context as _;
 use futures::StreamExt as _;
 use futures::executor::block_on;
 use modulo_middleware::graph::discovery::gid as gid_of;
-use modulo_middleware::transport::queue::{Keep, Lane, Limit, Next, Queue};
+use modulo_middleware::transport::queue::{Keep, Lane, Limit, Queue};
 use modulo_middleware::transport::zenoh::ZenohTransport;
 use modulo_middleware::transport::{Guard, Payload, RawSample};
 use modulo_runtime::wire::keys::{EntityKind, Token};
@@ -116,7 +116,7 @@ impl ForwardQueue {
     fn send_with(&self, topic: &str, send: impl Fn(&[u8]) -> anyhow::Result<()> + Send + 'static) {
         let (Self { queue, lane }, topic) = (self.clone(), topic.to_owned());
         thread::spawn(move || {
-            while let Next::Item(sample) = queue.take(None) {
+            while let Some(sample) = queue.take(None) {
                 if let Err(why) = send(&sample.item.payload) {
                     tracing::warn!("{topic}: {why:#}");
                 }

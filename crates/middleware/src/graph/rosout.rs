@@ -17,7 +17,7 @@ use tracing_subscriber::layer::Context;
 
 use crate::driver::RunError;
 use crate::graph::logger;
-use crate::transport::queue::{Keep, Lane, Limit, Next, Queue, Queued};
+use crate::transport::queue::{Keep, Lane, Limit, Queue, Queued};
 use crate::transport::{Guard, OnDrop, Publisher, Transport, TransportError};
 
 /// Largest number of lines that wait for the transport. A late reader also gets so many lines.
@@ -115,7 +115,7 @@ impl LogQueue {
 
     fn publish_until_end(&self, logger: &str, publisher: &dyn Publisher) {
         let mut reported = 0;
-        while let Next::Item(arrived) = self.queue.take(None) {
+        while let Some(arrived) = self.queue.take(None) {
             let lost = self.queue.counts(self.lane).overflowed;
             // Reported before the next line, which is where the lines are missing.
             if lost > reported {

@@ -80,27 +80,6 @@ pub struct Arrived<T> {
     pub item: T,
 }
 
-/// The result of a wait.
-#[derive(Debug, PartialEq, Eq)]
-pub enum Next<T> {
-    /// The item that arrived first of all that wait.
-    Item(Arrived<T>),
-    /// No item came in time, or [`Wake::wake`] was called.
-    Idle,
-    /// [`Queue::end`] was called, and no item waits.
-    Ended,
-}
-
-impl<T> Next<T> {
-    /// Returns the item, if there is one.
-    pub fn item(self) -> Option<T> {
-        match self {
-            Self::Item(arrived) => Some(arrived.item),
-            Self::Idle | Self::Ended => None,
-        }
-    }
-}
-
 /// Waiting items, in lanes. Share it by `Arc`.
 pub struct Queue<T> {
     state: Mutex<State<T>>,
@@ -202,8 +181,9 @@ impl<T: Queued> Queue<T> {
 
     /// Takes the item that arrived first over all lanes. Of the lanes with [`Keep::Latest`] the one goes first from which
     /// nothing was taken for the longest time, so that each of several cameras gets its share of a busy reader. Waits for an
-    /// item at most `patience`, or without end when that is `None`.
-    pub fn take(&self, patience: Option<Duration>) -> Next<T> {
+    /// item at most `patience`, or without end when that is `None`. Returns `None` when no item came in time, when
+    /// [`Wake::wake`] was called, and when no item waits after [`Queue::end`].
+    pub fn take(&self, patience: Option<Duration>) -> Option<Arrived<T>> {
         let state = self.lock();
         let idle = |state: &mut State<T>| {
             !state.woken && !state.ended && state.lanes.values().all(|waiting| waiting.items.is_empty())
@@ -217,11 +197,7 @@ impl<T: Queued> Queue<T> {
         };
         // The wake is used up by this call, even where an item has come as well.
         state.woken = false;
-        match state.pop_oldest() {
-            Some(arrived) => Next::Item(arrived),
-            None if state.ended => Next::Ended,
-            None => Next::Idle,
-        }
+        state.pop_oldest()
     }
 
     /// Returns the counts of `lane`; zeros once it is closed.
@@ -244,7 +220,7 @@ impl<T: Queued> Queue<T> {
         waiting.counts
     }
 
-    /// Accepts no more items. Waiting items can still be taken; then the reader gets [`Next::Ended`].
+    /// Accepts no more items. Waiting items can still be taken; then the reader gets `None` at once.
     pub fn end(&self) {
         self.lock().ended = true;
         self.changed.notify_all();
@@ -320,8 +296,8 @@ mod tests {
         let queue = queue(0, 0);
         let lane = queue.open(Keep::Latest);
         assert_eq!((queue.push(lane, 1), queue.push(lane, 2)), (None, Some(1)));
-        assert_eq!(queue.take(NOW), Next::Item(Arrived { lane, stamp_ns: 9, item: 2 }));
-        assert_eq!(queue.take(NOW), Next::Idle);
+        assert_eq!(queue.take(NOW), Some(Arrived { lane, stamp_ns: 9, item: 2 }));
+        assert_eq!(queue.take(NOW), None);
         assert_eq!(queue.counts(lane), LaneCounts { received: 2, replaced: 1, ..LaneCounts::default() });
     }
 
@@ -336,7 +312,7 @@ mod tests {
             queue.push(front, round);
             queue.push(described, 100 + round);
             queue.push(rear, 200 + round);
-            takes.extend(std::iter::repeat_with(|| queue.take(NOW).item().expect("three came")).take(2));
+            takes.extend(std::iter::repeat_with(|| queue.take(NOW).expect("three came").item).take(2));
         }
         let images: Vec<_> = takes.iter().copied().filter(|item| !(100..200).contains(item)).collect();
         assert_eq!(images, [0, 201, 2, 203, 4, 205]);
@@ -353,7 +329,7 @@ mod tests {
             for (camera, lane) in cameras.iter().enumerate() {
                 queue.push(*lane, camera);
             }
-            (0..3).for_each(|_| served[queue.take(NOW).item().expect("four came")] += 1);
+            (0..3).for_each(|_| served[queue.take(NOW).expect("four came").item] += 1);
         }
         assert_eq!(served, [6; 4]);
     }
@@ -366,7 +342,7 @@ mod tests {
         assert_eq!(queue.close(a), LaneCounts { received: 1, unread: 1, ..LaneCounts::default() });
         assert_eq!(queue.push(a, 1), Some(1), "a closed lane takes no item");
         assert_eq!([queue.push(b, 0), queue.push(b, 0), queue.push(b, 0)], [None, None, Some(0)]);
-        assert_eq!(queue.take(NOW).item(), Some(40));
+        assert_eq!(queue.take(NOW).map(|arrived| arrived.item), Some(40));
         let counted = LaneCounts { received: 5, overflowed: 2, unread: 2, ..LaneCounts::default() };
         assert_eq!(queue.close(b), counted);
     }
@@ -404,7 +380,7 @@ mod tests {
         stop.wakes(&queue);
         let reader = std::thread::spawn({
             let queue = queue.clone();
-            move || [queue.take(None).item(), queue.take(None).item(), queue.take(None).item()]
+            move || [(); 3].map(|()| queue.take(None).map(|arrived| arrived.item))
         });
         // Each step follows when the reader waits again or is still to come: a wake is kept until then.
         queue.push(lane, 7);
@@ -417,7 +393,7 @@ mod tests {
         }
         queue.end();
         assert_eq!(reader.join().expect("no panic"), [Some(7), None, None]);
-        assert_eq!((queue.take(None), queue.push(lane, 8)), (Next::Ended, Some(8)));
+        assert_eq!((queue.take(None), queue.push(lane, 8)), (None, Some(8)));
     }
 
     proptest! {
@@ -433,7 +409,7 @@ mod tests {
             for (number, (lane, take)) in pushes.iter().enumerate() {
                 queue.push(lanes[*lane], number);
                 if *take {
-                    read.extend(queue.take(NOW).item());
+                    read.extend(queue.take(NOW).map(|arrived| arrived.item));
                 }
             }
             let tallies = lanes.map(|lane| queue.close(lane));

@@ -12,7 +12,7 @@ use super::{GRAPH_GLANCE, IDLE, Live, LiveEvent, nanoseconds};
 use crate::driver::RunError;
 use crate::driver::pacing::ack_message;
 use crate::transport::Incoming;
-use crate::transport::queue::{Arrived, Next, Queued as _};
+use crate::transport::queue::{Arrived, Queued as _};
 
 /// A draining node gives up this long after its last message, even if its upstream is still there.
 const DRAIN_LIMIT_NS: u64 = 2_000_000_000;
@@ -42,7 +42,7 @@ impl Live<'_> {
                 Urgency::None => false,
             };
             match self.queue.take(Some(if draining { GRAPH_GLANCE } else { IDLE })) {
-                Next::Item(arrived) => {
+                Some(arrived) => {
                     let goes_on = draining && self.upstream_goes_on(&arrived, &mut drain);
                     // Handled in any case: it has left the queue, where it would count as unread.
                     let flow = self.handle(arrived)?;
@@ -52,7 +52,7 @@ impl Live<'_> {
                     // Each message restarts both waits, since more may follow it.
                     (quiet_since, alone_since) = (None, None);
                 }
-                Next::Idle | Next::Ended if draining => {
+                None if draining => {
                     let now = self.time.ticks_ns();
                     // Counted from the first idle moment after a message or after the request to end.
                     let quiet = now - *quiet_since.get_or_insert(now);
@@ -65,7 +65,7 @@ impl Live<'_> {
                         return Ok(());
                     }
                 }
-                Next::Idle | Next::Ended => self.report_when_due(),
+                None => self.report_when_due(),
             }
         }
     }

@@ -9,7 +9,7 @@ use super::{GRAPH_GLANCE, IDLE, Live, LiveEvent, LiveOutput, REQUESTS, nanosecon
 use crate::driver::RunError;
 use crate::driver::pacing::{Pacing, ack_topic, has_watcher};
 use crate::transport::Guard;
-use crate::transport::queue::{Keep, Lane, Next};
+use crate::transport::queue::{Keep, Lane};
 
 /// The longest time by which a period that has become shorter waits for the readers of the last frame.
 const OVERLAP: Duration = Duration::from_secs(1);
@@ -125,9 +125,8 @@ impl Live<'_> {
         loop {
             // With no time left it still takes one event that waits, so that a fast source answers requests as well.
             let patience = Duration::from_nanos(due.saturating_sub(self.time.ticks_ns()));
-            match self.queue.take(Some(patience.min(IDLE))) {
-                Next::Item(arrived) => drop(self.handle(arrived)?),
-                Next::Idle | Next::Ended => {}
+            if let Some(arrived) = self.queue.take(Some(patience.min(IDLE))) {
+                self.handle(arrived)?;
             }
             self.report_when_due();
             let is_over = self.time.ticks_ns() >= due || self.node.period() != period;
@@ -143,7 +142,7 @@ impl Live<'_> {
             && (!self.enabled || self.pacing.holds(self.transport, &self.time))
         {
             let patience = if self.enabled { GRAPH_GLANCE } else { IDLE };
-            if let Next::Item(arrived) = self.queue.take(Some(patience)) {
+            if let Some(arrived) = self.queue.take(Some(patience)) {
                 self.handle(arrived)?;
             }
             // A source that waits long still shows that it is alive.

@@ -14,7 +14,7 @@ use modulo_runtime::{NodeName, Stop, Urgency};
 use super::ZenohTransport;
 use crate::graph::Graph;
 use crate::graph::type_description::NAME_AND_TYPE;
-use crate::transport::queue::{Arrived, Keep, Lane, Limit, Next, Queue};
+use crate::transport::queue::{Arrived, Keep, Lane, Limit, Queue};
 use crate::transport::{Guard, RawSample, Transport as _, TransportError};
 
 /// The graph is complete when it has not changed for this long.
@@ -151,10 +151,7 @@ pub struct TopicListener {
 impl TopicListener {
     /// Returns the next sample within `patience`, or without a time limit for `None`.
     pub fn next(&self, patience: Option<Duration>) -> Option<Arrived<RawSample>> {
-        match self.samples.take(patience) {
-            Next::Item(arrived) => Some(arrived),
-            Next::Idle | Next::Ended => None,
-        }
+        self.samples.take(patience)
     }
 
     /// Returns the number of samples that were sent, but not read.

@@ -17,7 +17,7 @@ use zenoh::query::{ConsolidationMode, Query, QueryTarget};
 use super::{ZenohTransport, stamp};
 use crate::graph::type_description;
 use crate::parameter::service::Service;
-use crate::transport::queue::{Keep, Limit, Next, Queue, Queued};
+use crate::transport::queue::{Keep, Limit, Queue, Queued};
 use crate::transport::{Enable, Guard, OnDrop, ParameterPort, TransportError};
 
 impl ZenohTransport {
@@ -115,7 +115,7 @@ impl ZenohTransport {
         thread::Builder::new()
             .name("services".into())
             .spawn(move || {
-                while let Next::Item(arrived) = calls.take(None) {
+                while let Some(arrived) = calls.take(None) {
                     let (service, query) = arrived.item;
                     let handler = &handlers[service];
                     // The caller gets the error, too: without any reply it would wait for its timeout.
