@@ -409,7 +409,7 @@ fn every_frame_is_answered_once_while_other_settings_are_swapped() {
     assert!(why.as_ref().is_err_and(|why| why.contains("'source' = /no/such")), "{why:?}");
     // A source that waits for a topic, and then a file again.
     run.peer.set(camera, "source", "topic:/none").expect("possible");
-    wait_until("the camera reads the topic", || !run.peer.transport.subscribers("/none").is_empty());
+    wait_until("the camera reads the topic", || !run.peer.subscribers("/none").is_empty());
     run.peer.set(camera, "source", &picture).expect("possible");
     next_answer(&run.detections, "boxes after all swaps");
     run.end(&bench);

@@ -155,7 +155,7 @@ fn a_disabled_node_rests_and_goes_on() {
         enabled("false");
         // A subscription of now hears nothing of before.
         assert!(peer.hear(output, kind).next(Duration::from_millis(200)).is_none(), "{node}");
-        wait_until("it reads no more", || !peer.transport.subscribers(input).contains(&name));
+        wait_until("it reads no more", || !peer.subscribers(input).contains(&name));
         let diagnostics = peer.hear("/diagnostics", MessageKind::Diagnostics);
         let expected = status(&diagnostics, node, |status| value(status, "enabled") == "false");
         assert!(expected.message.contains("disabled"), "{expected:?}");

@@ -373,7 +373,7 @@ fn the_calibration_of_a_camera_is_beside_each_stream() {
     let of_source = peer.hear("/front/camera_info", MessageKind::CameraInfo);
     let nodes = ["/suite/modulo_camera", "/suite/unwrap", "/front/modulo_camera"];
     wait_until("the nodes", || nodes.iter().all(|node| peer.transport.is_ready(node)));
-    let subscribers = peer.transport.subscribers("/front/camera_info");
+    let subscribers = peer.subscribers("/front/camera_info");
     assert!(subscribers.contains(&"/suite/modulo_camera".to_owned()), "{subscribers:?}");
     assert!(!subscribers.contains(&"/front/modulo_camera".to_owned()), "its own topic: {subscribers:?}");
 
@@ -583,7 +583,7 @@ fn messages_of_other_packages_are_shown_and_recorded_with_their_definition() {
     wait_until("the recorder", || {
         publisher.put(message.clone()).expect("sent");
         came += 1;
-        came > 10 && peer.transport.subscribers("/level") == ["/rosbag2_recorder"]
+        came > 10 && peer.subscribers("/level") == ["/rosbag2_recorder"]
     });
     assert_eq!(recording.interrupt(), Some(0));
     let topics = BagReader::open(&bag).expect("a whole bag").topics();

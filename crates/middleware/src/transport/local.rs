@@ -13,23 +13,30 @@ use super::{Deliver, Guard, Incoming, NodeId, OnDrop, ParameterPort, Publisher, 
 /// The graph of one process. Clones share it.
 #[derive(Clone, Default)]
 pub struct LocalTransport {
-    graph: Arc<Mutex<LocalGraph>>,
+    /// By number, in the order in which they came.
+    entities: Arc<Mutex<BTreeMap<u64, Entity>>>,
 }
 
-#[derive(Default)]
-struct LocalGraph {
-    /// Topic, kind of its messages and node of each publisher.
-    publishers: Vec<(String, MessageKind, String)>,
-    subscribers: BTreeMap<String, Vec<Subscriber>>,
-    nodes: Vec<String>,
-    next_id: u64,
-}
-
-struct Subscriber {
-    id: u64,
-    kind: MessageKind,
+/// A node, a publisher or a subscription.
+struct Entity {
+    kind: EntityKind,
+    /// Fully qualified name of its node.
     node: String,
-    deliver: Deliver,
+    /// Topic and kind of the messages of an endpoint.
+    topic: Option<(String, MessageKind)>,
+    /// Takes the messages of a subscription.
+    deliver: Option<Deliver>,
+}
+
+impl Entity {
+    fn is_on(&self, kind: EntityKind, topic: &str) -> bool {
+        self.kind == kind && self.topic.as_ref().is_some_and(|(on, _)| on == topic)
+    }
+
+    /// Returns its node: one process is one session.
+    fn node_id(&self) -> NodeId {
+        NodeId { name: self.node.clone(), session: String::new() }
+    }
 }
 
 struct LocalPublisher {
@@ -39,45 +46,48 @@ struct LocalPublisher {
 }
 
 impl LocalTransport {
-    fn graph(&self) -> MutexGuard<'_, LocalGraph> {
-        self.graph.lock().unwrap_or_else(PoisonError::into_inner)
+    fn entities(&self) -> MutexGuard<'_, BTreeMap<u64, Entity>> {
+        self.entities.lock().unwrap_or_else(PoisonError::into_inner)
     }
-}
 
-/// Returns the node of this name: one process is one session.
-fn local(name: &str) -> NodeId {
-    NodeId { name: name.to_owned(), session: String::new() }
+    /// Adds an entity of `node`, which is there until the guard is dropped.
+    fn declare(
+        &self,
+        kind: EntityKind,
+        node: &NodeName,
+        address: Option<&Address>,
+        deliver: Option<Deliver>,
+    ) -> Guard {
+        let topic = address.map(|address| (address.topic.clone(), address.kind));
+        let mut entities = self.entities();
+        let id = entities.last_key_value().map_or(0, |(last, _)| last + 1);
+        entities.insert(id, Entity { kind, node: node.fully_qualified(), topic, deliver });
+        let transport = self.clone();
+        Box::new(OnDrop(move || drop(transport.entities().remove(&id))))
+    }
 }
 
 impl Publisher for LocalPublisher {
     fn wanted(&self) -> bool {
-        self.transport.graph().subscribers.get(&self.topic).is_some_and(|s| !s.is_empty())
+        self.transport.entities().values().any(|entity| entity.is_on(EntityKind::Subscription, &self.topic))
     }
 
     fn put(&self, message: &Message) -> Result<(), TransportError> {
         // Held while messages are delivered, so that a subscription that has ended receives none.
-        let graph = self.transport.graph();
-        for subscriber in graph.subscribers.get(&self.topic).into_iter().flatten() {
-            (subscriber.deliver)(Incoming::Message(message.clone()));
-        }
+        let entities = self.transport.entities();
+        let readers = entities.values().filter(|entity| entity.is_on(EntityKind::Subscription, &self.topic));
+        readers
+            .filter_map(|reader| reader.deliver.as_ref())
+            .for_each(|deliver| deliver(Incoming::Message(message.clone())));
         Ok(())
     }
 }
 
 impl Transport for LocalTransport {
     fn advertise(&self, node: &NodeName, address: &Address) -> Result<Box<dyn Publisher>, TransportError> {
+        let gone = self.declare(EntityKind::Publisher, node, Some(address), None);
         let topic = address.topic.clone();
-        let entry = (topic.clone(), address.kind, node.fully_qualified());
-        self.graph().publishers.push(entry.clone());
-        let transport = self.clone();
-        let gone = OnDrop(move || {
-            let publishers = &mut transport.graph().publishers;
-            if let Some(index) = publishers.iter().position(|publisher| *publisher == entry) {
-                // Only one entry: a node may publish a topic twice, and the other publisher is still there.
-                publishers.swap_remove(index);
-            }
-        });
-        Ok(Box::new(LocalPublisher { transport: self.clone(), topic, _gone: Box::new(gone) }))
+        Ok(Box::new(LocalPublisher { transport: self.clone(), topic, _gone: gone }))
     }
 
     fn subscribe(
@@ -86,25 +96,11 @@ impl Transport for LocalTransport {
         address: &Address,
         deliver: Deliver,
     ) -> Result<Guard, TransportError> {
-        let mut graph = self.graph();
-        // A node may subscribe to one topic twice, so its name does not identify a subscription.
-        let id = graph.next_id;
-        graph.next_id += 1;
-        let subscriber = Subscriber { id, kind: address.kind, node: node.fully_qualified(), deliver };
-        graph.subscribers.entry(address.topic.clone()).or_default().push(subscriber);
-        let (transport, topic) = (self.clone(), address.topic.clone());
-        Ok(Box::new(OnDrop(move || {
-            if let Some(list) = transport.graph().subscribers.get_mut(&topic) {
-                list.retain(|s| s.id != id);
-            }
-        })))
+        Ok(self.declare(EntityKind::Subscription, node, Some(address), Some(deliver)))
     }
 
     fn announce(&self, node: &NodeName) -> Result<Guard, TransportError> {
-        let name = node.fully_qualified();
-        self.graph().nodes.push(name.clone());
-        let transport = self.clone();
-        Ok(Box::new(OnDrop(move || transport.graph().nodes.retain(|n| *n != name))))
+        Ok(self.declare(EntityKind::Node, node, None, None))
     }
 
     /// Keeps `port` and offers it to no caller: a local node cannot be reached from outside of its process.
@@ -113,43 +109,28 @@ impl Transport for LocalTransport {
     }
 
     fn nodes(&self) -> Vec<NodeId> {
-        self.graph().nodes.iter().map(|name| local(name)).collect()
+        let entities = self.entities();
+        entities.values().filter(|entity| entity.kind == EntityKind::Node).map(Entity::node_id).collect()
     }
 
     fn id_of(&self, node: &NodeName) -> NodeId {
-        local(&node.fully_qualified())
+        NodeId { name: node.fully_qualified(), session: String::new() }
     }
 
     fn endpoints(&self, kind: EntityKind, topic: &str) -> Vec<NodeId> {
-        let graph = self.graph();
-        match kind {
-            EntityKind::Publisher => {
-                graph.publishers.iter().filter(|(on, ..)| on == topic).map(|(.., node)| local(node)).collect()
-            }
-            EntityKind::Subscription => {
-                graph.subscribers.get(topic).into_iter().flatten().map(|s| local(&s.node)).collect()
-            }
-            EntityKind::Node | EntityKind::Server | EntityKind::Client => Vec::new(),
-        }
+        self.entities().values().filter(|entity| entity.is_on(kind, topic)).map(Entity::node_id).collect()
     }
 
     fn is_ready(&self, node: &str) -> bool {
-        self.graph().nodes.iter().any(|n| n == node)
+        self.nodes().iter().any(|announced| announced.name == node)
     }
 
     fn users(&self, end: EntityKind, kind: MessageKind) -> Vec<(String, String)> {
-        let graph = self.graph();
-        let publishers = graph.publishers.iter().map(|(topic, on, node)| (topic, *on, node));
-        let subscribers = graph
-            .subscribers
-            .iter()
-            .flat_map(|(topic, all)| all.iter().map(move |s| (topic, s.kind, &s.node)));
-        let ends: Box<dyn Iterator<Item = _>> = match end {
-            EntityKind::Publisher => Box::new(publishers),
-            EntityKind::Subscription => Box::new(subscribers),
-            EntityKind::Node | EntityKind::Server | EntityKind::Client => Box::new(std::iter::empty()),
-        };
-        ends.filter(|(_, on, _)| *on == kind).map(|(topic, _, node)| (topic.clone(), node.clone())).collect()
+        let entities = self.entities();
+        let ends = entities.values().filter(|entity| entity.kind == end);
+        let on_topics = ends.filter_map(|entity| Some((entity.topic.as_ref()?, &entity.node)));
+        let of_kind = on_topics.filter(|((_, on), _)| *on == kind);
+        of_kind.map(|((topic, _), node)| (topic.clone(), node.clone())).collect()
     }
 
     fn settling(&self) -> Duration {
@@ -173,13 +154,14 @@ mod tests {
         let address =
             Address { topic: "/t".into(), kind: MessageKind::Detections, qos: Qos::Results, profile: None };
         let publisher = transport.advertise(&node, &address).expect("local");
+        let subscribers = || transport.endpoints(EntityKind::Subscription, "/t").len();
         assert!(!publisher.wanted() && transport.publishers("/t") == ["/n"] && !transport.is_ready("/n"));
 
         let (sender, arrived) = channel();
         let deliver = Box::new(move |incoming| sender.send(incoming).expect("the test listens"));
         let subscription = transport.subscribe(&node, &address, deliver).expect("local");
         let ready = transport.announce(&node).expect("local");
-        assert!(publisher.wanted() && transport.is_ready("/n") && transport.subscribers("/t") == ["/n"]);
+        assert!(publisher.wanted() && transport.is_ready("/n") && subscribers() == 1);
 
         let array = Arc::new(Detection2DArray::default());
         publisher.put(&Message::Detections(array.clone())).expect("local");

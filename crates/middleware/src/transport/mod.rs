@@ -218,11 +218,6 @@ pub trait Transport: Send + Sync {
     /// Returns (topic, node) of each publisher, or each subscription, of messages of `kind` now.
     fn users(&self, end: EntityKind, kind: MessageKind) -> Vec<(String, String)>;
 
-    /// Returns the fully qualified names of the nodes that subscribe to `topic` now.
-    fn subscribers(&self, topic: &str) -> Vec<String> {
-        self.endpoints(EntityKind::Subscription, topic).into_iter().map(|node| node.name).collect()
-    }
-
     /// Returns the time after the end of the last publisher during which a message may still be on its way.
     fn settling(&self) -> std::time::Duration;
 }
