@@ -182,10 +182,10 @@ impl Client {
         let ros_type = format!("rosbag2_interfaces/srv/{type_name}");
         let (service, request) = (format!("{PLAYER}/{service}"), cdr::to_vec(request).map_err(unreadable)?);
         let answer = self.viewer.session.transport.call(&service, &ros_type, request, PATIENCE);
-        answer.map_err(|why| ClientError::Call(PLAYER.to_owned(), why))
+        answer.map_err(|why| ClientError::of_node(PLAYER, why))
     }
 }
 
 fn unreadable(why: CdrError) -> ClientError {
-    ClientError::Cdr(PLAYER.to_owned(), why)
+    ClientError::of_node(PLAYER, why)
 }

@@ -1,5 +1,6 @@
 //! The composed driver: several live nodes in one process, a thread each, on the local transport.
 
+use std::cell::Cell;
 use std::sync::Arc;
 use std::thread;
 
@@ -8,6 +9,7 @@ use modulo_runtime::{Clock, NodeReport, ParameterError, Stop, Urgency};
 use super::RunError;
 use super::live::{self, NodeSetup};
 use crate::graph::node_time::is_simulated;
+use crate::transport::OnDrop;
 use crate::transport::local::LocalTransport;
 
 /// One node of a composed process.
@@ -16,18 +18,6 @@ pub struct Member {
     pub setup: NodeSetup,
     /// Whether the other nodes finish the messages that are on their way, and end, when this node has ended.
     pub ends_all: bool,
-}
-
-/// Asks the other members to end, also when this one panics.
-struct AskOnDrop {
-    stop: Stop,
-    urgency: Urgency,
-}
-
-impl Drop for AskOnDrop {
-    fn drop(&mut self) {
-        self.stop.ask(self.urgency);
-    }
 }
 
 /// Runs all members until they are done, and returns their reports in order. A member that fails also ends the others.
@@ -49,14 +39,11 @@ pub fn run(members: Vec<Member>, clock: &Arc<dyn Clock>, stop: &Stop) -> Result<
                 scope.spawn(move || {
                     let Member { setup, ends_all } = member;
                     // A panic leaves the urgency as it is here, so that the other members end as well.
-                    let mut end = AskOnDrop { stop: stop.clone(), urgency: Urgency::Now };
-                    let result = live::run(setup, transport, clock, stop);
-                    end.urgency = match &result {
-                        Err(_) => Urgency::Now,
-                        Ok(_) if ends_all => Urgency::Drain,
-                        Ok(_) => Urgency::None,
-                    };
-                    result
+                    let urgency = Cell::new(Urgency::Now);
+                    let _end = OnDrop(|| stop.ask(urgency.get()));
+                    let report = live::run(setup, transport, clock, stop.clone())?;
+                    urgency.set(if ends_all { Urgency::Drain } else { Urgency::None });
+                    Ok(report)
                 })
             })
             .collect();

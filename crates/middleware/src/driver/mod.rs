@@ -31,12 +31,9 @@ pub enum RunError {
     /// An input of the node is one of its own outputs.
     #[error("this node publishes {0} itself, and would answer its own images; name a topic of another node")]
     OwnOutput(String),
-    /// The step cannot go on.
+    /// The step of a node, with its name, cannot go on, or a node that it waits for did not come.
     #[error("{0}: {1}")]
     Fatal(String, String),
-    /// A node that this one waits for did not come.
-    #[error("{0}: waited {1} s for {2}, which is not there; start it, or change wait_for")]
-    Waited(String, u64, String),
 }
 
 /// The variant of image topics that a node reads.

@@ -39,16 +39,6 @@ struct Window {
     stages: BTreeMap<&'static str, (u64, u32)>,
 }
 
-/// The condition of a node, which its status shows: it runs, waits for images in vain, or is disabled.
-pub enum NodeCondition<'a> {
-    /// It takes every frame that comes.
-    Running,
-    /// It was disabled by the service `~/enable`.
-    Disabled,
-    /// No input comes; with the warning.
-    Silent(&'a str),
-}
-
 impl Diagnostics {
     /// Publishes with `publisher`.
     pub fn new(publisher: Rc<dyn Publisher>) -> Self {
@@ -84,13 +74,14 @@ impl Diagnostics {
         wanted && now >= self.due
     }
 
-    /// Publishes `report`. The level is WARN when messages were skipped since the last time, and when no input comes.
+    /// Publishes `report` of a node that is `enabled`, or was disabled by the service `~/enable`. The level is WARN when messages
+    /// were skipped since the last time, and with a `warning` that no input comes.
     pub fn publish(
         &mut self,
         clock: &dyn Clock,
         report: &NodeReport,
         node: &dyn Node,
-        condition: &NodeCondition<'_>,
+        (enabled, warning): (bool, Option<&str>),
     ) {
         let now = clock.ticks_ns();
         self.due = now + PERIOD_NS;
@@ -100,13 +91,13 @@ impl Diagnostics {
             let age = i128::from(clock.now_ns()) - i128::from(stamp.as_ns());
             values.push(("age_ms".to_owned(), format!("{:.3}", age as f64 / 1e6)));
         }
-        let enabled = !matches!(condition, NodeCondition::Disabled);
         values.push(("enabled".to_owned(), enabled.to_string()));
         let dropped: u64 = report.dropped().values().sum();
         values.push(("dropped_frames".to_owned(), dropped.to_string()));
         let bad = report.bad.values().sum();
         let skipped = bad - std::mem::replace(&mut self.bad, bad);
-        let message = describe(clock.now_ns(), report, node, values, (skipped, condition));
+        let level = level_of(enabled, warning, skipped);
+        let message = describe(clock.now_ns(), report, node, values, level);
         if let Err(why) = self.publisher.put(&Message::Diagnostics(Arc::new(message))) {
             // A warning each second about the same fault would hide all others.
             tracing::debug!("{why}");
@@ -132,7 +123,7 @@ fn describe(
     report: &NodeReport,
     node: &dyn Node,
     recent: Vec<(String, String)>,
-    (skipped, condition): (u64, &NodeCondition<'_>),
+    (level, text): (u8, String),
 ) -> DiagnosticArray {
     // Viewers of diagnostics show these pairs as they are, so the units stand in the keys.
     let mut values: Vec<(String, String)> = status_of(node).chain(recent).collect();
@@ -154,22 +145,19 @@ fn describe(
             }
         }
     }
-    let (level, text) = level_of(condition, skipped);
     let name = report.node.trim_start_matches('/').to_owned();
     array(Time::from_ns(now_ns), name, level, text, KeyValue::all(values))
 }
 
-/// Returns the level and the text of the status of a node in this condition.
-fn level_of(condition: &NodeCondition<'_>, skipped: u64) -> (u8, String) {
-    match (condition, skipped) {
-        (NodeCondition::Disabled, _) => {
+/// Returns the level and the text of the status of a node.
+fn level_of(enabled: bool, warning: Option<&str>, skipped: u64) -> (u8, String) {
+    match (warning, skipped) {
+        _ if !enabled => {
             (DiagnosticStatus::OK, "disabled; call ~/enable with data: true to go on".to_owned())
         }
-        (NodeCondition::Silent(warning), _) => (DiagnosticStatus::WARN, (*warning).to_owned()),
-        (NodeCondition::Running, 0) => (DiagnosticStatus::OK, "running".to_owned()),
-        (NodeCondition::Running, _) => {
-            (DiagnosticStatus::WARN, format!("{skipped} bad messages were skipped"))
-        }
+        (Some(warning), _) => (DiagnosticStatus::WARN, warning.to_owned()),
+        (None, 0) => (DiagnosticStatus::OK, "running".to_owned()),
+        (None, _) => (DiagnosticStatus::WARN, format!("{skipped} bad messages were skipped")),
     }
 }
 
@@ -276,7 +264,7 @@ mod tests {
             clock.set(clock.now_ns() + PERIOD_NS / 10);
             diagnostics.book(&[], Some(Time::from_ns(clock.now_ns())));
             if diagnostics.is_due(&clock) {
-                diagnostics.publish(&clock, &NodeReport::new("/unwrap"), &Idle, &NodeCondition::Running);
+                diagnostics.publish(&clock, &NodeReport::new("/unwrap"), &Idle, (true, None));
             }
         }
         let Ok(Incoming::Message(Message::Diagnostics(array))) = arrived.try_recv() else {
@@ -305,7 +293,7 @@ mod tests {
         for bad in [0, 2, 0, 1] {
             add(&mut report.bad, "/modulo", bad);
             assert!(diagnostics.is_due(&clock));
-            diagnostics.publish(&clock, &report, &Idle, &NodeCondition::Running);
+            diagnostics.publish(&clock, &report, &Idle, (true, None));
             assert!(!diagnostics.is_due(&clock), "once a second");
             clock.set(clock.now_ns() + Duration::from_secs(1).as_nanos() as u64);
             let Ok(Incoming::Message(Message::Diagnostics(array))) = arrived.try_recv() else {

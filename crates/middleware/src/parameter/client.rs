@@ -1,47 +1,38 @@
 //! [`ParameterClient`]: the parameters of another node, through the services that `ros2 param` uses.
 
-use std::thread::sleep;
+use std::fmt;
 use std::time::Duration;
 
-use modulo_msgs::cdr::{self, CdrError};
+use modulo_msgs::cdr;
 use modulo_msgs::rcl_interfaces::{
     DescribeParametersRequest, DescribeParametersResponse, GetParametersRequest, GetParametersResponse,
     ListParametersRequest, ListParametersResponse, Parameter, ParameterDescriptor, ParameterValue,
     SetParametersRequest, SetParametersResponse,
 };
-use modulo_runtime::Value;
 use modulo_runtime::parameter::ros::{from_ros, to_ros};
+use modulo_runtime::{Stop, SystemClock, Value};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::service::Service;
+use crate::driver::wait_until_ready;
 use crate::transport::zenoh::ZenohTransport;
-use crate::transport::{Transport as _, TransportError};
 
 /// Time limit for a node to appear, and for it to answer.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Time limit for the answer to a change of a parameter, which a node gives within 20 s: it may have to load a model.
 const SET_PATIENCE: Duration = Duration::from_secs(25);
-const GLANCE: Duration = Duration::from_millis(20);
 
-/// Error: the node did not do what was requested.
+/// Error: the node did not do what was requested; it does not answer, not as it should, or refuses a value. The text says which.
 #[derive(Debug, thiserror::Error)]
-pub enum ClientError {
-    /// The node does not answer.
-    #[error("node {0}: {1}")]
-    Call(String, TransportError),
-    /// The answer is not readable.
-    #[error("node {0}: {1}")]
-    Cdr(String, CdrError),
-    /// The node gave so many values for so many names. An answer has no names, so that values would belong to wrong ones.
-    #[error("{0} gave {1} values for {2} parameters")]
-    Count(String, usize, usize),
-    /// The parameter of this name has another type than this text; its type comes last.
-    #[error("parameter '{0}' = {1}: is not of type {2}")]
-    Type(String, String, &'static str),
-    /// The node refuses the value.
-    #[error("Setting parameter failed: {0}")]
-    Refused(String),
+#[error("{0}")]
+pub struct ClientError(String);
+
+impl ClientError {
+    /// Returns the error of the node `node`, which does not answer, or with something that cannot be read.
+    pub fn of_node(node: &str, why: impl fmt::Display) -> Self {
+        Self(format!("node {node}: {why}"))
+    }
 }
 
 /// The parameters of one node in the graph of a session.
@@ -70,8 +61,8 @@ impl<'a> ParameterClient<'a> {
     pub fn values(&self, names: &[String]) -> Result<Vec<ParameterValue>, ClientError> {
         let GetParametersResponse { values } =
             self.call(Service::GetParameters, &GetParametersRequest { names: names.to_vec() })?;
-        let (given, asked) = (values.len(), names.len());
-        if given == asked { Ok(values) } else { Err(ClientError::Count(self.node.clone(), given, asked)) }
+        // An answer has no names, so that values would belong to wrong ones.
+        if values.len() == names.len() { Ok(values) } else { Err(self.miscounted(values.len(), names.len())) }
     }
 
     /// Returns the descriptors of `names`; the type of an unknown parameter is `NOT_SET`.
@@ -90,18 +81,22 @@ impl<'a> ParameterClient<'a> {
         // A node refuses a value of another type: `2` has to be sent as 2.0 to a parameter of type double.
         let value = match present {
             None => Value::guess(text),
-            Some(like) => like
-                .parse_like(text)
-                .ok_or_else(|| ClientError::Type(name.to_owned(), text.to_owned(), like.type_name()))?,
+            Some(like) => like.parse_like(text).ok_or_else(|| {
+                ClientError(format!("parameter '{name}' = {text}: is not of type {}", like.type_name()))
+            })?,
         };
         let parameters = vec![Parameter { name: name.to_owned(), value: to_ros(Some(&value)) }];
         let SetParametersResponse { mut results } =
             self.call(Service::SetParameters, &SetParametersRequest { parameters })?;
         match results.pop() {
             Some(result) if result.successful => Ok(()),
-            Some(result) => Err(ClientError::Refused(result.reason)),
-            None => Err(ClientError::Count(self.node.clone(), 0, 1)),
+            Some(result) => Err(ClientError(format!("Setting parameter failed: {}", result.reason))),
+            None => Err(self.miscounted(0, 1)),
         }
+    }
+
+    fn miscounted(&self, given: usize, asked: usize) -> ClientError {
+        ClientError(format!("{} gave {given} values for {asked} parameters", self.node))
     }
 
     /// Waits for the node, and calls one of its services.
@@ -111,18 +106,14 @@ impl<'a> ParameterClient<'a> {
         request: &Q,
     ) -> Result<R, ClientError> {
         // A node that was just started is not in the graph yet, and its services answer only when it is.
-        for _ in 0..PATIENCE.as_millis() / GLANCE.as_millis() {
-            if self.transport.is_ready(&self.node) {
-                break;
-            }
-            sleep(GLANCE);
-        }
+        let (clock, nodes) = (SystemClock::default(), vec![self.node.clone()]);
+        // The call of a node that is still missing tells why nobody answers.
+        let _ = wait_until_ready(self.transport, &clock, nodes, PATIENCE, &Stop::default());
         let (name, ros_type) = service.name_and_type();
-        let unreadable = |why| ClientError::Cdr(self.node.clone(), why);
-        let request = cdr::to_vec(request).map_err(unreadable)?;
+        let request = cdr::to_vec(request).map_err(|why| ClientError::of_node(&self.node, why))?;
         let patience = if service == Service::SetParameters { SET_PATIENCE } else { PATIENCE };
         let answer = self.transport.call(&format!("{}/{name}", self.node), ros_type, request, patience);
-        let answer = answer.map_err(|why| ClientError::Call(self.node.clone(), why))?;
-        cdr::from_slice(&answer).map_err(unreadable)
+        let answer = answer.map_err(|why| ClientError::of_node(&self.node, why))?;
+        cdr::from_slice(&answer).map_err(|why| ClientError::of_node(&self.node, why))
     }
 }

@@ -26,7 +26,6 @@ use modulo_runtime::{
 
 use super::{CommonParameters, GRAPH_GLANCE, ImageTransport, RunError, wait_until_ready};
 use crate::driver::pacing::{Pacing, ack_topic};
-use crate::graph::diagnostics::NodeCondition;
 use crate::graph::node_time::NodeTime;
 use crate::parameter::events::ParameterEvents;
 use crate::process::node_files::{ReportFile, SavedState, WriteReason};
@@ -205,7 +204,10 @@ impl Live<'_> {
         let nodes = wait_for.iter().map(|name| self.node_name.resolve(name)).collect::<Result<_, _>>()?;
         let patience = Duration::from_secs_f64(wait_timeout);
         wait_until_ready(self.transport, &self.time, nodes, patience, &self.stop).map_err(|missing| {
-            RunError::Waited(self.telemetry.node().to_owned(), patience.as_secs(), missing)
+            let seconds = patience.as_secs();
+            let why =
+                format!("waited {seconds} s for {missing}, which is not there; start it, or change wait_for");
+            RunError::Fatal(self.telemetry.node().to_owned(), why)
         })
     }
 
@@ -298,12 +300,8 @@ impl Live<'_> {
                 tracing::warn!(node = %self.telemetry.node(), "{warning}");
             }
         }
-        let condition = match self.silence.warning() {
-            _ if !self.enabled => NodeCondition::Disabled,
-            Some(warning) => NodeCondition::Silent(warning),
-            None => NodeCondition::Running,
-        };
-        self.telemetry.publish(&self.inputs, &*self.node, &condition, &self.time);
+        let condition = (self.enabled, self.silence.warning());
+        self.telemetry.publish(&self.inputs, &*self.node, condition, &self.time);
     }
 
     /// Counts a message of `topic` that is skipped.

@@ -9,7 +9,7 @@ use modulo_runtime::{Address, Clock, Node, NodeName, NodeReport, StepOutput, top
 use super::inputs::Inputs;
 use super::outputs::LiveOutput;
 use crate::driver::RunError;
-use crate::graph::diagnostics::{Diagnostics, NodeCondition, StateTopic};
+use crate::graph::diagnostics::{Diagnostics, StateTopic};
 use crate::process::node_files::{ReportFile, WriteReason};
 use crate::transport::Transport;
 
@@ -105,12 +105,12 @@ impl Telemetry {
         file.write(&report, now);
     }
 
-    /// Publishes the counts on `/diagnostics` when that is due.
+    /// Publishes the counts on `/diagnostics` when that is due, with the `condition` that [`Diagnostics::publish`] takes.
     pub fn publish(
         &mut self,
         inputs: &Inputs,
         node: &dyn Node,
-        condition: &NodeCondition<'_>,
+        condition: (bool, Option<&str>),
         clock: &dyn Clock,
     ) {
         if self.diagnostics.is_due(clock) {
