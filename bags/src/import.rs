@@ -61,7 +61,11 @@ pub enum ImportError {
 /// [`ImportError`] of the first label or write that fails, and of a float image. Images that are damaged are counted.
 pub fn import_kitti(folder: &Path, out: &Path) -> Result<ImportReport, ImportError> {
     let folder = KittiFolder::open(folder)?;
-    whole(out, write(&folder, BagWriter::create(out, Compression::None)?))
+    let mut import = Import::new(BagWriter::create(out, Compression::None)?, true)?;
+    // Stamps follow from the number of the frame, so that two imports of a folder are equal byte by byte.
+    let mut frames = (EPOCH_NS..).step_by(PERIOD_NS as usize).zip(folder.images());
+    let written = frames.try_for_each(|(stamp, image)| import.frame(&folder, image, stamp));
+    import.finish(out, written)
 }
 
 /// Writes the video `video` as the new bag `out`: `/camera/image_raw`, each frame at its time of presentation since the first one. Codes
@@ -82,7 +86,7 @@ pub fn import_video(video: &Path, out: &Path) -> Result<ImportReport, ImportErro
         let header = Header { stamp: Time::from_ns(stamp), frame_id: FRAME_ID.to_owned() };
         import.image(&header, &spread(frame.pixels))
     });
-    whole(out, written.and_then(|()| import.finish()))
+    import.finish(out, written)
 }
 
 /// Spreads codes over the samples that hold them, so that their full scale is that of the samples.
@@ -91,23 +95,6 @@ fn spread(Pixels { frame, bits }: Pixels) -> Frame {
     let most = (1_u32 << bits) - 1;
     Frame::from_u16(codes.mapv(|code| (u32::from(code) * 65_535 / most) as u16))
         .expect("as many samples as before")
-}
-
-/// Removes the folder of an import that has failed: half a data set must not look like a whole one.
-fn whole(out: &Path, report: Result<ImportReport, ImportError>) -> Result<ImportReport, ImportError> {
-    if report.is_err() {
-        let _ = std::fs::remove_dir_all(out);
-    }
-    report
-}
-
-fn write(folder: &KittiFolder, bag: BagWriter) -> Result<ImportReport, ImportError> {
-    let mut import = Import::new(bag, true)?;
-    for (i, image) in folder.images().iter().enumerate() {
-        // Stamps follow from the number of the frame, so that two imports of a folder are equal byte by byte.
-        import.frame(folder, image, EPOCH_NS + i as u64 * PERIOD_NS)?;
-    }
-    import.finish()
 }
 
 struct Import {
@@ -132,9 +119,14 @@ impl Import {
         Ok(())
     }
 
-    fn finish(self) -> Result<ImportReport, ImportError> {
-        self.bag.finish()?;
-        Ok(self.report)
+    /// Completes the bag `out` that was `written`, or removes it: half a data set must not look like a whole one.
+    fn finish(self, out: &Path, written: Result<(), ImportError>) -> Result<ImportReport, ImportError> {
+        let report = self.report;
+        let finished = written.and_then(|()| Ok(self.bag.finish()?));
+        if finished.is_err() {
+            let _ = std::fs::remove_dir_all(out);
+        }
+        finished.map(|_| report)
     }
 
     fn frame(&mut self, folder: &KittiFolder, image: &Path, stamp: u64) -> Result<(), ImportError> {

@@ -191,11 +191,11 @@ impl Storage for McapFile {
         &self.summary
     }
 
-    fn messages(self: Arc<Self>, selection: &Selection) -> Result<Option<Cursor>, BagError> {
+    fn messages(self: Arc<Self>, selection: &Selection) -> Result<Cursor, BagError> {
         let topics = self.topics.iter().filter(|(_, topic)| selection.has(&topic.name));
         let topics: HashMap<_, _> = topics.map(|(id, topic)| (*id, Arc::clone(topic))).collect();
         if topics.is_empty() {
-            return Ok(None);
+            return Ok(Box::new(std::iter::empty()));
         }
         let file = Arc::new(File::open(&self.path).map_err(|e| FileError::new(&self.path, e))?);
         let wanted = Arc::new(Wanted { topics, start: selection.start_ns.unwrap_or(0) });
@@ -213,9 +213,9 @@ impl Storage for McapFile {
         if let Some(first) = rest.first() {
             let (index, start) = (Arc::clone(&self), first.log_time);
             let messages = rest.into_iter().map(move |loose| index.loose_message(&file, &wanted, &loose));
-            inputs.push(MergeInput { start, open: Box::new(move || Ok(Some(Box::new(messages)))) });
+            inputs.push(MergeInput { start, open: Box::new(move || Ok(Box::new(messages))) });
         }
-        Ok(Some(Box::new(Merge::of(inputs))))
+        Ok(Box::new(Merge::of(inputs)))
     }
 }
 
@@ -229,7 +229,7 @@ fn chunk_input(
     let (index, file, wanted) = (Arc::clone(index), Arc::clone(file), Arc::clone(wanted));
     let start = chunk.message_start_time;
     let open = move || match index.messages_of(&file, &chunk, &wanted) {
-        Ok(messages) => Ok(Some(Box::new(messages.into_iter()) as Cursor)),
+        Ok(messages) => Ok(Box::new(messages.into_iter()) as Cursor),
         Err(why) => {
             let messages = chunk::count(&file, &chunk, |channel| wanted.topics.contains_key(&channel));
             Err(chunk::left_out(&index.path, chunk.chunk_start_offset, messages, &why).into())

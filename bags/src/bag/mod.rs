@@ -26,9 +26,9 @@ use modulo_runtime::output::OutputError;
 
 use crate::FileError;
 pub use bag_file::Compression;
-pub use reader::{BagInfo, BagReader, Messages};
-pub use storage::Selection;
+pub use reader::{BagInfo, BagReader};
 use storage::Storage;
+pub use storage::{Merge as Messages, Selection};
 pub use writer::{BagWriter, Copied, TopicId, WriteOptions, copy};
 
 /// A topic of a bag, from its channel and its schema.

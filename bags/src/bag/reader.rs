@@ -10,7 +10,7 @@ use modulo_runtime::embedded::locate;
 
 use super::metadata::{self, Metadata};
 use super::storage::{self, Merge, MergeInput, Storage};
-use super::{BagError, BagWarning, RawMessage, Selection, TopicCount};
+use super::{BagError, BagWarning, Selection, TopicCount};
 use crate::FileError;
 
 /// An open bag: its index is known, and no message has been read yet.
@@ -157,7 +157,7 @@ impl BagReader {
     }
 
     /// Returns the selected messages in log-time order, over all files.
-    pub fn messages(&self, selection: &Selection) -> Messages {
+    pub fn messages(&self, selection: &Selection) -> Merge {
         let from = selection.start_ns.unwrap_or(0);
         let inputs = self.files.iter().filter_map(|(_, file)| {
             // A file that ends before the start is never opened.
@@ -165,25 +165,7 @@ impl BagReader {
             let (file, selection) = (Arc::clone(file), selection.clone());
             Some(MergeInput { start, open: Box::new(move || file.messages(&selection)) })
         });
-        Messages { merged: Some(Merge::of(inputs.collect())) }
-    }
-}
-
-/// Messages of a bag; ends after the first error that is not [`BagError::LeftOut`].
-pub struct Messages {
-    merged: Option<Merge>,
-}
-
-impl Iterator for Messages {
-    type Item = Result<RawMessage, BagError>;
-
-    fn next(&mut self) -> Option<Self::Item> {
-        let next = self.merged.as_mut()?.next();
-        // After any other error the position in the file is unknown.
-        if !matches!(next, Some(Ok(_) | Err(BagError::LeftOut(_)))) {
-            self.merged = None;
-        }
-        next
+        Merge::of(inputs.collect())
     }
 }
 

@@ -243,12 +243,12 @@ impl Storage for SqliteFile {
         &self.summary
     }
 
-    fn messages(self: Arc<Self>, selection: &Selection) -> Result<Option<Cursor>, BagError> {
+    fn messages(self: Arc<Self>, selection: &Selection) -> Result<Cursor, BagError> {
         let wanted = self.ids.iter().zip(&self.summary.topics);
         let wanted = wanted.filter(|(_, counted)| selection.has(&counted.topic.name));
         let wanted: HashMap<_, _> = wanted.map(|(id, counted)| (*id, Arc::clone(&counted.topic))).collect();
         if wanted.is_empty() {
-            return Ok(None);
+            return Ok(Box::new(std::iter::empty()));
         }
         let start = selection.start_ns.unwrap_or(0);
         let next = self.places.partition_point(|place| time(place.time) < start);
@@ -262,7 +262,7 @@ impl Storage for SqliteFile {
             let read = payload(&file, place.id).map(message);
             Some(read.map_err(|why| LeftOut::one(&self.path, topic, why).into()))
         });
-        Ok(Some(Box::new(messages)))
+        Ok(Box::new(messages))
     }
 }
 

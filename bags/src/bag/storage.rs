@@ -50,8 +50,8 @@ pub(super) struct FileSummary {
 pub(super) trait Storage: Debug + Send + Sync {
     fn summary(&self) -> &FileSummary;
 
-    /// Returns the selected messages; `None` when no topic is selected.
-    fn messages(self: Arc<Self>, selection: &Selection) -> Result<Option<Cursor>, BagError>;
+    /// Returns the selected messages. The file is not opened when no topic of it is selected.
+    fn messages(self: Arc<Self>, selection: &Selection) -> Result<Cursor, BagError>;
 }
 
 /// A message, or the report of one that is left out; any other error ends the messages.
@@ -85,8 +85,7 @@ pub(super) fn files_in(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
     Ok(files)
 }
 
-/// Opens an input; `None` when no message of it is selected.
-type OpenInput = Box<dyn FnOnce() -> Result<Option<Cursor>, BagError> + Send>;
+type OpenInput = Box<dyn FnOnce() -> Result<Cursor, BagError> + Send>;
 
 pub(super) struct MergeInput {
     /// No message of it is earlier, ns since the epoch.
@@ -103,8 +102,8 @@ struct OpenedInput {
 }
 
 /// The messages of several inputs, such as files, in one order of time. An input is opened only when its first message
-/// may be next.
-pub(super) struct Merge {
+/// may be next. The messages end after the first error that is not [`BagError::LeftOut`].
+pub struct Merge {
     /// Inputs that are still closed, the earliest last.
     closed: Vec<MergeInput>,
     open: Vec<OpenedInput>,
@@ -156,12 +155,14 @@ impl Iterator for Merge {
     fn next(&mut self) -> Option<Item> {
         while self.broken.is_none() && self.must_open() {
             match (self.closed.pop()?.open)() {
-                Ok(Some(rest)) => self.advance(self.open.len(), rest),
-                Ok(None) => {}
-                Err(why) => return Some(Err(why)),
+                Ok(rest) => self.advance(self.open.len(), rest),
+                Err(why @ BagError::LeftOut(_)) => return Some(Err(why)),
+                Err(why) => self.broken = Some(why),
             }
         }
         if let Some(why) = self.broken.take() {
+            // The position in the input is unknown.
+            (self.closed, self.open) = (Vec::new(), Vec::new());
             return Some(Err(why));
         }
         let index = self.earliest()?;

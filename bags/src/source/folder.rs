@@ -80,20 +80,12 @@ impl Source for FolderSource {
     }
 
     fn warnings(&self) -> Vec<String> {
-        let files =
-            self.folder.iter().flat_map(std::fs::read_dir).flatten().flatten().map(|entry| entry.path());
-        let mut unread: Vec<_> =
-            files.filter(|path| has_extension(path, &UNREAD) && !is_hidden(path)).collect();
-        unread.sort();
-        let first = unread.first().into_iter();
-        first
-            .map(|first| {
-                let (count, first) = (unread.len(), first.display());
-                format!(
-                    "{count} images of other formats are left out, the first: {first}; convert them to png"
-                )
-            })
-            .collect()
+        let unread: Vec<_> = self.folder.iter().flat_map(|folder| files_of(folder, &UNREAD)).collect();
+        let warning = |first: &PathBuf| {
+            let (count, first) = (unread.len(), first.display());
+            format!("{count} images of other formats are left out, the first: {first}; convert them to png")
+        };
+        unread.first().map(warning).into_iter().collect()
     }
 
     fn rewind(&mut self) -> Result<(), SourceError> {
@@ -116,21 +108,27 @@ pub trait Labels: Send {
 
 /// Returns a line that counts the labels `names`, which have no image, and names the first one.
 pub(super) fn warn_without_image(what: &str, names: &[String]) -> Vec<String> {
-    let first = names.first().into_iter();
-    first
-        .map(|first| format!("{} {what} have no image and are left out, the first: {first}", names.len()))
-        .collect()
+    let warning =
+        |first| format!("{} {what} have no image and are left out, the first: {first}", names.len());
+    names.first().map(warning).into_iter().collect()
 }
 
 /// Returns the text files in `folder` whose names are not those of `images`, sorted. A folder that does not exist has none.
 pub(super) fn texts_without_image(folder: &Path, images: &[PathBuf]) -> Vec<PathBuf> {
     let stems: BTreeSet<String> = images.iter().map(|image| stem(image)).collect();
-    let files = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
-    let texts = files.filter(|path| has_extension(path, &["txt"]) && !is_hidden(path) && path.is_file());
-    let mut alone: Vec<PathBuf> = texts.filter(|path| !stems.contains(&stem(path))).collect();
+    let mut texts = files_of(folder, &["txt"]);
+    texts.retain(|path| path.is_file() && !stems.contains(&stem(path)));
+    texts
+}
+
+/// Returns what lies in `folder` under a name with one of these extensions, sorted. A folder that does not exist has none.
+fn files_of(folder: &Path, extensions: &[&str]) -> Vec<PathBuf> {
+    let paths = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let mut files: Vec<_> =
+        paths.filter(|path| has_extension(path, extensions) && !is_hidden(path)).collect();
     // The order of `read_dir` depends on the file system.
-    alone.sort();
-    alone
+    files.sort();
+    files
 }
 
 /// Image files with their labels as a source.

@@ -93,16 +93,10 @@ pub fn split(spec: &str) -> Result<(String, Option<Light>), SourceError> {
 
 /// A source under changing light.
 pub(super) struct RelitSource {
-    source: Box<dyn Source>,
-    light: Light,
+    pub source: Box<dyn Source>,
+    pub light: Light,
     /// The number of the next frame.
-    number: u64,
-}
-
-impl RelitSource {
-    pub fn new(source: Box<dyn Source>, light: Light) -> Self {
-        Self { source, light, number: 0 }
-    }
+    pub number: u64,
 }
 
 impl Source for RelitSource {

@@ -186,7 +186,7 @@ pub fn open(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, Sour
     let (spec, light) = light::split(spec)?;
     let source = open_unlit(&spec, options)?;
     Ok(match light {
-        Some(light) => Box::new(light::RelitSource::new(source, light)),
+        Some(light) => Box::new(light::RelitSource { source, light, number: 0 }),
         None => source,
     })
 }
