@@ -24,24 +24,10 @@ pub struct PlayOptions {
     pub topics: Option<Vec<String>>,
 }
 
-/// Error: a replay is not possible.
+/// Error: a replay is not possible. The text has the option, and what is needed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum PlayError {
-    /// The rate is not a finite number from 0 on.
-    #[error("rate = {0}: must be a finite number, 0 or above")]
-    Rate(f64),
-    /// A repetition of so little time that the messages would come without a pause.
-    #[error(
-        "loop = true: the part of the bag that is played lasts {0:?}, and at least 1 ms is needed; play more of it, or only once"
-    )]
-    Round(Duration),
-    /// None of the chosen topics is among those of the bag.
-    #[error("the bag has none of the topics {0}; it has {1}")]
-    Topics(String, String),
-    /// The offset of the start is greater than the time from the first to the last message.
-    #[error("start offset = {0:?}: the bag lasts {1:?}")]
-    StartOffset(Duration, Duration),
-}
+#[error("{0}")]
+pub struct PlayError(String);
 
 /// A message and when to send it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -71,8 +57,7 @@ impl Player {
     /// Prepares the replay of `bag`.
     ///
     /// # Errors
-    /// [`PlayError::StartOffset`] for an offset behind the end, [`PlayError::Round`] for a repetition of less than 1 ms,
-    /// [`PlayError::Topics`] when no chosen topic is in the bag.
+    /// [`PlayError`] for an offset behind the end, for a repetition of less than 1 ms, and when no chosen topic is in the bag.
     pub fn new(bag: BagReader, options: &PlayOptions) -> Result<Self, PlayError> {
         check_topics(&bag, options.topics.as_deref().unwrap_or_default())?;
         // An empty bag lasts no time at all.
@@ -80,13 +65,17 @@ impl Player {
         // An offset to the very end still plays the last message.
         let start = first.checked_add(nanos(options.start_offset)).filter(|&start| start <= last);
         let Some(start) = start else {
-            return Err(PlayError::StartOffset(options.start_offset, Duration::from_nanos(last - first)));
+            let (offset, lasts) = (options.start_offset, Duration::from_nanos(last - first));
+            return Err(PlayError(format!("start offset = {offset:?}: the bag lasts {lasts:?}")));
         };
         let end = options.duration.map_or(last, |duration| last.min(start.saturating_add(nanos(duration))));
         let selection = Selection { topics: options.topics.clone(), start_ns: Some(start) };
         let round = Duration::from_nanos(end - start);
         if options.repeats && round < SHORTEST_ROUND && bag.span().is_some() {
-            return Err(PlayError::Round(round));
+            return Err(PlayError(format!(
+                "loop = true: the part of the bag that is played lasts {round:?}, and at least 1 ms is needed; play more of it, or \
+                 only once"
+            )));
         }
         let messages = bag.messages(&selection);
         let (repeats, window) = (options.repeats, (start, end));
@@ -171,7 +160,10 @@ fn check_topics(bag: &BagReader, wanted: &[String]) -> Result<(), PlayError> {
     if !missing.is_empty() && missing.len() == wanted.len() {
         let topics: Vec<_> = topics.iter().map(|counted| counted.topic.name.as_str()).collect();
         let topics = if topics.is_empty() { "none".to_owned() } else { topics.join(", ") };
-        return Err(PlayError::Topics(wanted.join(", "), topics));
+        return Err(PlayError(format!(
+            "the bag has none of the topics {}; it has {topics}",
+            wanted.join(", ")
+        )));
     }
     missing.iter().for_each(|name| tracing::warn!("the bag has no topic '{name}'"));
     Ok(())
@@ -191,7 +183,7 @@ impl PlaybackClock {
     /// Creates a clock that is at position 0 at `ticks`.
     ///
     /// # Errors
-    /// [`PlayError::Rate`] for a rate that is not a finite number from 0 on.
+    /// [`PlayError`] for a rate that is not a finite number from 0 on.
     pub fn new(ticks: u64, rate: f64, is_paused: bool) -> Result<Self, PlayError> {
         Ok(Self { rate: check(rate)?, is_paused, anchor: (ticks, 0) })
     }
@@ -223,7 +215,7 @@ impl PlaybackClock {
     /// Goes on from `ticks` at another speed.
     ///
     /// # Errors
-    /// [`PlayError::Rate`] for a rate that is not a finite number from 0 on.
+    /// [`PlayError`] for a rate that is not a finite number from 0 on.
     pub fn set_rate(&mut self, ticks: u64, rate: f64) -> Result<(), PlayError> {
         let rate = check(rate)?;
         // The position so far counts at the old rate; only from here on the new one holds.
@@ -246,7 +238,8 @@ impl PlaybackClock {
 }
 
 fn check(rate: f64) -> Result<f64, PlayError> {
-    if rate.is_finite() && rate >= 0.0 { Ok(rate) } else { Err(PlayError::Rate(rate)) }
+    let why = || PlayError(format!("rate = {rate}: must be a finite number, 0 or above"));
+    (rate.is_finite() && rate >= 0.0).then_some(rate).ok_or_else(why)
 }
 
 #[cfg(test)]
@@ -273,7 +266,7 @@ mod tests {
         pace.set_paused(9000, false);
         pace.set_rate(9100, 0.5).expect("a rate");
         assert_eq!((pace.position(9100), pace.position(9200), pace.ticks_of(500)), (400, 450, Some(9300)));
-        assert_eq!(pace.set_rate(9200, -0.5), Err(PlayError::Rate(-0.5)));
+        assert!(pace.set_rate(9200, -0.5).is_err_and(|why| why.to_string().starts_with("rate = -0.5: ")));
         assert_eq!(pace.position(9300), 500);
         pace.jump(9300, 7);
         assert_eq!(pace.position(9302), 8);

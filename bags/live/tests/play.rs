@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use modulo_bags::bag::{BagReader, BagWriter, Compression};
 use modulo_bags_live::control::{PlayerAction, PlayerCommand, PlayerReply, Service};
-use modulo_bags_live::play::{PlayError, PlayOptions, Player};
+use modulo_bags_live::play::{PlayOptions, Player};
 use modulo_msgs::builtin::Time;
 use modulo_msgs::cdr;
 use modulo_msgs::rosbag2_interfaces::{
@@ -121,7 +121,7 @@ fn a_part_without_a_duration_is_played_only_once() {
         assert_eq!(played(path, &options, 9).len(), 1, "{options:?}");
         let forever = PlayOptions { repeats: true, ..options };
         let refused = Player::new(BagReader::open(path).expect("a bag"), &forever).err();
-        assert_eq!(refused, Some(PlayError::Round(Duration::ZERO)), "{forever:?}");
+        assert!(refused.is_some_and(|why| why.to_string().contains("lasts 0ns")), "{forever:?}");
     }
 }
 
