@@ -44,7 +44,7 @@ impl BagSource {
         let selection = Selection::of([topic.topic.name.clone()]);
         let messages = bag.messages(&selection);
         let white = match read_scale(&bag, &topic)? {
-            Some(scale) => white.of_described(scale.most() as f32),
+            Some(scale) => white.of_described(scale.most as f32),
             None => white,
         };
         // What is wrong with another topic alone does not concern the images.

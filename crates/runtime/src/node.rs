@@ -1,7 +1,6 @@
 //! [`Node`]: a pure step, without thread, clock and transport; drivers bring those, and all execute the same code.
 
 use std::any::Any;
-use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::time::Duration;
 
@@ -191,18 +190,14 @@ pub struct Context<'a> {
     stream: Option<&'a str>,
     clock: &'a dyn Clock,
     wanted: &'a [bool],
-    unwanted: RefCell<BTreeSet<usize>>,
-    emitted: Vec<(usize, Message)>,
-    stages: Vec<(&'static str, u64)>,
-    begins: Vec<u64>,
+    output: StepOutput,
 }
 
 impl<'a> Context<'a> {
     /// Creates the context of one step. `node` is the fully qualified name of the node, such as `/unwrap`; `wanted[i]`
     /// is whether `outputs()[i]` has a reader.
     pub fn new(node: &'a str, clock: &'a dyn Clock, wanted: &'a [bool]) -> Self {
-        let (emitted, stages, begins) = (Vec::new(), Vec::new(), Vec::new());
-        Self { node, stream: None, clock, wanted, unwanted: RefCell::default(), emitted, stages, begins }
+        Self { node, stream: None, clock, wanted, output: StepOutput::default() }
     }
 
     /// Names the declared stream of the message that the step is about ([`stream_of`]), which may be one that the node is leaving.
@@ -227,38 +222,37 @@ impl<'a> Context<'a> {
 
     /// Returns whether output `output` has a reader; a message without one need not be made. A step asks when it has a
     /// message to send: a message that is not made then is counted as unwanted.
-    pub fn wanted(&self, output: usize) -> bool {
+    pub fn wanted(&mut self, output: usize) -> bool {
         // Asked once before the step: a reader that comes during it gets the next message.
         let wanted = self.wanted.get(output).copied().unwrap_or(false);
         if !wanted {
-            self.unwanted.borrow_mut().insert(output);
+            self.output.unwanted.insert(output);
         }
         wanted
     }
 
     /// Sends `message` on output `output` when the step has returned.
     pub fn emit(&mut self, output: usize, message: Message) {
-        self.emitted.push((output, message));
+        self.output.messages.push((output, message));
     }
 
     /// Runs `work` and books its duration under `stage` (`unwrap`, `infer`, ...).
     pub fn stage<T>(&mut self, stage: &'static str, work: impl FnOnce() -> T) -> T {
         let start = self.clock.ticks_ns();
         let result = work();
-        self.stages.push((stage, self.clock.ticks_ns().saturating_sub(start)));
-        self.begins.push(start);
+        self.output.stages.push((stage, self.clock.ticks_ns().saturating_sub(start)));
+        self.output.begins.push(start);
         result
     }
 
     /// Returns the output of the step.
     pub fn finish(self) -> StepOutput {
-        let Self { emitted: messages, unwanted, stages, begins, .. } = self;
-        StepOutput { messages, unwanted: unwanted.into_inner(), stages, begins }
+        self.output
     }
 }
 
 /// The output of one step for its driver.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct StepOutput {
     /// Messages to send, by output.
     pub messages: Vec<(usize, Message)>,

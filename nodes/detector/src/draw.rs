@@ -11,9 +11,9 @@ use ndarray::Array3;
 /// a screen needs it ([`LightScale::shown`]); any other one as it is.
 pub fn annotated(frame: &Frame, scale: StreamScale, found: &[Detection]) -> Result<Frame, String> {
     let (height, width, channels) = frame.dim();
-    let frame = tone::eight_bits(frame, scale.most() as f32);
+    let frame = tone::eight_bits(frame, scale.most as f32);
     let samples = frame.as_u8().expect("8 bits");
-    let shown = scale.light().map_or_else(|| std::array::from_fn(|code| code as u8), LightScale::shown);
+    let shown = scale.light.map_or_else(|| std::array::from_fn(|code| code as u8), LightScale::shown);
     let repeated = if channels == 1 { 3 } else { 1 };
     let rgb = samples.iter().flat_map(|&sample| std::iter::repeat_n(shown[usize::from(sample)], repeated));
     let rgb = rgb.collect();

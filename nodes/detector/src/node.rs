@@ -170,26 +170,15 @@ impl Loaded {
         Ok(Self { parameters: parameters.clone(), settings, engine })
     }
 
-    /// Loads the model in place of that of `last`.
-    fn after(
-        last: &DetectorParameters,
-        parameters: &DetectorParameters,
-        size: (usize, usize),
-    ) -> Result<Self, ParameterError> {
-        let values = |of: &DetectorParameters| {
-            let DetectorParameters { model, engine, device, input_size, threads, .. } = of.clone();
-            [model, engine.to_string(), device, input_size, threads.to_string()]
-        };
-        Self::new(parameters, size).map_err(|why| match why {
+    /// Loads the model of `next` in place of that of `last`.
+    fn after(last: &Parameters, next: &Parameters, size: (usize, usize)) -> Result<Self, ParameterError> {
+        Self::new(&next.into(), size).map_err(|why| match why {
             DetectorError::Parameter(why) => why,
             DetectorError::Engine(why) => {
-                let named = ["model", "engine", "device", "input_size", "threads"]
-                    .into_iter()
-                    .zip(values(parameters));
-                let mut changed = named.zip(values(last)).filter(|((_, next), last)| next != last);
-                let first = changed.next().map(|(named, _)| named);
+                let loaded_with = ["model", "engine", "device", "input_size", "threads"];
+                let first = last.changed(next).find(|(name, _)| loaded_with.contains(name));
                 let (name, value) = first.expect("a model is loaded again where one of them has changed");
-                ParameterError::new(name, value, why.to_string())
+                ParameterError::new(name, value.plain(), why.to_string())
             }
         })
     }
@@ -319,7 +308,7 @@ impl Detector {
         let Self { loaded: Loaded { settings, engine, .. }, pre, cameras, .. } = self;
         let (frame, letterbox) = cx.stage("pre", || {
             let frame = image.frame.demosaiced();
-            pre.fill(&frame, scale.most(), settings.input_size).map(|letterbox| (frame, letterbox))
+            pre.fill(&frame, scale.most, settings.input_size).map(|letterbox| (frame, letterbox))
         })?;
         (cameras[camera].bits, cameras[camera].size) = (scale.bits(), pre.size());
         let tensor = pre.tensor().expect("it was filled");
@@ -353,13 +342,13 @@ impl Detector {
             "image has 32-bit float samples, of which no range is known: set `bits` to the sensor's",
         )?;
         if *bits == 0
-            && scale.light().is_none()
+            && scale.light.is_none()
             && let Some(warning) = camera.codes.note(&image.frame, sensor.map(|sensor| sensor.bits))
         {
             tracing::warn!("{warning}");
         }
         if let (Some(described), Some(sensor)) = (of(0).filter(|described| *described != scale), sensor)
-            && described.light().is_some()
+            && described.light.is_some()
             && !std::mem::replace(&mut self.contradiction_reported, true)
         {
             tracing::warn!("the parameter bits {bits} overrides the camera's {} bits", sensor.bits);
@@ -471,14 +460,14 @@ impl Node for Detector {
     }
 
     fn prepare(&self, now: &Parameters, next: &Parameters) -> Option<Job> {
-        let [now, next] = [now, next].map(DetectorParameters::from);
-        if !next.same_engine(&now) {
-            let size = self.pre.size().unwrap_or(FIRST_RUN);
+        let [before, after] = [now, next].map(DetectorParameters::from);
+        if !after.same_engine(&before) {
+            let (now, next, size) = (now.clone(), next.clone(), self.pre.size().unwrap_or(FIRST_RUN));
             return Some(Box::new(move || Ok(Box::new(Loaded::after(&now, &next, size)?))));
         }
         let names = self.loaded.engine.layout.names.clone();
-        (next.class_map != now.class_map)
-            .then(|| -> Job { Box::new(move || Ok(Box::new(ClassMap::read(&next.class_map, &names)?))) })
+        (after.class_map != before.class_map)
+            .then(|| -> Job { Box::new(move || Ok(Box::new(ClassMap::read(&after.class_map, &names)?))) })
     }
 
     fn exchange(&mut self, parameters: &Parameters, part: Part) -> Result<(), ParameterError> {

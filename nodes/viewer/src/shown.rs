@@ -27,7 +27,7 @@ pub struct ShownImage {
 impl ShownImage {
     /// Makes 8 bits of `frame`, whose samples have this `scale`, if it is known.
     pub fn of(frame: &Frame, scale: Option<StreamScale>, audience: Audience) -> Self {
-        match scale.and_then(|scale| Some((scale.most(), scale.light()?))) {
+        match scale.and_then(|scale| Some((scale.most, scale.light?))) {
             Some(scale) => of_radiance(frame, scale, audience),
             None => of_samples(frame),
         }
@@ -36,11 +36,11 @@ impl ShownImage {
 
 /// A page gets sRGB's codes of radiance: dark parts keep their steps, which it may show brighter.
 fn of_radiance(frame: &Frame, (most, light): (f64, LightScale), audience: Audience) -> ShownImage {
-    let curve = DisplayCurve::of_white(light.white());
+    let curve = DisplayCurve::of_white(light.white);
     let code = |sample: f64| {
         let radiance = light.radiance((sample / most).min(1.0));
         let code = match audience {
-            Audience::Page => Transfer::Srgb.encode(radiance / light.white()),
+            Audience::Page => Transfer::Srgb.encode(radiance / light.white),
             Audience::Foxglove => curve.code(radiance),
         };
         (255.0 * code).round() as u8
@@ -57,7 +57,7 @@ fn of_radiance(frame: &Frame, (most, light): (f64, LightScale), audience: Audien
         Samples::F32(values) => values.mapv(|sample| code(f64::from(sample))),
     };
     let shown = Frame::from_u8(shown).expect("the shape is that of a frame");
-    ShownImage { frame: shown, peaks: Some(light.white()), stops: stops(frame, (most, light)) }
+    ShownImage { frame: shown, peaks: Some(light.white), stops: stops(frame, (most, light)) }
 }
 
 /// Samples of more than 8 bits keep their ratio; the largest one becomes white.

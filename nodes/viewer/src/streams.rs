@@ -276,7 +276,7 @@ impl Streams {
             let (image, scale) = newest_first.find(|sent| sent.0.header.stamp == Time { sec, nanosec })?;
             let is_inside = v < image.frame.height() && u < image.frame.width();
             let samples = is_inside.then(|| samples_at(&image.frame, v, u))?;
-            let light = scale.and_then(|scale| Some((scale.most(), scale.light()?)));
+            let light = scale.and_then(|scale| Some((scale.most, scale.light?)));
             let radiance = |(most, light): (f64, LightScale)| {
                 samples.iter().map(|&sample| light.radiance(f64::from(sample) / most)).collect()
             };

@@ -308,21 +308,17 @@ impl SensorOverride {
 
 impl From<SensorModel> for SensorOverride {
     fn from(model: SensorModel) -> Self {
-        let SensorModel {
-            bits, alpha, headroom, optical_black, black_level, psf, psf_sigma, gain_ratio, ..
-        } = model;
-        let (transfer, gains) = (Some(model.transfer), Some(model.gains));
         Self {
-            bits,
-            alpha,
-            headroom,
-            transfer,
-            optical_black,
-            black_level,
-            psf,
-            psf_sigma,
-            gains,
-            gain_ratio,
+            bits: model.bits,
+            alpha: model.alpha,
+            headroom: model.headroom,
+            transfer: Some(model.transfer),
+            optical_black: model.optical_black,
+            black_level: model.black_level,
+            psf: model.psf,
+            psf_sigma: model.psf_sigma,
+            gains: Some(model.gains),
+            gain_ratio: model.gain_ratio,
         }
     }
 }

@@ -11,8 +11,10 @@ const PICTURE: u8 = 8;
 /// the pictures of a sensor of 6 bits have 8.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StreamScale {
-    most: f64,
-    light: Option<LightScale>,
+    /// The largest sample, which is white; larger ones are clipped.
+    pub most: f64,
+    /// How the samples stand for radiance, if that is known.
+    pub light: Option<LightScale>,
 }
 
 /// How the samples of a stream stand for radiance, in peaks of the sensor.
@@ -20,7 +22,7 @@ pub struct StreamScale {
 pub struct LightScale {
     transfer: Transfer,
     /// The radiance of the largest sample, in peaks of the sensor.
-    white: f64,
+    pub white: f64,
 }
 
 impl StreamScale {
@@ -69,19 +71,9 @@ impl StreamScale {
         Some(Self { most, light })
     }
 
-    /// Returns the largest sample, which is white; larger ones are clipped.
-    pub fn most(self) -> f64 {
-        self.most
-    }
-
     /// Returns the bits that the largest sample needs.
     pub fn bits(self) -> u8 {
         (self.most + 1.0).log2().ceil() as u8
-    }
-
-    /// Returns how the samples stand for radiance, if that is known.
-    pub fn light(self) -> Option<LightScale> {
-        self.light
     }
 }
 
@@ -94,11 +86,6 @@ impl LightScale {
         let pictures = Self::of_pictures(sensor);
         // Pixels of low gain show what is above the peak.
         if sensor.gains { pictures } else { Self { white: 1.0, ..pictures } }
-    }
-
-    /// Returns the radiance of the largest sample, in peaks of the sensor.
-    pub fn white(self) -> f64 {
-        self.white
     }
 
     /// Returns the radiance, in peaks of the sensor, of a sample divided by the largest one.
@@ -119,7 +106,7 @@ mod tests {
 
     fn light(topic: &str, sensor: &SensorModel) -> LightScale {
         StreamScale::of(topic, 8, Some(sensor), 0)
-            .and_then(StreamScale::light)
+            .and_then(|scale| scale.light)
             .expect("a stream of the camera")
     }
 
@@ -128,7 +115,7 @@ mod tests {
         let sensor = SensorModel { bits: 10, alpha: 4.0, headroom: 0.97, ..SensorModel::default() };
         let radiance = |topic: &str, depth, sample: f64| {
             let scale = StreamScale::of(topic, depth, Some(&sensor), 0).expect("a scale");
-            Some(scale.light()?.radiance(sample / scale.most()))
+            Some(scale.light?.radiance(sample / scale.most))
         };
         // A quarter of the peak, as whole codes of each stream.
         for (topic, depth, sample, tolerance) in [
@@ -152,7 +139,7 @@ mod tests {
             let sensor = SensorModel { bits, alpha: 4.0, headroom: 1.0, ..SensorModel::default() };
             let depth = if bits <= 8 { 8 } else { 16 };
             let most = |topic, depth, sensor, given| {
-                StreamScale::of(topic, depth, sensor, given).map(|scale| (scale.most(), scale.bits()))
+                StreamScale::of(topic, depth, sensor, given).map(|scale| (scale.most, scale.bits()))
             };
             let codes = Some((f64::from((1_u32 << bits) - 1), bits));
             let other = SensorModel::default();

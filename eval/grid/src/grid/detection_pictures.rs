@@ -82,7 +82,7 @@ fn picture(frame: &Frame, point: &Point, truth: &[GroundTruth], found: &[&Detect
         | Stream::MultiExposure
         | Stream::MultiExposureStill => "ideal",
     };
-    let shown = StreamScale::of(stream, frame.depth(), Some(&point.sensor), 0)?.light()?.shown();
+    let shown = StreamScale::of(stream, frame.depth(), Some(&point.sensor), 0)?.light?.shown();
     let repeated = if channels == 1 { 3 } else { 1 };
     let rgb = pixels.iter().flat_map(|&code| std::iter::repeat_n(shown[usize::from(code)], repeated));
     let boxed = |b: BBox, colour, label| LabelledBox { corners: [b.x1, b.y1, b.x2, b.y2], colour, label };
