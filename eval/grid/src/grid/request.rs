@@ -166,8 +166,8 @@ impl Request {
             seed: options.seed,
             difficulty: self.difficulty(),
             engine: match options.device {
-                EngineDevice::Cpu => options.engine.to_string(),
-                device => format!("{} on {device}", options.engine),
+                EngineDevice::Cpu => options.engine.word().to_owned(),
+                device => format!("{} on {device}", options.engine.word()),
             },
             class_map: map.table.clone(),
             groups: groups.0.clone(),

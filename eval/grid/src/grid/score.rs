@@ -7,7 +7,7 @@ use modulo_ap::average::{self, Membership, image_boxes};
 use modulo_ap::difficulty::DONT_CARE;
 use modulo_ap::matching::ImageBoxes;
 use modulo_core::Detection;
-use modulo_detector::{EngineOptions, describe};
+use modulo_detector::{EngineDevice, EngineOptions, describe};
 
 use super::around;
 use super::frames::{Frames, ScoredFrame};
@@ -196,9 +196,10 @@ fn mapped_classes(
     let labels = frames.scored.iter().flat_map(|frame| &frame.truth).map(|label| label.class.clone());
     let labels: BTreeSet<String> = labels.filter(|class| class != DONT_CARE).collect();
     let mut all = MappedClasses::new();
+    let options = EngineOptions { engine: request.options.engine, device: EngineDevice::Cpu, threads: 1 };
     for model in &request.options.axes.model {
         let name = Axes::model_name(model);
-        let own = describe(model, EngineOptions::on_cpu(request.options.engine, 1))?.classes;
+        let own = describe(model, options)?.classes;
         let found: BTreeSet<String> =
             own.iter().filter_map(|class| map.mapped(class)).map(str::to_owned).collect();
         // A model without class names may find every class.

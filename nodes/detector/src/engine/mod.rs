@@ -14,7 +14,6 @@ use std::str::FromStr;
 use ndarray::{Array2, ArrayView4};
 
 use crate::model::{ModelLayout, embedded};
-use onnxruntime::Provider;
 pub use onnxruntime::places_here as onnxruntime_places;
 
 /// A loaded model, ready to run.
@@ -48,12 +47,11 @@ impl EngineChoice {
         (onnxruntime::OPENVINO_F32, Self::OpenVinoF32),
         (self::rten::NAME, Self::Rten),
     ];
-}
 
-impl fmt::Display for EngineChoice {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let word = Self::WORDS.iter().find(|(_, choice)| choice == self).map(|(word, _)| *word);
-        f.write_str(word.expect("every choice has a word"))
+    /// Returns its word.
+    pub fn word(self) -> &'static str {
+        let word = Self::WORDS.iter().find(|(_, choice)| *choice == self).map(|(word, _)| *word);
+        word.expect("every choice has a word")
     }
 }
 
@@ -105,11 +103,6 @@ pub struct EngineOptions {
 }
 
 impl EngineOptions {
-    /// Returns `engine` on the processor with `threads` threads, 0 for as many as the machine has cores.
-    pub fn on_cpu(engine: EngineChoice, threads: usize) -> Self {
-        Self { engine, device: EngineDevice::Cpu, threads }
-    }
-
     /// Returns the number of threads, or as many as the machine runs at once for 0.
     pub fn cores(self) -> NonZeroUsize {
         NonZeroUsize::new(self.threads)
@@ -196,27 +189,21 @@ pub fn open(model: &Path, options: EngineOptions) -> Result<OpenedEngine, Engine
         (EngineChoice::Auto, _) => (EngineChoice::OnnxRuntime, "auto"),
         (engine, _) => (engine, "as asked"),
     };
-    let provider = match (engine, device) {
-        (EngineChoice::Rten, EngineDevice::Cpu) => {
-            let (engine, layout) = self::rten::Rten::load(model, threads)?;
-            let (engine, name) = (Box::new(engine), self::rten::NAME);
-            return Ok(OpenedEngine { engine, name, threads, layout, note: reason.to_owned() });
-        }
-        (EngineChoice::OpenVino, EngineDevice::Cpu) => Provider::OpenVino,
-        (EngineChoice::OpenVinoF32, EngineDevice::Cpu) => Provider::OpenVinoF32,
-        (EngineChoice::Rten | EngineChoice::OpenVino | EngineChoice::OpenVinoF32, _) => {
-            let why = format!("engine {engine} runs on the processor only, not on {device}");
-            return Err(EngineError(format!("{why}; set engine to ort, or device to cpu")));
-        }
-        (_, EngineDevice::Cpu) => Provider::Cpu,
-        (_, EngineDevice::Cuda(number)) => Provider::Cuda(number),
-        (_, EngineDevice::TensorRt(number)) => Provider::TensorRt(number),
-    };
+    let name = engine.word();
+    if device != EngineDevice::Cpu && engine != EngineChoice::OnnxRuntime {
+        let why = format!("engine {name} runs on the processor only, not on {device}");
+        return Err(EngineError(format!("{why}; set engine to ort, or device to cpu")));
+    }
+    if engine == EngineChoice::Rten {
+        let (opened, layout) = self::rten::Rten::load(model, threads)?;
+        let note = reason.to_owned();
+        return Ok(OpenedEngine { engine: Box::new(opened), name, threads, layout, note });
+    }
     let library = onnxruntime::library()?;
-    let (opened, layout) = onnxruntime::OnnxRuntime::load(model, provider, threads, &library)?;
-    let bf16 = matches!(provider, Provider::OpenVino) && onnxruntime::has_bf16();
+    let (opened, layout) = onnxruntime::OnnxRuntime::load(model, (engine, device), threads, &library)?;
+    let bf16 = onnxruntime::uses_bf16(engine);
     let note = if bf16 { format!("{}, bf16", library.place) } else { library.place };
-    Ok(OpenedEngine { engine: Box::new(opened), name: provider.engine(), threads, layout, note })
+    Ok(OpenedEngine { engine: Box::new(opened), name, threads, layout, note })
 }
 
 #[cfg(test)]

@@ -14,7 +14,7 @@ use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
 use ort::value::{Outlet, TensorElementType, TensorRef, ValueType};
 
 use super::weights::{self, ModelFile};
-use super::{Engine, EngineDevice, EngineError};
+use super::{Engine, EngineChoice, EngineDevice, EngineError};
 use crate::model::{FLOAT32, ModelLayout, Signature, TensorSpec, embedded};
 
 /// The word for this engine.
@@ -75,50 +75,16 @@ pub struct OnnxRuntime {
     output: String,
 }
 
-/// The part of ONNX Runtime that computes.
-#[derive(Clone, Copy)]
-pub enum Provider {
-    /// Its own kernels for the processor.
-    Cpu,
-    /// OpenVINO on the processor, with 16 bits (bf16) where the processor computes with them.
-    OpenVino,
-    /// OpenVINO on the processor, with 32 bits.
-    OpenVinoF32,
-    /// CUDA on the GPU with this number.
-    Cuda(u8),
-    /// TensorRT on the GPU with this number.
-    TensorRt(u8),
-}
-
-impl Provider {
-    /// The word for the engine.
-    pub fn engine(self) -> &'static str {
-        match self {
-            Self::OpenVino => OPENVINO,
-            Self::OpenVinoF32 => OPENVINO_F32,
-            Self::Cpu | Self::Cuda(_) | Self::TensorRt(_) => NAME,
-        }
-    }
-
-    fn device(self) -> EngineDevice {
-        match self {
-            Self::Cpu | Self::OpenVino | Self::OpenVinoF32 => EngineDevice::Cpu,
-            Self::Cuda(number) => EngineDevice::Cuda(number),
-            Self::TensorRt(number) => EngineDevice::TensorRt(number),
-        }
-    }
-}
-
 impl OnnxRuntime {
-    /// Loads `model` with all graph optimisations.
-    /// It fails where `library` has no such provider or the machine no such device.
+    /// Loads `model` with all graph optimisations for `engine` on `device`.
+    /// It fails where `library` has no provider for them or the machine no such device.
     pub fn load(
         model: &Path,
-        provider: Provider,
+        (engine, device): (EngineChoice, EngineDevice),
         threads: NonZeroUsize,
         library: &Library,
     ) -> Result<(Self, ModelLayout), EngineError> {
-        let failed = |why: ort::Error| EngineError::load(model, provider.engine(), why);
+        let failed = |why: ort::Error| EngineError::load(model, engine.word(), why);
         // Level `All` counts: 61 ms against 100 ms at 640 x 640 without it.
         let builder = Session::builder(&library.environment)
             .and_then(|builder| Ok(builder.with_optimization_level(GraphOptimizationLevel::All)?))
@@ -126,11 +92,11 @@ impl OnnxRuntime {
             // A pattern of the memory, made for each size of the input, saves no time, but takes 28 MB at 1248 x 384.
             .and_then(|builder| Ok(builder.with_memory_pattern(false)?))
             .map_err(failed)?;
-        let mut builder = with_provider(builder, provider, threads, library)?;
+        let mut builder = with_provider(builder, (engine, device), threads, library)?;
         let session = match embedded(model) {
             Some(bytes) => builder.commit_from_memory(bytes),
             None => {
-                match weights::read(model).map_err(|why| EngineError::load(model, provider.engine(), why))? {
+                match weights::read(model).map_err(|why| EngineError::load(model, engine.word(), why))? {
                     ModelFile { parts, .. } if parts.len() == 1 => builder.commit_from_file(model),
                     ModelFile { whole, .. } => builder.commit_from_memory(&whole),
                 }
@@ -138,33 +104,35 @@ impl OnnxRuntime {
         };
         let session = session.map_err(failed)?;
         let layout = ModelLayout::of(model, &signature(&session))?;
-        Ok((Self { session, engine: provider.engine(), output: layout.output.clone() }, layout))
+        Ok((Self { session, engine: engine.word(), output: layout.output.clone() }, layout))
     }
 }
 
-/// Registers `provider`, which computes every part of a model that it knows.
+/// Registers the provider of `engine` on `device`, which computes every part of a model that it knows. ONNX Runtime has kernels of its
+/// own for the processor.
 fn with_provider(
     mut builder: SessionBuilder,
-    provider: Provider,
+    (engine, device): (EngineChoice, EngineDevice),
     threads: NonZeroUsize,
     library: &Library,
 ) -> Result<SessionBuilder, EngineError> {
-    let registered = match provider {
-        Provider::Cpu => return Ok(builder),
-        Provider::OpenVino | Provider::OpenVinoF32 => {
-            let bf16 = matches!(provider, Provider::OpenVino) && has_bf16();
+    let registered = match (engine, device) {
+        (EngineChoice::OpenVino | EngineChoice::OpenVinoF32, _) => {
             let openvino = ep::OpenVINO::default()
                 .with_device_type("CPU")
                 .with_num_threads(threads.get())
-                .with_arbitrary_config("load_config", openvino_config(bf16));
+                .with_arbitrary_config("load_config", openvino_config(uses_bf16(engine)));
             register(&openvino, &mut builder)
         }
-        Provider::Cuda(number) => register(&ep::CUDA::default().with_device_id(number.into()), &mut builder),
-        Provider::TensorRt(number) => {
+        (_, EngineDevice::Cpu) => return Ok(builder),
+        (_, EngineDevice::Cuda(number)) => {
+            register(&ep::CUDA::default().with_device_id(number.into()), &mut builder)
+        }
+        (_, EngineDevice::TensorRt(number)) => {
             register(&ep::TensorRT::default().with_device_id(number.into()).with_fp16(true), &mut builder)
         }
     };
-    let (engine, device, library) = (provider.engine(), provider.device(), &library.place);
+    let (engine, library) = (engine.word(), &library.place);
     let remedy = "fetch one that can (modulo model runtime --build openvino or gpu), or set engine to ort and device to cpu";
     let failed = |why| {
         let what = format!("engine {engine} on {device} is not possible with the library {library}");
@@ -187,10 +155,10 @@ fn openvino_config(bf16: bool) -> String {
     format!(r#"{{"CPU": {{"INFERENCE_PRECISION_HINT": "{precision}"}}}}"#)
 }
 
-/// Returns whether the processor multiplies numbers of 16 bits (bf16).
-pub fn has_bf16() -> bool {
+/// Returns whether `engine` computes with 16 bits (bf16): OpenVINO does where the processor multiplies such numbers.
+pub fn uses_bf16(engine: EngineChoice) -> bool {
     #[cfg(target_arch = "x86_64")]
-    return std::arch::is_x86_feature_detected!("avx512bf16");
+    return engine == EngineChoice::OpenVino && std::arch::is_x86_feature_detected!("avx512bf16");
     #[cfg(not(target_arch = "x86_64"))]
     false
 }

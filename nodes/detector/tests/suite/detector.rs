@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use modulo_core::Frame;
 use modulo_detector::{
-    Detector, DetectorError, DetectorParameters, EngineChoice, EngineOptions, describe, measure,
+    Detector, DetectorError, DetectorParameters, EngineChoice, EngineDevice, EngineOptions, describe, measure,
 };
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
@@ -342,14 +342,16 @@ fn a_class_map_is_read_when_it_changes_and_not_again() {
     assert!(why.contains("class_map") && why.contains("No such file"), "{why}");
 }
 
+/// rten on one thread of the processor.
+const RTEN: EngineOptions =
+    EngineOptions { engine: EngineChoice::Rten, device: EngineDevice::Cpu, threads: 1 };
+
 #[test]
 fn names_come_from_metadata_then_a_file_then_numbers() {
     let folder = tempfile::tempdir().expect("a folder");
     let model = folder.path().join("mine.onnx");
     std::fs::copy(data("nameless.onnx"), &model).expect("copied");
-    let known = |model: &Path| {
-        describe(model, EngineOptions::on_cpu(EngineChoice::Rten, 1)).expect("a model").classes
-    };
+    let known = |model: &Path| describe(model, RTEN).expect("a model").classes;
     assert_eq!(known(&data("rows.onnx")), ["person", "bicycle", "car"]);
     assert_eq!(known(&model), Vec::<String>::new());
     let mut node = opened(&model, &[]).expect("a detector");
@@ -452,14 +454,8 @@ impl modulo_runtime::Clock for Slower {
 fn speed_is_the_median_run_at_each_size() {
     let runs = std::num::NonZeroUsize::new(3).expect("not zero");
     let timed = |file: &str, sizes: &[(usize, usize)]| {
-        let speeds = measure(
-            &data(file),
-            EngineOptions::on_cpu(EngineChoice::Rten, 1),
-            sizes,
-            (runs, std::time::Duration::ZERO),
-            &Slower::default(),
-        )
-        .expect("runs");
+        let speeds = measure(&data(file), RTEN, sizes, (runs, std::time::Duration::ZERO), &Slower::default())
+            .expect("runs");
         speeds.iter().map(|speed| (speed.height, speed.width, speed.median_ns())).collect::<Vec<_>>()
     };
     // Looks 0 to 5 are at 0, 1, 4, 9, 16, 25: the runs take 1, 5, 9; then 13, 17, 21.
