@@ -192,10 +192,10 @@ pub struct ParameterText {
 }
 
 impl ParameterText {
-    /// A scalar; a `kind` is checked, and a `float` gets its decimal point.
+    /// A scalar; a `kind`, which is that of a scalar, is checked, and a `float` gets its decimal point.
     pub(super) fn scalar(text: String, kind: Option<&'static str>) -> Result<Self, String> {
         let text = match kind {
-            Some(of) if !of.starts_with("list_of_") => typed(text, of)?,
+            Some(of) => typed(text, of)?,
             // ROS 2 asks YAML for the type of a text, so the text must be a value to YAML.
             _ if is_value(&text) => text,
             _ => {
@@ -207,16 +207,12 @@ impl ParameterText {
         Ok(Self { text, kind })
     }
 
-    /// A list of (text, type as it is written).
+    /// A list of (text, type as it is written); a `kind` is that of a list.
     pub(super) fn list(
         items: Vec<(String, Option<ScalarType>)>,
         kind: Option<&'static str>,
     ) -> Result<Self, String> {
-        let of = match kind.map(|kind| kind.strip_prefix("list_of_").ok_or(kind)) {
-            Some(Err(kind)) => return Err(format!("is a list, must be a {kind}")),
-            Some(Ok(of)) => of,
-            None => "",
-        };
+        let of = kind.and_then(|kind| kind.strip_prefix("list_of_")).unwrap_or_default();
         let items: Result<Vec<String>, String> = items
             .into_iter()
             .map(|(text, kind)| {

@@ -8,57 +8,45 @@ use super::{Part, SubstitutionError, Template};
 use crate::listed;
 use crate::package;
 
-/// A substitution that can be evaluated.
+/// A substitution that can be evaluated: its name, the fewest and the most arguments, and the value for so many of them.
 #[derive(Debug)]
-pub struct Function {
-    name: &'static str,
-    /// The fewest and the most arguments.
-    fewest: usize,
-    most: usize,
-    /// Returns the value for so many arguments.
-    value: fn(&[String], &Surroundings<'_>) -> Result<String, SubstitutionError>,
-}
+pub struct Function(&'static str, [usize; 2], fn(&[String], &Surroundings<'_>) -> Value);
+
+/// The value of a substitution.
+type Value = Result<String, SubstitutionError>;
 
 impl PartialEq for Function {
     fn eq(&self, other: &Self) -> bool {
-        self.name == other.name
+        self.0 == other.0
     }
 }
 
 impl Eq for Function {}
 
-const fn function(
-    name: &'static str,
-    [fewest, most]: [usize; 2],
-    value: fn(&[String], &Surroundings<'_>) -> Result<String, SubstitutionError>,
-) -> Function {
-    Function { name, fewest, most, value }
-}
-
 static KNOWN: [Function; 12] = [
     // `$(var name [default])`: a launch argument or a `let`.
-    function("var", [1, 2], |given, around| variable(&given[0], given.get(1), around)),
+    Function("var", [1, 2], |given, around| variable(&given[0], given.get(1), around)),
     // `$(env NAME [default])`: an environment variable.
-    function("env", [1, 2], |given, around| environment_variable(&given[0], given.get(1), around)),
+    Function("env", [1, 2], |given, around| environment_variable(&given[0], given.get(1), around)),
     // The folder and the path of this launch file.
-    function("dirname", [0, 0], |_, around| Ok(folder_of(around.file))),
-    function("filename", [0, 0], |_, around| Ok(around.file.display().to_string())),
+    Function("dirname", [0, 0], |_, around| Ok(folder_of(around.file))),
+    Function("filename", [0, 0], |_, around| Ok(around.file.display().to_string())),
     // `<prefix>/share/<package>`, and the prefix.
-    function("find-pkg-share", [1, 1], |given, around| {
+    Function("find-pkg-share", [1, 1], |given, around| {
         found(package::share(&given[0], around.file, around.environment))
     }),
-    function("find-pkg-prefix", [1, 1], |given, around| {
+    Function("find-pkg-prefix", [1, 1], |given, around| {
         found(package::prefix(&given[0], around.file, around.environment))
     }),
-    function("not", [1, 1], |given, _| Ok((!truth(&given[0])?).to_string())),
+    Function("not", [1, 1], |given, _| Ok((!truth(&given[0])?).to_string())),
     // Both sides are evaluated: one that is not a condition is an error, whatever the other says.
-    function("and", [2, 2], |given, _| Ok((truth(&given[0])? & truth(&given[1])?).to_string())),
-    function("or", [2, 2], |given, _| Ok((truth(&given[0])? | truth(&given[1])?).to_string())),
+    Function("and", [2, 2], |given, _| Ok((truth(&given[0])? & truth(&given[1])?).to_string())),
+    Function("or", [2, 2], |given, _| Ok((truth(&given[0])? | truth(&given[1])?).to_string())),
     // As bools or numbers when both are, else as text.
-    function("equals", [2, 2], |given, _| Ok(equal(&given[0], &given[1]).to_string())),
-    function("not-equals", [2, 2], |given, _| Ok((!equal(&given[0], &given[1])).to_string())),
+    Function("equals", [2, 2], |given, _| Ok(equal(&given[0], &given[1]).to_string())),
+    Function("not-equals", [2, 2], |given, _| Ok((!equal(&given[0], &given[1])).to_string())),
     // `$(if condition then [else])`.
-    function("if", [2, 3], |given, _| {
+    Function("if", [2, 3], |given, _| {
         Ok(given.get(if truth(&given[0])? { 1 } else { 2 }).cloned().unwrap_or_default())
     }),
 ];
@@ -84,22 +72,22 @@ impl Function {
     /// # Errors
     /// [`SubstitutionError`] with the known names, or with the reason why a known one of ROS 2 is not supported.
     pub fn named(name: &str) -> Result<&'static Self, SubstitutionError> {
-        if let Some(function) = KNOWN.iter().find(|known| known.name == name) {
+        if let Some(function) = KNOWN.iter().find(|known| known.0 == name) {
             return Ok(function);
         }
         Err(SubstitutionError::Invalid(match REFUSED.iter().find(|refused| refused.0 == name) {
             Some((_, why)) => format!("$({name}) is not supported: {why}"),
             None => {
-                let known = listed(KNOWN.iter().map(|known| known.name), "");
+                let known = listed(KNOWN.iter().map(|known| known.0), "");
                 format!("unknown substitution $({name}), known are {known}")
             }
         }))
     }
 
     pub(super) fn check_count(&self, given: usize) -> Result<(), SubstitutionError> {
-        let Self { name, fewest, most, .. } = self;
+        let Self(name, [fewest, most], _) = *self;
         let takes = match (fewest, most) {
-            _ if (*fewest..=*most).contains(&given) => return Ok(()),
+            _ if (fewest..=most).contains(&given) => return Ok(()),
             (0, 0) => "no argument".to_owned(),
             (1, 1) => "1 argument".to_owned(),
             (a, b) if a == b => format!("{a} arguments"),
@@ -122,33 +110,29 @@ pub struct Surroundings<'a> {
 
 impl Template {
     /// The text with every substitution replaced by its value.
-    pub fn evaluate(&self, around: &Surroundings<'_>) -> Result<String, SubstitutionError> {
+    pub fn evaluate(&self, around: &Surroundings<'_>) -> Value {
         self.parts.iter().map(|part| part.evaluate(around)).collect()
     }
 }
 
 impl Part {
     /// The value of this piece.
-    pub fn evaluate(&self, around: &Surroundings<'_>) -> Result<String, SubstitutionError> {
+    pub fn evaluate(&self, around: &Surroundings<'_>) -> Value {
         match self {
             Self::Text(text) => Ok(text.clone()),
             Self::Call(function, arguments) => {
                 let values: Result<Vec<String>, _> = arguments.iter().map(|a| a.evaluate(around)).collect();
-                (function.value)(&values?, around)
+                (function.2)(&values?, around)
             }
         }
     }
 }
 
-fn found(folder: Result<PathBuf, String>) -> Result<String, SubstitutionError> {
+fn found(folder: Result<PathBuf, String>) -> Value {
     folder.map(|folder| folder.display().to_string()).map_err(SubstitutionError::Invalid)
 }
 
-fn environment_variable(
-    name: &str,
-    default: Option<&String>,
-    around: &Surroundings<'_>,
-) -> Result<String, SubstitutionError> {
+fn environment_variable(name: &str, default: Option<&String>, around: &Surroundings<'_>) -> Value {
     package::variable(around.environment, name).or_else(|| default.cloned()).ok_or_else(|| {
         SubstitutionError::Invalid(format!(
             "environment variable {name} is not set, $(env {name} DEFAULT) gives it a default"
@@ -161,11 +145,7 @@ fn folder_of(file: &Path) -> String {
     folder.unwrap_or(Path::new(".")).display().to_string()
 }
 
-fn variable(
-    name: &str,
-    default: Option<&String>,
-    around: &Surroundings<'_>,
-) -> Result<String, SubstitutionError> {
+fn variable(name: &str, default: Option<&String>, around: &Surroundings<'_>) -> Value {
     around.variables.get(name).or(default).cloned().ok_or_else(|| {
         let known = listed(around.variables.keys(), "none");
         SubstitutionError::Undefined(name.to_owned(), known)
