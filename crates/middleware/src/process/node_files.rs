@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 
 use modulo_runtime::{NodeName, NodeReport, Parameters, Value, launcher};
 
-/// A listener writes at most this often.
-const AFTER_STEP_NS: u64 = 10_000_000;
-/// A node without work writes this often.
-const IDLE_NS: u64 = 1_000_000_000;
+/// The pause between two reports of a listener that has taken a message.
+pub const AFTER_STEP_NS: u64 = 10_000_000;
+/// The pause between two reports of a node to which no message came.
+pub const IDLE_NS: u64 = 1_000_000_000;
 
 /// The report of a running node on the disk.
 ///
@@ -20,17 +20,6 @@ pub struct ReportFile {
     file: PathBuf,
     written_ns: u64,
     failed: bool,
-}
-
-/// The reason for writing a report.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum WriteReason {
-    /// A source has made a frame: the account is never behind the frames sent. So for the first and the last report.
-    Always,
-    /// A listener has taken a message. Written when the last time is at least 10 ms ago.
-    Step,
-    /// No message came. The report is written when the last time is at least 1 s ago.
-    Idle,
 }
 
 impl ReportFile {
@@ -54,14 +43,9 @@ impl ReportFile {
         Err(io::ErrorKind::AlreadyExists.into())
     }
 
-    /// Returns whether the report is to be written at `reason`; `now_ns` are ticks of the machine's clock.
-    pub fn is_due(&self, reason: WriteReason, now_ns: u64) -> bool {
-        let pause = match reason {
-            WriteReason::Always => 0,
-            WriteReason::Step => AFTER_STEP_NS,
-            WriteReason::Idle => IDLE_NS,
-        };
-        now_ns.saturating_sub(self.written_ns) >= pause
+    /// Returns whether the report was written at least `pause_ns` before `now_ns`, ticks of the machine's clock.
+    pub fn is_due(&self, pause_ns: u64, now_ns: u64) -> bool {
+        now_ns.saturating_sub(self.written_ns) >= pause_ns
     }
 
     /// Writes `report`. An error, such as a full disk, does not end the node; it is logged once.
@@ -201,11 +185,9 @@ mod tests {
         let mut file = ReportFile::create(folder.path(), "/n").expect("a file");
         let start = 7_000_000_000;
         file.write(&NodeReport::new("/n"), start);
-        for (reason, pause) in
-            [(WriteReason::Always, 0), (WriteReason::Step, AFTER_STEP_NS), (WriteReason::Idle, IDLE_NS)]
-        {
-            assert!(file.is_due(reason, start + pause), "{reason:?}");
-            assert!(pause == 0 || !file.is_due(reason, start + pause - 1), "{reason:?}");
+        for pause in [0, AFTER_STEP_NS, IDLE_NS] {
+            assert!(file.is_due(pause, start + pause), "{pause}");
+            assert!(pause == 0 || !file.is_due(pause, start + pause - 1), "{pause}");
         }
     }
 

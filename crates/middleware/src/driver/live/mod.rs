@@ -28,7 +28,7 @@ use super::{CommonParameters, GRAPH_GLANCE, ImageTransport, RunError, wait_until
 use crate::driver::pacing::{Pacing, ack_topic};
 use crate::graph::node_time::NodeTime;
 use crate::parameter::events::ParameterEvents;
-use crate::process::node_files::{ReportFile, SavedState, WriteReason};
+use crate::process::node_files::{IDLE_NS, ReportFile, SavedState};
 use crate::transport::queue::{Arrived, Limit, Queue, Queued};
 use crate::transport::{Incoming, ParameterRequest, Publisher, Transport};
 use inputs::{Inputs, Renewal};
@@ -165,7 +165,7 @@ impl Live<'_> {
         let announced = self.transport.announce(&self.node_name)?;
         self.settings.started(self.time.now_ns());
         self.publish_state(Time::from_ns(self.time.now_ns()));
-        self.write_report(WriteReason::Always);
+        self.write_report(0);
         tracing::info!(node = %self.telemetry.node(), "ready");
         // Another source may make a source a listener, and the other way round.
         let ended = loop {
@@ -282,15 +282,15 @@ impl Live<'_> {
         state.publish(stamp, &report.node, &*self.node, of_driver);
     }
 
-    /// Brings the report on the disk up to date when that is due.
-    fn write_report(&mut self, reason: WriteReason) {
-        self.telemetry.write_report(reason, &self.inputs, &*self.node, &self.time);
+    /// Brings the report on the disk up to date when it is older than `pause_ns`.
+    fn write_report(&mut self, pause_ns: u64) {
+        self.telemetry.write_report(pause_ns, &self.inputs, &*self.node, &self.time);
     }
 
     /// Does what is due beside the frames: discards a deferred frame, updates the report and `/diagnostics`, and warns.
     fn report_when_due(&mut self) {
         self.discard_deferred();
-        self.write_report(WriteReason::Idle);
+        self.write_report(IDLE_NS);
         for warning in self.inputs.look(self.time.ticks_ns(), &mut self.telemetry.report) {
             tracing::warn!(node = %self.telemetry.node(), "{warning}");
         }

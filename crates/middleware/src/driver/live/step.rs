@@ -9,7 +9,7 @@ use super::Live;
 use super::outputs::LiveOutput;
 use super::telemetry::EndedStep;
 use crate::driver::{CommonParameters, RunError};
-use crate::process::node_files::WriteReason;
+use crate::process::node_files::AFTER_STEP_NS;
 
 impl Live<'_> {
     /// Runs one step; returns the messages that it left. `topic` is named when the step skips its input, which came on
@@ -104,7 +104,8 @@ impl Live<'_> {
 
     /// Brings the accounts on the disk up to date, and then sends `messages`.
     pub(super) fn send_all(&mut self, messages: &[(usize, Message)]) {
-        self.write_report(if self.node.period().is_some() { WriteReason::Always } else { WriteReason::Step });
+        // The account of a source is never behind the frames that it has sent.
+        self.write_report(if self.node.period().is_some() { 0 } else { AFTER_STEP_NS });
         // Before the frame leaves: a crash in between loses it, but never sends it twice.
         self.settings.keep_position(&*self.node);
         let begin = self.time.ticks_ns();

@@ -10,7 +10,7 @@ use super::inputs::Inputs;
 use super::outputs::LiveOutput;
 use crate::driver::RunError;
 use crate::graph::diagnostics::{Diagnostics, StateTopic};
-use crate::process::node_files::{ReportFile, WriteReason};
+use crate::process::node_files::ReportFile;
 use crate::transport::Transport;
 
 pub(super) struct Telemetry {
@@ -94,10 +94,10 @@ impl Telemetry {
         }
     }
 
-    /// Brings the copy on the disk up to date when that is due.
-    pub fn write_report(&mut self, reason: WriteReason, inputs: &Inputs, node: &dyn Node, clock: &dyn Clock) {
+    /// Brings the copy on the disk up to date when it is older than `pause_ns`.
+    pub fn write_report(&mut self, pause_ns: u64, inputs: &Inputs, node: &dyn Node, clock: &dyn Clock) {
         let now = clock.ticks_ns();
-        let Some(file) = self.file.as_mut().filter(|file| file.is_due(reason, now)) else { return };
+        let Some(file) = self.file.as_mut().filter(|file| file.is_due(pause_ns, now)) else { return };
         // The counts of open subscriptions go into the copy, and into the report only when they are closed.
         let mut report = NodeReport { running: true, ..self.report.clone() };
         inputs.count(&mut report);
