@@ -26,7 +26,7 @@ pub enum ImageMessageError {
 }
 
 /// The channels of one pixel, in order.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq, Eq)]
 enum Channels {
     Mono,
     Bayer(Mosaic),
@@ -302,25 +302,15 @@ fn size(frame: &Frame) -> usize {
 
 /// Returns the encoding that [`Image::from_frame`] gives the frame.
 pub fn encoding_of(frame: &Frame) -> &'static str {
-    if let Some(mosaic) = frame.mosaic() {
-        return bayer(mosaic, frame.depth());
-    }
-    match (frame.samples(), frame.channels()) {
-        (Samples::U8(_), 1) => "mono8",
-        (Samples::U8(_), _) => "rgb8",
-        (Samples::U16(_), 1) => "mono16",
-        (Samples::U16(_), _) => "rgb16",
-        (Samples::F32(_), 1) => "32FC1",
-        (Samples::F32(_), _) => "32FC3",
-    }
-}
-
-/// Returns the encoding of a mosaic whose samples have `depth` bits, 8 or 16.
-fn bayer(mosaic: Mosaic, depth: u8) -> &'static str {
-    let named = ENCODINGS.iter().find(|(_, of_depth, channels)| {
-        matches!(channels, Channels::Bayer(known) if *known == mosaic) && *of_depth == depth
-    });
-    named.expect("a mosaic has integers of 8 or 16 bits").0
+    let channels = match (frame.mosaic(), frame.channels(), frame.depth()) {
+        (Some(mosaic), ..) => Channels::Bayer(mosaic),
+        (None, 1, _) => Channels::Mono,
+        // Only OpenCV has names for floats.
+        (None, _, 32) => Channels::Bgr,
+        (None, ..) => Channels::Rgb,
+    };
+    let named = ENCODINGS.iter().find(|(_, depth, known)| (*depth, *known) == (frame.depth(), channels));
+    named.expect("every frame has an encoding: a mosaic has integers").0
 }
 
 /// Returns the image that was compressed to `picture`. `format` is that of the message, as `compressed_image_transport` writes it: the
