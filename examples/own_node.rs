@@ -41,7 +41,7 @@ impl Node for Road {
             let first = (self.first_row * image.frame.height() as f64) as usize;
             let road = pixels.slice_axis(Axis(0), Slice::from(first..)).to_owned();
             let frame = Frame::from_u8(road).map_err(|why| StepError::Skip(why.to_string()))?;
-            cx.emit(0, Message::Image(Arc::new(StampedFrame { header: image.header.clone(), frame })));
+            cx.emit(0, StampedFrame { header: image.header.clone(), frame });
         }
         Ok(Flow::Continue)
     }

@@ -47,6 +47,12 @@ macro_rules! kinds {
             $(#[doc = concat!("`", $name, "`")] $kind(Arc<$type>),)+
         }
 
+        $(impl From<$type> for Message {
+            fn from(content: $type) -> Self {
+                Self::$kind(Arc::new(content))
+            }
+        })+
+
         impl MessageKind {
             /// All kinds.
             pub const ALL: &[Self] = &[$(Self::$kind),+];

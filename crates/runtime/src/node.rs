@@ -232,8 +232,8 @@ impl<'a> Context<'a> {
     }
 
     /// Sends `message` on output `output` when the step has returned.
-    pub fn emit(&mut self, output: usize, message: Message) {
-        self.output.messages.push((output, message));
+    pub fn emit(&mut self, output: usize, message: impl Into<Message>) {
+        self.output.messages.push((output, message.into()));
     }
 
     /// Runs `work` and books its duration under `stage` (`unwrap`, `infer`, ...).

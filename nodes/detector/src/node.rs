@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
 
 use modulo_core::{Detection, Frame};
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
@@ -139,7 +138,7 @@ impl Camera {
     fn stream<'a>(&self, input: &'a StreamChoice) -> &'a str {
         match input {
             StreamChoice::Stream(stream) => stream,
-            StreamChoice::Auto(_) if !self.trust.falls_back() => TRUSTED,
+            StreamChoice::Auto(_) if !self.trust.falls_back => TRUSTED,
             StreamChoice::Auto(Some(stream)) => stream,
             // Measured (docs/research/trust.md): without blur an image that is not trusted is worse than the saturated one; with
             // blur it is better.
@@ -288,12 +287,11 @@ impl Detector {
             database_location: format!("{}/label_info", cx.node()),
             database_version: self.version,
         };
-        let Settings { classes, score_threshold, .. } = &self.loaded.settings;
-        let labels =
-            LabelInfo { header: header.clone(), class_map: classes.labels(), threshold: *score_threshold };
+        let Settings { classes, score_threshold: threshold, .. } = &self.loaded.settings;
         let [vision_info, label_info] = outputs_at(self.cameras.len());
-        cx.emit(vision_info, Message::VisionInfo(Arc::new(info)));
-        cx.emit(label_info, Message::LabelInfo(Arc::new(labels)));
+        cx.emit(vision_info, info);
+        let (header, class_map) = (header.clone(), classes.labels());
+        cx.emit(label_info, LabelInfo { header, class_map, threshold: *threshold });
     }
 
     /// Finds the objects in an image of `stream` of the camera with this index.
@@ -316,15 +314,13 @@ impl Detector {
         let found = cx.stage("post", || detections(&rows, &letterbox, settings));
         if cx.wanted(annotated_out) {
             let frame = cx.stage("draw", || annotated(&frame, scale, &found))?;
-            let image = StampedFrame { header: image.header.clone(), frame };
-            cx.emit(annotated_out, Message::Image(Arc::new(image)));
+            cx.emit(annotated_out, StampedFrame { header: image.header.clone(), frame });
         }
         let header = &image.header;
-        tracing::debug!("{}", line(image.header.stamp, &found));
+        tracing::debug!("{}", line(header.stamp, &found));
         let detections =
             found.iter().map(|detection| Detection2D::from_detection(detection, header)).collect();
-        let array = Detection2DArray { header: header.clone(), detections };
-        cx.emit(boxes_out, Message::Detections(Arc::new(array)));
+        cx.emit(boxes_out, Detection2DArray { header: header.clone(), detections });
         Ok(())
     }
 
@@ -375,7 +371,7 @@ impl Detector {
         if camera.stream(wanted) == before {
             return Ok(Flow::Continue);
         }
-        let trust = if camera.trust.falls_back() { "not trusted" } else { "trusted" };
+        let trust = if camera.trust.falls_back { "not trusted" } else { "trusted" };
         tracing::info!("input: auto reads {stream} from now on: the recovered images are {trust}");
         Ok(Flow::NewInputs)
     }

@@ -9,7 +9,8 @@ const PAUSE_NS: u64 = 1_000_000_000;
 /// The choice of `input: auto`; at first the recovered image.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct TrustFollower {
-    falls_back: bool,
+    /// Whether another stream than the recovered one is the choice.
+    pub falls_back: bool,
     /// Frames in a row that speak against the choice.
     against: u32,
     /// Time of the last change, ns.
@@ -17,11 +18,6 @@ pub struct TrustFollower {
 }
 
 impl TrustFollower {
-    /// Returns whether another stream than the recovered one is the choice.
-    pub fn falls_back(&self) -> bool {
-        self.falls_back
-    }
-
     /// Takes note of a frame that is trusted or not, at the time `now_ns`; returns whether the choice has changed. A
     /// frame may be that of a recording, so that the time may go back.
     pub fn note(&mut self, trusted: bool, now_ns: u64) -> bool {

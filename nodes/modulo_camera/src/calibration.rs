@@ -19,7 +19,8 @@ pub(crate) fn topics(name: &str) -> Vec<Topic> {
 pub(crate) struct Calibration {
     /// The topic that brings it; `None` for a source that is no topic.
     topic: Option<String>,
-    info: Option<Arc<CameraInfo>>,
+    /// That of the next images.
+    pub info: Option<Arc<CameraInfo>>,
     /// Whether it was reported that it does not fit the images.
     mismatch_reported: bool,
 }
@@ -33,11 +34,6 @@ impl Calibration {
     /// Returns that of recorded images.
     pub fn recorded(info: Option<Arc<CameraInfo>>) -> Self {
         Self { info, ..Self::default() }
-    }
-
-    /// Takes the camera info of the next images.
-    pub fn take(&mut self, info: Arc<CameraInfo>) {
-        self.info = Some(info);
     }
 
     /// Returns whether the camera info of the source is on the topic `camera_info` of `node`, such as `/modulo_camera`, and serves

@@ -22,7 +22,8 @@ const LEAST: f64 = 1.0;
 /// The exposure control.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct TrustedExposure {
-    alpha: f64,
+    /// The alpha of the next frame.
+    pub alpha: f64,
     /// The largest possible alpha.
     most: f64,
     /// The alpha at which trust was lost, and the frames since then.
@@ -36,11 +37,6 @@ impl TrustedExposure {
     /// Starts at `alpha`, which never becomes more than `most`.
     pub fn new(alpha: f64, most: f64) -> Self {
         Self { alpha: alpha.min(most), most, lost: None, trusted: 0, since: None }
-    }
-
-    /// Returns the alpha of the next frame.
-    pub fn alpha(&self) -> f64 {
-        self.alpha
     }
 
     /// Notes that the frame of `stamp` is exposed now.
@@ -82,7 +78,7 @@ mod tests {
     fn run(control: &mut TrustedExposure, frames: u64, limit: f64) -> Vec<f64> {
         (0..frames)
             .map(|frame| {
-                let (stamp, alpha) = (Time::from_ns(frame), control.alpha());
+                let (stamp, alpha) = (Time::from_ns(frame), control.alpha);
                 control.exposed(stamp);
                 control.note(stamp, alpha <= limit);
                 alpha

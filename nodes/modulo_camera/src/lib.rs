@@ -168,7 +168,7 @@ impl ModuloCamera {
         if !self.calibration.is_on_topic_of(cx.node()) && cx.wanted(CAMERA_INFO) {
             let side = |axis| u32::try_from(radiance.len_of(Axis(axis))).unwrap_or(u32::MAX);
             let info = self.calibration.of((side(0), side(1)), header);
-            cx.emit(CAMERA_INFO, Message::CameraInfo(Arc::new(info)));
+            cx.emit(CAMERA_INFO, info);
         }
         let (sensor, normal, view) = (&self.sensor, &mut self.auto_exposure, radiance.view());
         if [MODULO, SATURATED, IDEAL].iter().any(|&output| cx.wanted(output)) {
@@ -211,7 +211,7 @@ impl ModuloCamera {
         let header = self.header(stamp, &frame.frame_id);
         // Published before the images: an evaluation of a frame has its ground truth by then.
         if let Some(truth) = frame.ground_truth.as_deref().filter(|_| cx.wanted(GROUND_TRUTH)) {
-            cx.emit(GROUND_TRUTH, Message::Detections(Arc::new(to_detections(truth, &header))));
+            cx.emit(GROUND_TRUTH, to_detections(truth, &header));
         }
         let sensed = self.sense(self.frames_read - 1, &frame.radiance, &header, cx);
         let CameraInput::Frames(reader) = &mut self.input else { return Ok(()) };
@@ -236,8 +236,7 @@ impl ModuloCamera {
 /// Sends an image, which is not even computed for an output without a reader.
 fn send(cx: &mut Context<'_>, header: &Header, output: usize, frame: impl FnOnce() -> Frame) {
     if cx.wanted(output) {
-        let image = StampedFrame { header: header.clone(), frame: frame() };
-        cx.emit(output, Message::Image(Arc::new(image)));
+        cx.emit(output, StampedFrame { header: header.clone(), frame: frame() });
     }
 }
 
@@ -340,7 +339,7 @@ impl Node for ModuloCamera {
                 let header = self.header(image.header.stamp, &image.header.frame_id);
                 self.sense(self.frames_read - 1, &radiance, &header, cx).map_err(StepError::Skip)?;
             }
-            Trigger::Message { message: Message::CameraInfo(info), .. } => self.calibration.take(info),
+            Trigger::Message { message: Message::CameraInfo(info), .. } => self.calibration.info = Some(info),
             Trigger::Message { message: Message::Diagnostics(recovery), .. } => self.follow(&recovery)?,
             Trigger::Message { .. } => {}
         }
@@ -355,7 +354,7 @@ impl Node for ModuloCamera {
     fn status(&self) -> Vec<(&'static str, String)> {
         let mut status = vec![("role", "source".into()), ("frames", self.sensed.to_string())];
         status.extend(self.auto_exposure.exposure().map(|exposure| ("auto_exposure", exposure.to_string())));
-        status.extend(self.control.as_ref().map(|control| ("alpha", control.alpha().to_string())));
+        status.extend(self.control.as_ref().map(|control| ("alpha", control.alpha.to_string())));
         status.extend(self.model.fit_up_to().map(|fit| ("fit_up_to_alpha", fit.to_string())));
         if let CameraInput::Live(video, _) = &self.input {
             let LiveCounts { arrived, replaced, connections } = video.counts();
@@ -575,7 +574,7 @@ impl CameraParameters {
 
     /// Returns the sensor with the exposure of `control`.
     fn model(&self, control: Option<&TrustedExposure>) -> SensorModel {
-        let alpha = control.map_or(self.sensor.alpha, TrustedExposure::alpha);
+        let alpha = control.map_or(self.sensor.alpha, |control| control.alpha);
         SensorModel { alpha, ..self.sensor.clone() }
     }
 

@@ -18,7 +18,7 @@ use modulo_core::unwrap::{
     Method, Options, QualityMetrics, Recovered, Report, Sharpness, ThresholdOn, Trust, TrustLimits, Unwrap,
     UnwrapError, of_gains,
 };
-use modulo_core::{Frame, FrameError, MAX_THREADS, Psf, Range, exposed_anew, tone};
+use modulo_core::{FrameError, MAX_THREADS, Psf, Range, exposed_anew, tone};
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::sensor::parameters::SensorOverride;
@@ -261,13 +261,13 @@ impl UnwrapNode {
         };
         if cx.wanted(RECOVERED) {
             let frame = shown(cx, *range)?;
-            cx.emit(RECOVERED, stamped(&modulo.header, frame));
+            cx.emit(RECOVERED, StampedFrame { header: modulo.header.clone(), frame });
         }
         if cx.wanted(METERED) {
             let SensorModel { metering, metering_target, .. } = *model;
             let range = cx.stage("meter", || exposed_anew(&x, *range, metering, metering_target));
             let frame = shown(cx, range)?;
-            cx.emit(METERED, stamped(&modulo.header, frame));
+            cx.emit(METERED, StampedFrame { header: modulo.header.clone(), frame });
         }
         Ok(())
     }
@@ -285,18 +285,14 @@ impl UnwrapNode {
                 None => frame,
             };
             // Without a scale: a reader gets the counts of the sensor and can compute with them.
-            cx.emit(HDR, stamped(&modulo.header, frame));
+            cx.emit(HDR, StampedFrame { header: modulo.header.clone(), frame });
         }
         if cx.wanted(CONFIDENCE) {
             let frame = cx.stage("confidence", || self.recovered.confidence(mosaic, *range));
-            cx.emit(CONFIDENCE, stamped(&modulo.header, frame));
+            cx.emit(CONFIDENCE, StampedFrame { header: modulo.header.clone(), frame });
         }
         Ok(())
     }
-}
-
-fn stamped(header: &Header, frame: Frame) -> Message {
-    Message::Image(Arc::new(StampedFrame { header: header.clone(), frame }))
 }
 
 /// Returns the topics that an unwrap node publishes.
