@@ -23,7 +23,7 @@ pub fn launch(data: &[u8]) {
             if text.kind != Some("str") {
                 continue;
             }
-            let read = Value::String(String::new()).parse_like(&text.as_yaml());
+            let read = Value::String(String::new()).parse_like(&text.to_string());
             assert_eq!(read, Some(Value::String(text.text.clone())), "{name}");
         }
     }

@@ -145,7 +145,7 @@ pub fn ros_arguments(node: &NodePlan) -> Vec<String> {
         push("-r", format!("__node:={name}"));
     }
     push("-r", format!("__ns:={}", node.namespace));
-    let set = |name: &str, value: &ParameterText| format!("{name}:={}", value.as_yaml());
+    let set = |name: &str, value: &ParameterText| format!("{name}:={value}");
     // A node takes the last value that it is given for a parameter: those for all nodes come first.
     node.shared_parameters.iter().for_each(|(name, value)| push("-p", set(name, value)));
     for parameter in &node.parameters {

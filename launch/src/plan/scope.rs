@@ -224,16 +224,12 @@ impl ParameterText {
             .collect();
         Ok(Self { text: format!("[{}]", items?.join(", ")), kind })
     }
-
-    /// The text to write after `name:=` on a ROS 2 command line.
-    pub fn as_yaml(&self) -> String {
-        if self.kind == Some("str") { of_string(&self.text) } else { self.text.clone() }
-    }
 }
 
+/// The text to write after `name:=` on a ROS 2 command line.
 impl fmt::Display for ParameterText {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.as_yaml())
+        if self.kind == Some("str") { f.write_str(&of_string(&self.text)) } else { f.write_str(&self.text) }
     }
 }
 
@@ -274,9 +270,9 @@ mod tests {
         #[test]
         fn a_string_reads_back(text in "[ -~\n\t\u{7f}\u{85}é']{0,8}") {
             let scalar = ParameterText::scalar(text.clone(), Some("str")).expect("any text is a string");
-            prop_assert_eq!(yaml_text::string(&scalar.as_yaml()), Some(text.clone()));
+            prop_assert_eq!(yaml_text::string(&scalar.to_string()), Some(text.clone()));
             let list = ParameterText::list(vec![(text.clone(), Some(ScalarType::String))], Some("list_of_str"));
-            prop_assert_eq!(Value::Strings(Vec::new()).parse_like(&list.expect("strings").as_yaml()), Some(Value::Strings(vec![text])));
+            prop_assert_eq!(Value::Strings(Vec::new()).parse_like(&list.expect("strings").to_string()), Some(Value::Strings(vec![text])));
         }
     }
 }

@@ -253,15 +253,15 @@ impl Job {
     ) -> (Result<ProcessEnd, io::Result<ExitStatus>>, String) {
         let id = running.id();
         // A process that ends at the same moment is not called shut down: this branch comes first.
-        let end = tokio::select! {
+        let life = tokio::select! {
             biased;
-            status = running.wait() => Ok(self.ended(status, restarts)),
+            status = running.wait() => Ok(status.map_err(|why| why.to_string())),
             why = hang(self.life_signs.as_ref(), id) => {
                 self.say(print, &format!("{why}; it is killed"));
                 running.kill();
                 // What it returns says only that it was killed.
                 let _ = running.wait().await;
-                Ok(ProcessEnd::Crashed(why))
+                Ok(Err(why))
             }
             () = end_requested(end_signal) => {
                 // The user who interrupts a run does not want to wait for the step at hand.
@@ -269,7 +269,8 @@ impl Job {
                 Err(running.shut_down(&self.process, is_patient).await)
             }
         };
-        (end, running.finish().await)
+        let last_line = running.finish().await;
+        (life.map(|status| self.ended(status, restarts, &last_line)), last_line)
     }
 
     /// Returns the pause before the next start after a life of `lived`; or how the process ended for good.
@@ -281,15 +282,7 @@ impl Job {
         restarts: &mut Restarts,
         print: &Print,
     ) -> Result<Duration, ProcessEnd> {
-        let status = match end {
-            ProcessEnd::Crashed(status) => status,
-            ProcessEnd::WithLoss(_) => return Err(ProcessEnd::WithLoss(last_line.to_owned())),
-            ProcessEnd::Refused(_) => {
-                let why = last_line.strip_prefix("modulo: ").unwrap_or(last_line);
-                return Err(ProcessEnd::Refused(why.to_owned()));
-            }
-            end => return Err(end.clone()),
-        };
+        let ProcessEnd::Crashed(status) = end else { return Err(end.clone()) };
         let Some(Respawn { delay, max_retries }) = self.process.respawn else {
             self.say(print, &format!("ended with {status}"));
             return Err(end.clone());
@@ -313,15 +306,15 @@ impl Job {
 
     /// A node that refuses its arguments at its first start will always do so. At a restart it has accepted them
     /// before: what has changed, such as a file that is not there, may change again.
-    fn ended(&self, status: std::io::Result<ExitStatus>, restarts: u32) -> ProcessEnd {
+    fn ended(&self, status: Result<ExitStatus, String>, restarts: u32, last_line: &str) -> ProcessEnd {
         match status {
             Ok(status) if status.success() => ProcessEnd::Exited,
-            Ok(status) if is_with_loss(self.origin, &status) => ProcessEnd::WithLoss(String::new()),
+            Ok(status) if is_with_loss(self.origin, &status) => ProcessEnd::WithLoss(last_line.to_owned()),
             Ok(status) if status.code() == Some(2) && self.origin == Origin::Suite && restarts == 0 => {
-                ProcessEnd::Refused(String::new())
+                ProcessEnd::Refused(last_line.strip_prefix("modulo: ").unwrap_or(last_line).to_owned())
             }
             Ok(status) => ProcessEnd::Crashed(status.to_string()),
-            Err(error) => ProcessEnd::Crashed(error.to_string()),
+            Err(why) => ProcessEnd::Crashed(why),
         }
     }
 
