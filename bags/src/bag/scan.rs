@@ -44,12 +44,15 @@ pub(super) struct Scan {
 pub(super) fn scan(path: &Path, file: &File, size: u64, index: Option<&Summary>) -> Result<Scan, BagError> {
     let mut walk = Walk::new(path, file, size, index);
     let end = walk.walk().map_err(|e| FileError::new(path, e))?;
-    let mut scan = walk.finish(&end);
+    let offset = walk.offset.min(size);
     // The CRC of the data needs the whole file. Chunks have CRCs of their own, and where damage is known it says nothing new.
-    let is_read = index.is_none() || !scan.loose.is_empty() || end.passed_unknown;
-    if let Some(saved) = end.crc.filter(|&crc| crc != 0 && is_read)
+    let is_read = index.is_none() || !walk.loose.is_empty() || walk.passed_unknown;
+    let mut scan = walk.finish(offset, end.as_ref().err());
+    if let Ok(saved) = end
+        && saved != 0
+        && is_read
         && !scan.warnings.iter().any(BagWarning::is_loss)
-        && crc_of(file, 0, end.offset).map_err(|e| FileError::new(path, e))? != saved
+        && crc_of(file, 0, offset).map_err(|e| FileError::new(path, e))? != saved
     {
         scan.warnings.push(BagWarning::contradiction(path, "the CRC of its data is wrong"));
     }
@@ -67,21 +70,13 @@ pub(super) fn crc_of(file: &File, start: u64, end: u64) -> io::Result<u32> {
     Ok(hasher.finalize())
 }
 
-struct WalkEnd {
-    offset: u64,
-    /// Why it ended before the end of the data.
-    why: Option<String>,
-    /// The CRC of the data, at their end.
-    crc: Option<u32>,
-    /// Whether records that no version of MCAP defines were passed over.
-    passed_unknown: bool,
-}
+/// The CRC of the data, at their end, or why a walk cannot go on before it.
+type WalkEnd = Result<u32, String>;
 
 /// A record, or what stands in place of one.
 enum Step {
     Record { opcode: u8, length: u64 },
-    DataEnd { crc: u32 },
-    Broken(String),
+    End(WalkEnd),
 }
 
 struct Walk<'a> {
@@ -97,6 +92,7 @@ struct Walk<'a> {
     loose: Vec<UnchunkedMessage>,
     warnings: Vec<BagWarning>,
     is_index_short: bool,
+    /// Whether records that no version of MCAP defines were passed over.
     passed_unknown: bool,
 }
 
@@ -129,27 +125,21 @@ impl<'a> Walk<'a> {
                 continue;
             }
             let next = chunks.peek().map(|chunk| chunk.chunk_start_offset);
-            let (why, crc) = match self.step(next.unwrap_or(self.size))? {
-                Step::Record { opcode, length } => {
-                    self.record(opcode, length);
-                    continue;
+            match (self.step(next.unwrap_or(self.size))?, next) {
+                (Step::Record { opcode, length }, _) => self.record(opcode, length),
+                (Step::End(end), None) => return Ok(end),
+                // The index knows where the next chunk begins, whatever is broken before it.
+                (Step::End(end), Some(next)) => {
+                    self.skip(&end.err().unwrap_or("an end of the data before their end".to_owned()));
+                    self.offset = next;
                 }
-                Step::DataEnd { crc } => (None, Some(crc)),
-                Step::Broken(why) => (Some(why), None),
-            };
-            let Some(next) = next else {
-                let (offset, passed_unknown) = (self.offset.min(self.size), self.passed_unknown);
-                return Ok(WalkEnd { offset, why, crc, passed_unknown });
-            };
-            // The index knows where the next chunk begins, whatever is broken before it.
-            self.skip(why.as_deref().unwrap_or("an end of the data before their end"));
-            self.offset = next;
+            }
         }
     }
 
     /// Looks at the record at the present offset, which has to end before `limit`.
     fn step(&self, limit: u64) -> io::Result<Step> {
-        let broken = |why: &str| Ok(Step::Broken(why.to_owned()));
+        let broken = |why: &str| Ok(Step::End(Err(why.to_owned())));
         let Some(left) = limit.checked_sub(self.offset + RECORD_HEAD) else {
             return broken(match self.size {
                 0 => "the file is empty: its recorder has written nothing",
@@ -168,7 +158,7 @@ impl<'a> Walk<'a> {
             op::DATA_END if length >= 4 => {
                 let mut crc = [0; 4];
                 self.file.read_exact_at(&mut crc, self.offset + RECORD_HEAD)?;
-                Ok(Step::DataEnd { crc: u32::from_le_bytes(crc) })
+                Ok(Step::End(Ok(u32::from_le_bytes(crc))))
             }
             op::DATA_END | op::FOOTER => broken("no end of data"),
             _ => Ok(Step::Record { opcode, length }),
@@ -286,22 +276,22 @@ impl<'a> Walk<'a> {
         Ok(())
     }
 
-    fn finish(mut self, end: &WalkEnd) -> Scan {
+    /// Returns what was found up to `offset`, where the walk has ended; before the end of the data because of `why`.
+    fn finish(mut self, offset: u64, why: Option<&String>) -> Scan {
         let (path, messages) = (self.path, self.stats.message_count);
         // The sort is stable, so messages of one time stay in the order of the file.
         self.loose.sort_by_key(|message| message.log_time);
         let mut warnings = self.warnings;
         let summary = match self.index {
             Some(index) => {
-                let skipped = end.why.as_ref().map(|why| BagWarning::skipped(path, end.offset, why));
-                warnings.extend(skipped);
+                warnings.extend(why.map(|why| BagWarning::skipped(path, offset, why)));
                 index.clone()
             }
             None => {
-                let why = "no index that is whole, the whole file was scanned".to_owned();
-                warnings.push(match &end.why {
-                    Some(why) => BagWarning::truncated(path, end.offset, why, messages),
-                    None => BagWarning::Remark(path.to_owned(), why),
+                let scanned = "no index that is whole, the whole file was scanned".to_owned();
+                warnings.push(match why {
+                    Some(why) => BagWarning::truncated(path, offset, why, messages),
+                    None => BagWarning::Remark(path.to_owned(), scanned),
                 });
                 let channels = self.channels.iter().filter_map(|&id| Some((id, self.known.get(id)?)));
                 let channels = channels.map(|(id, channel)| (id, Arc::clone(&channel))).collect();
