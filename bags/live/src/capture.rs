@@ -193,14 +193,9 @@ impl CaptureLoop<'_> {
 
     /// Writes the sample that arrived first; waits at most `patience` for one. Returns whether there was one.
     fn write_next(&mut self, patience: Duration) -> Result<bool, BagError> {
-        let Some(sample) = self.queue.take(Some(patience)) else {
-            return Ok(false);
-        };
-        let Some(asked) = self.asked.get_mut(&sample.lane) else {
-            self.write(&sample)?;
-            return Ok(true);
-        };
+        let Some(sample) = self.queue.take(Some(patience)) else { return Ok(false) };
         let lane = sample.lane;
+        let Some(asked) = self.asked.get_mut(&lane) else { return self.write(&sample).map(|()| true) };
         self.held += held_bytes(&sample);
         asked.samples.push(sample);
         if self.held > HELD {

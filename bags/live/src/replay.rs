@@ -274,7 +274,7 @@ impl Replay<'_> {
             return Some(Duration::ZERO);
         }
         let now = self.clock.ticks_ns();
-        let time = self.time.as_ref().map(|time| time.ticks_until_due(now));
+        let time = self.time.as_ref().map(|time| time.next.saturating_sub(now));
         // At rate 0 a message that has not been sent waits for readers, one of which may leave the graph.
         let waits = self.pace.rate() == 0.0;
         let due = self.ticks_until_due(now).map(|ticks| if waits { nanos(GLANCE) } else { ticks });
@@ -305,15 +305,14 @@ impl Replay<'_> {
                 played = self.step(now, number.unwrap_or(u64::MAX), stop)?;
                 done = played > 0;
             }
-            PlayerAction::Seek(log_time) => {
-                let position = self.player.seek(log_time);
-                done = position.is_some();
-                if let Some(position) = position {
+            PlayerAction::Seek(log_time) => match self.player.seek(log_time) {
+                None => done = false,
+                Some(position) => {
                     // The message that was read ahead belongs to the old position.
                     self.ahead = None;
                     self.pace.jump(now, position);
                 }
-            }
+            },
         }
         Ok(PlayerReply { done, played, is_paused: self.pace.is_paused(), rate: self.pace.rate() })
     }
@@ -411,6 +410,7 @@ struct ClockPublisher {
     publisher: RawPublisher,
     /// Ticks between two messages, ns.
     every: u64,
+    /// When the next one is due, in ticks.
     next: u64,
 }
 
@@ -438,11 +438,6 @@ impl ClockPublisher {
         let message = rosgraph_msgs::Clock { clock: Time::from_ns(time) };
         let payload = cdr::to_vec(&message).map_err(|why| TransportError::new("time of the bag", why))?;
         self.publisher.put(payload)
-    }
-
-    /// Returns the ticks from `now` until the next message is due.
-    fn ticks_until_due(&self, now: u64) -> u64 {
-        self.next.saturating_sub(now)
     }
 }
 

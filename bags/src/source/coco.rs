@@ -4,7 +4,6 @@
 //! labelled individually. An image that is listed twice has the labels of both entries. Programs write numbers as `1`, `1.0` and `"1"`.
 
 use std::collections::{HashMap, HashSet};
-use std::fmt;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
@@ -78,12 +77,6 @@ impl TryFrom<Value> for Id {
     }
 }
 
-impl fmt::Display for Id {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
 #[derive(Deserialize)]
 struct File {
     images: Vec<ImageEntry>,
@@ -134,7 +127,7 @@ impl CocoSource {
         // Checked before any path is joined: an annotation file may come from anywhere.
         if let Some(image) = file.images.iter().find(|image| !stays_inside(Path::new(&image.file_name))) {
             let why = "must be a path inside the folder of images, relative and without '..'";
-            return Err(bad(1, format!("file_name '{}' of image {} {why}", image.file_name, image.id)));
+            return Err(bad(1, format!("file_name '{}' of image {} {why}", image.file_name, image.id.0)));
         }
         let folder = match images {
             Some(folder) => folder.to_owned(),
@@ -160,13 +153,13 @@ impl CocoLabels {
         let mut names: HashMap<&Id, &str> = HashMap::new();
         for Category { id, name } in &file.categories {
             if *names.entry(id).or_insert(name) != name {
-                return Err(format!("two categories have the id {id}; give each its own"));
+                return Err(format!("two categories have the id {}; give each its own", id.0));
             }
         }
         let mut by_id: HashMap<&Id, &PathBuf> = HashMap::new();
         for (image, path) in file.images.iter().zip(paths) {
             if *by_id.entry(&image.id).or_insert(path) != path {
-                return Err(format!("two images have the id {}; give each its own", image.id));
+                return Err(format!("two images have the id {}; give each its own", image.id.0));
             }
             // An image without annotations is labelled: it contains no object.
             let labelled = self.of_image.entry(path.clone()).or_default();
@@ -177,7 +170,7 @@ impl CocoLabels {
         for annotation in &file.annotations {
             let label = label(annotation, &names)?;
             let Some(path) = by_id.get(&annotation.image_id) else {
-                self.without_image.push(format!("image {}", annotation.image_id));
+                self.without_image.push(format!("image {}", annotation.image_id.0));
                 continue;
             };
             let entry = entry_of.entry((path, format!("{label:?}"))).or_insert(&annotation.image_id);
@@ -216,15 +209,16 @@ impl Labels for CocoLabels {
 }
 
 fn label(annotation: &Annotation, names: &HashMap<&Id, &str>) -> Result<GroundTruth, String> {
-    let Annotation { image_id, category_id, bbox, iscrowd } = annotation;
+    let Annotation { image_id: Id(image), category_id, bbox, iscrowd } = annotation;
     let [x, y, width, height] = bbox.map(|number| number.0 as f32);
     let class = names.get(category_id).ok_or_else(|| {
-        format!("image {image_id} has an object of category {category_id}, which `categories` does not name")
+        let category = &category_id.0;
+        format!("image {image} has an object of category {category}, which `categories` does not name")
     })?;
     // One sum finds NaN and infinity in any of the four.
     if !(x + y + width + height).is_finite() || width < 0.0 || height < 0.0 {
         return Err(format!(
-            "image {image_id} has a box {x} {y} {width} {height}, finite and not negative needed"
+            "image {image} has a box {x} {y} {width} {height}, finite and not negative needed"
         ));
     }
     Ok(GroundTruth {
