@@ -41,7 +41,6 @@ const BLACK: Color = Color { r: 0.0, g: 0.0, b: 0.0, a: 1.0 };
 const LABEL: f64 = 12.0;
 
 pub(crate) struct FoxgloveServer {
-    session: Arc<Session>,
     context: Arc<Context>,
     parameters: Arc<ParameterProxy>,
 }
@@ -53,7 +52,14 @@ impl FoxgloveServer {
         address: SocketAddr,
         token: String,
     ) -> Result<Self, FoxgloveError> {
-        let (context, parameters) = (Context::new(), Arc::new(ParameterProxy::new(session.clone(), token)));
+        let context = Context::new();
+        let parameters = Arc::new(ParameterProxy {
+            session,
+            token,
+            trusted: Mutex::default(),
+            server: OnceLock::new(),
+            places: Arc::new(Semaphore::new(REQUESTS)),
+        });
         // The server puts a colon between host and port, so that an IPv6 address needs its brackets.
         let host = if address.is_ipv6() { format!("[{}]", address.ip()) } else { address.ip().to_string() };
         let server = WebSocketServer::new()
@@ -65,7 +71,7 @@ impl FoxgloveServer {
             .start()
             .await?;
         parameters.server.get_or_init(|| server);
-        Ok(Self { session, context, parameters })
+        Ok(Self { context, parameters })
     }
 
     /// Returns the port that is listened on.
@@ -75,7 +81,7 @@ impl FoxgloveServer {
 
     /// Sends what clients have subscribed to, without an end.
     pub async fn serve(self) {
-        let watch = Watch::new(self.session, Audience::Foxglove);
+        let watch = Watch::new(self.parameters.session.clone(), Audience::Foxglove);
         let (mut feed, mut graph) = (watch.feed(), GraphView::default());
         let (mut channels, mut look) = (StreamChannels::default(), tokio::time::interval(LOOK));
         loop {
@@ -115,13 +121,8 @@ impl StreamChannels {
             context: &Arc<Context>,
             topics: &BTreeSet<&String>,
         ) {
-            channels.retain(|topic, channel| {
-                let stays = topics.contains(topic);
-                if !stays {
-                    channel.close();
-                }
-                stays
-            });
+            let gone = channels.extract_if(.., |topic, _| !topics.contains(topic));
+            gone.for_each(|(_, channel)| channel.close());
             for &topic in topics {
                 let open = || context.channel_builder(topic).build();
                 channels.entry(topic.clone()).or_insert_with(open);
@@ -202,16 +203,6 @@ struct ParameterProxy {
 }
 
 impl ParameterProxy {
-    fn new(session: Arc<Session>, token: String) -> Self {
-        Self {
-            session,
-            token,
-            trusted: Mutex::default(),
-            server: OnceLock::new(),
-            places: Arc::new(Semaphore::new(REQUESTS)),
-        }
-    }
-
     /// Returns the names of all parameters, that of the token first.
     fn names(&self, client: &AnyClient) -> Vec<String> {
         let mut nodes = self.session.transport.graph().nodes_with_parameters();
