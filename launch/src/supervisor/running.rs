@@ -43,16 +43,9 @@ pub(super) struct Running {
 /// A process group; killed when let go.
 struct Group(Pid);
 
-impl Group {
-    /// Sends `signal` to all processes of the group. A group that has ended already is no error.
-    fn signal(&self, signal: Signal) {
-        let _ = killpg(self.0, signal);
-    }
-}
-
 impl Drop for Group {
     fn drop(&mut self) {
-        self.signal(Signal::SIGKILL);
+        let _ = killpg(self.0, Signal::SIGKILL);
     }
 }
 
@@ -136,8 +129,9 @@ impl Running {
         self.signal(Signal::SIGKILL);
     }
 
+    /// Sends `signal` to all processes of the group. A group that has ended already is no error.
     fn signal(&self, signal: Signal) {
-        self.group.iter().for_each(|group| group.signal(signal));
+        let _ = self.group.as_ref().map(|Group(leader)| killpg(*leader, signal));
     }
 
     /// Shows the last output. Returns the last line of standard error; empty where there is none.
