@@ -1,6 +1,6 @@
 //! `modulo view`: the suite in a browser.
 
-use std::net::{IpAddr, Ipv4Addr};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::os::unix::process::CommandExt as _;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
@@ -8,10 +8,13 @@ use std::process::{Child, Command, Stdio};
 use anyhow::Context as _;
 use clap::Args;
 use modulo_bags::bag::BagReader;
+use modulo_runtime::output::prepare_file;
+use modulo_viewer::{ViewAddresses, ViewOptions};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
 use super::bench::this_program;
+use super::{open_session, start_log, stop_on_signals, usage};
 use crate::{Ended, Failure};
 
 #[derive(Args)]
@@ -43,15 +46,6 @@ fn token(text: &str) -> Result<String, String> {
     if valid { Ok(text.to_owned()) } else { Err("must be at least 8 letters and digits".to_owned()) }
 }
 
-/// Where the viewer can be reached.
-#[cfg(not(feature = "viewer"))]
-pub struct ViewAddresses {
-    /// The page, with the token.
-    pub page: String,
-}
-#[cfg(feature = "viewer")]
-pub use modulo_viewer::ViewAddresses;
-
 /// Runs the command.
 pub fn view(args: &ViewCommand) -> Result<Ended, Failure> {
     let replay = |bag: &PathBuf| {
@@ -61,7 +55,6 @@ pub fn view(args: &ViewCommand) -> Result<Ended, Failure> {
     let _replay = args.replayed.as_ref().map(replay).transpose()?;
     serve(args, |at| {
         say!("open {} in a browser; SIGINT ends the viewer", at.page);
-        #[cfg(feature = "viewer")]
         if let Some(address) = &at.foxglove {
             say!(
                 "open {address} in Foxglove; set the parameter `token` there to {} to change others",
@@ -71,23 +64,13 @@ pub fn view(args: &ViewCommand) -> Result<Ended, Failure> {
     })
 }
 
-/// Refuses the command in a build without the feature `viewer`.
-#[cfg(not(feature = "viewer"))]
-pub fn serve(_: &ViewCommand, _: impl FnOnce(&ViewAddresses)) -> Result<Ended, Failure> {
-    Err(anyhow::anyhow!("this build has no viewer: it lacks the feature `viewer`").into())
-}
-
 /// Runs the viewer until a signal; tells its addresses when it can be reached.
-#[cfg(feature = "viewer")]
 pub fn serve(args: &ViewCommand, open: impl FnOnce(&ViewAddresses)) -> Result<Ended, Failure> {
-    use super::{open_session, start_log, stop_on_signals, usage};
-    use modulo_viewer::ViewOptions;
-
-    args.record.iter().try_for_each(|file| modulo_runtime::output::prepare_file(file)).map_err(usage)?;
+    args.record.iter().try_for_each(|file| prepare_file(file)).map_err(usage)?;
     start_log("info");
     let stop = stop_on_signals()?;
     let options = ViewOptions {
-        address: std::net::SocketAddr::new(args.address, args.port),
+        address: SocketAddr::new(args.address, args.port),
         token: args.token.clone(),
         foxglove: args.foxglove,
         record: args.record.clone(),

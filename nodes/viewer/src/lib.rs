@@ -15,7 +15,6 @@
 mod cameras;
 mod client;
 mod feed;
-#[cfg(feature = "foxglove")]
 mod foxglove;
 mod page;
 mod protocol;
@@ -150,7 +149,6 @@ fn save(recording: &Recording, file: &Path) -> Result<usize, ViewError> {
 }
 
 /// Serves Foxglove in the background. Returns its port.
-#[cfg(feature = "foxglove")]
 async fn serve_foxglove(session: Arc<Session>, address: SocketAddr, token: String) -> Result<u16, ViewError> {
     let server = foxglove::FoxgloveServer::start(session, address, token).await;
     let remedy = "choose another port with --foxglove PORT";
@@ -158,12 +156,6 @@ async fn serve_foxglove(session: Arc<Session>, address: SocketAddr, token: Strin
     let port = server.port();
     tokio::spawn(server.serve());
     Ok(port)
-}
-
-#[cfg(not(feature = "foxglove"))]
-async fn serve_foxglove(_: Arc<Session>, _: SocketAddr, _: String) -> Result<u16, ViewError> {
-    let why = "this build does not serve Foxglove: it lacks the feature `foxglove`";
-    Err(ViewError::Setup(why.to_owned()))
 }
 
 /// Returns 128 random bits in hexadecimal digits.
