@@ -35,7 +35,7 @@ pub enum Cli {
     /// Measure the inference engines and the whole pipeline
     #[command(subcommand)]
     Bench(bench::Bench),
-    /// Record, replay, describe, convert, import and repair bags
+    /// Record, replay, describe, convert and repair bags
     #[command(subcommand)]
     Bag(bag::Bag),
     /// Fetch or check detection models

@@ -3,13 +3,9 @@
 //! Nothing here reads a clock, opens a connection or knows of any node.
 
 pub mod bag;
-pub mod import;
 pub mod source;
 
 use std::path::{Component, Path, PathBuf};
-
-/// Topic of the images in a bag that was imported here.
-pub const IMAGE_TOPIC: &str = "/camera/image_raw";
 
 /// Topic of the labels in a bag: `vision_msgs/msg/Detection2DArray` with the stamps of the images.
 pub const GROUND_TRUTH_TOPIC: &str = "/ground_truth";

@@ -1,4 +1,4 @@
-//! `modulo bag`: record, play, info, recover, convert, import.
+//! `modulo bag`: record, play, info, recover, convert.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -9,8 +9,6 @@ use clap::{Args, Subcommand};
 use modulo_bags::bag::{
     self, BagError, BagInfo, BagReader, BagWarning, BagWriter, Compression, TopicCount, WriteOptions,
 };
-use modulo_bags::import::{ImportError, import_kitti, import_video};
-use modulo_bags::source::SourceError;
 use modulo_bags_live::LiveError;
 use modulo_bags_live::capture::capture;
 use modulo_bags_live::play::{PlayOptions, PlaybackClock, Player};
@@ -46,27 +44,6 @@ pub enum Bag {
     Recover(BagCopy),
     /// Convert a bag of rosbag2's SQLite to MCAP
     Convert(BagCopy),
-    /// Convert a data set to a bag
-    #[command(subcommand)]
-    Import(BagImport),
-}
-
-#[derive(Subcommand)]
-pub enum BagImport {
-    /// Convert a KITTI object or sequence folder, with its labels as ground truth
-    Kitti {
-        /// Folder that holds image_2 or image_02
-        folder: PathBuf,
-        /// New bag folder
-        out: PathBuf,
-    },
-    /// Convert a video, whose frames keep their times of presentation
-    Video {
-        /// Video file
-        video: PathBuf,
-        /// New bag folder
-        out: PathBuf,
-    },
 }
 
 #[derive(Args)]
@@ -157,16 +134,6 @@ pub fn bag(args: &Bag) -> Result<Ended, Failure> {
         }
         // Both copy what can be read; only the reason to call them differs.
         Bag::Recover(args) | Bag::Convert(args) => copy(&BagReader::open(&args.bag)?, args),
-        Bag::Import(BagImport::Kitti { folder, out }) => {
-            let report = import_kitti(folder, out).map_err(import_failed)?;
-            say!("{} frames, {} labelled, {} objects", report.frames, report.labelled, report.objects);
-            Ok(Ended::of(report.missing > 0))
-        }
-        Bag::Import(BagImport::Video { video, out }) => {
-            let report = import_video(video, out).map_err(import_failed)?;
-            say!("{} frames, {} missing", report.frames, report.missing);
-            Ok(Ended::of(report.missing > 0))
-        }
     }
 }
 
@@ -183,15 +150,6 @@ fn info_json(bag: &BagReader) -> serde_json::Value {
         "topics": bag.topics().into_iter().map(topic).collect::<Vec<_>>(),
         "warnings": bag.warnings().iter().map(ToString::to_string).collect::<Vec<_>>(),
     })
-}
-
-fn import_failed(why: ImportError) -> Failure {
-    match why {
-        ImportError::Bag(why) => without_place(why),
-        // Nothing was done: it is no video, or there is no ffmpeg.
-        why @ ImportError::Source(SourceError::Video(_)) => usage(why),
-        why => why.into(),
-    }
 }
 
 fn copy(reader: &BagReader, args: &BagCopy) -> Result<Ended, Failure> {

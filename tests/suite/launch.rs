@@ -244,7 +244,6 @@ fn an_output_that_cannot_be_written_is_refused_before_the_run() {
         "RECOVERED --compose --summary OUT",
         "RECOVERED --trace OUT",
         "bag record -o OUT",
-        "bag import kitti @/kitti OUT",
         "bag convert bags/samples/tunnel OUT",
         "simulate @/images/000000.png -o OUT",
         "simulate @/images/000000.png -o /proc/x",

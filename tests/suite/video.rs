@@ -1,11 +1,9 @@
-//! Videos in the shipped binary: launch, eval, simulate, import and the annotated video; what is no video; and passwords of cameras.
+//! Videos in the shipped binary: launch, eval, simulate and the annotated video; what is no video; and passwords of cameras.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use modulo_bags::IMAGE_TOPIC;
-use modulo_bags::bag::{BagReader, Selection};
 use modulo_bags::source::{self, SourceOptions};
 use modulo_runtime::MessageKind;
 use modulo_video::{Encoder, VideoFile};
@@ -53,12 +51,6 @@ fn a_video_is_a_source_of_every_command() {
     let live = bench.json("summary.json");
     assert_eq!((&live["frames"], &live["detections"]), (&lockstep["frames"], &lockstep["detections"]));
 
-    assert_has(&bench.says(0, "bag import video @/drive.mp4 @/bag"), &["12 frames, 0 missing"]);
-    let reader = BagReader::open(&bench.path("bag")).expect("a bag");
-    let messages = reader.messages(&Selection::of([IMAGE_TOPIC]));
-    let times: Vec<_> = messages.map(|message| message.expect("readable").log_time).collect();
-    assert_eq!(times, (0..12).map(|n| n * 100_000_000).collect::<Vec<u64>>());
-
     bench.says(0, "simulate @/drive.mp4 -o @/simulated");
     assert!(bench.path("simulated/drive_000011_alpha4_modulo.png").is_file());
 }
@@ -85,8 +77,6 @@ fn what_is_no_video_ends_with_2_and_a_cut_one_with_3() {
         let file = format!("launch/raw.launch.yaml source:=@/{name} model:=%");
         let printed = bench.says(code, &format!("eval {file} -o @/out"));
         assert!(printed.contains(expected) && !printed.contains("root:"), "{printed}");
-        bench.says(code, &format!("bag import video @/{name} @/bag-{name}"));
-        assert_eq!(bench.path(&format!("bag-{name}")).exists(), code == 3, "{name}");
     }
 }
 

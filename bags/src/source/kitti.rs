@@ -78,27 +78,6 @@ impl KittiFolder {
         };
         Ok(Self { images: frames.iter().map(image).collect(), labels, listed: true })
     }
-
-    /// Returns the image files, sorted by name.
-    pub fn images(&self) -> &[PathBuf] {
-        &self.images
-    }
-
-    /// Returns the labels of an image file; `None` when it has no label file.
-    pub(crate) fn labels_of(&self, image: &Path) -> Result<Option<Vec<GroundTruth>>, SourceError> {
-        match &self.labels {
-            LabelFiles::Folders(folders) => {
-                let name = format!("{}.txt", stem(image));
-                let file = folders.iter().map(|folder| folder.join(&name)).find(|file| file.is_file());
-                file.map(|file| read_lines(&file, parse_label)).transpose()
-            }
-            LabelFiles::Drive(frames) => {
-                let number = stem(image).parse().ok();
-                // A frame of a drive without a line is labelled as empty; only a name without a number has no labels.
-                Ok(number.map(|number: u64| frames.get(&number).cloned().unwrap_or_default()))
-            }
-        }
-    }
 }
 
 impl KittiSource {
@@ -123,7 +102,18 @@ impl KittiSource {
 
 impl Labels for KittiFolder {
     fn labels(&self, image: &Path, _: (usize, usize)) -> Result<Option<Vec<GroundTruth>>, SourceError> {
-        self.labels_of(image)
+        match &self.labels {
+            LabelFiles::Folders(folders) => {
+                let name = format!("{}.txt", stem(image));
+                let file = folders.iter().map(|folder| folder.join(&name)).find(|file| file.is_file());
+                file.map(|file| read_lines(&file, parse_label)).transpose()
+            }
+            LabelFiles::Drive(frames) => {
+                let number = stem(image).parse().ok();
+                // A frame of a drive without a line is labelled as empty; only a name without a number has no labels.
+                Ok(number.map(|number: u64| frames.get(&number).cloned().unwrap_or_default()))
+            }
+        }
     }
 
     fn without_image(&self, images: &[PathBuf]) -> Vec<String> {

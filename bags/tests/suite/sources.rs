@@ -1,12 +1,13 @@
-//! Image files and KITTI folders as sources, KITTI folders as bags, and recordings of others. The last are skipped where the
+//! Image files, KITTI folders and bags as sources, and recordings of others. The last are skipped where the
 //! data folder is absent.
 
 use std::path::{Path, PathBuf};
 
 use image::{ImageBuffer, Rgb, Rgba};
 use modulo_bags::bag::{BagInfo, BagReader, Compression, Selection, copy};
-use modulo_bags::import::{ImportReport, import_kitti};
-use modulo_bags::source::{CocoSource, GroundTruth, Source, SourceFrame, SourceOptions, YoloSource, open};
+use modulo_bags::source::{
+    CocoSource, GroundTruth, Source, SourceFrame, SourceOptions, YoloSource, open, to_detections,
+};
 use modulo_core::{BBox, Frame, Samples, Transfer};
 use modulo_images::{Coding, save_png};
 use modulo_msgs::cdr;
@@ -375,21 +376,34 @@ fn a_drive_prefers_object_labels_and_falls_back_to_tracking() {
     assert_eq!(classes, ["car", "van"]);
 }
 
+/// Writes the frames of [`write_kitti`] and their labels as a bag, 10 Hz.
+fn bag_of(kitti: &Path, out: &Path) {
+    let messages = (0..).zip(frames(kitti, 0.0)).flat_map(|(number, read)| {
+        let stamp = u64::from(number) * 100_000_000;
+        let header = Header { stamp: Time::from_ns(stamp), frame_id: "camera_optical".into() };
+        let labels = read.ground_truth.map(|labels| {
+            let message = cdr::to_vec(&to_detections(&labels, &header)).expect("short");
+            ("/ground_truth", "vision_msgs/msg/Detection2DArray", stamp, message)
+        });
+        let image = cdr::to_vec(&Image::from_frame(header, &frame(number))).expect("short");
+        [("/camera/image_raw", IMAGE, stamp, image)].into_iter().chain(labels)
+    });
+    write_messages(out, messages);
+}
+
 #[test]
-fn an_imported_folder_is_the_folder() {
+fn a_bag_of_a_folder_is_the_folder() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let kitti = folder.path().join("kitti");
+    let (kitti, bag) = (folder.path().join("kitti"), folder.path().join("bag"));
     write_kitti(&kitti, 15);
-    let imported = folder.path().join("imported");
-    let report = import_kitti(&kitti, &imported).expect("imported");
-    assert_eq!(report, ImportReport { frames: 15, labelled: 8, objects: 16, missing: 0 });
+    bag_of(&kitti, &bag);
     for compression in COMPRESSIONS {
         let out = folder.path().join(format!("{compression:?}"));
-        copy(&BagReader::open(&imported).expect("a bag"), &out, compression).expect("copied");
+        copy(&BagReader::open(&bag).expect("a bag"), &out, compression).expect("copied");
         let (from_files, from_bag) = (frames(&kitti, 0.0), frames(&out, 0.0));
         assert_eq!(from_files.len(), from_bag.len());
         for (i, (file, bag)) in from_files.iter().zip(&from_bag).enumerate() {
-            assert_eq!(bag.stamp_ns, Some(1_316_995_200_000_000_000 + i as u64 * 100_000_000));
+            assert_eq!(bag.stamp_ns, Some(i as u64 * 100_000_000));
             assert_eq!(bag.radiance, file.radiance);
             assert_eq!(bag.ground_truth, file.ground_truth);
             assert_eq!(bag.frame_id, "camera_optical");
@@ -400,45 +414,14 @@ fn an_imported_folder_is_the_folder() {
 }
 
 #[test]
-fn the_same_folder_gives_the_same_bytes() {
+fn a_bad_label_names_file_and_line() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let kitti = folder.path().join("kitti");
-    write_kitti(&kitti, 12);
-    let files = ["a", "b"].map(|parent| {
-        let out = folder.path().join(parent).join("bag");
-        import_kitti(&kitti, &out).expect("imported");
-        let read = |name| std::fs::read(out.join(name)).expect("a file");
-        [read("bag_0.mcap"), read("metadata.yaml")]
-    });
-    assert!(files[0] == files[1]);
-}
-
-#[test]
-fn a_bad_label_names_file_and_line_and_leaves_no_bag() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let kitti = folder.path().join("kitti");
-    write_kitti(&kitti, 3);
-    let label = kitti.join("label_2/000002.txt");
+    write_kitti(folder.path(), 1);
+    let label = folder.path().join("label_2/000000.txt");
     let text = std::fs::read_to_string(&label).expect("read");
     std::fs::write(&label, text + "Car 0 0 1 2 3\n").expect("written");
-    let out = folder.path().join("out");
-    let error = import_kitti(&kitti, &out).expect_err("a bad line").to_string();
-    assert!(error.contains("000002.txt:3: 6 columns found, 15 needed"), "{error}");
-    assert!(!out.exists());
-}
-
-#[test]
-fn an_import_leaves_damaged_images_out_and_counts_them() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let kitti = folder.path().join("kitti");
-    write_kitti(&kitti, 3);
-    let damaged = kitti.join("image_2/000000.png");
-    let bytes = std::fs::read(&damaged).expect("read");
-    std::fs::write(&damaged, &bytes[..bytes.len() / 2]).expect("written");
-    let out = folder.path().join("out");
-    let report = import_kitti(&kitti, &out).expect("imported");
-    assert_eq!(report, ImportReport { frames: 2, labelled: 1, objects: 2, missing: 1 });
-    assert_eq!(frames(&out, 0.0).len(), 2);
+    let error = error_of(folder.path());
+    assert!(error.contains("000000.txt:3: 6 columns found, 15 needed"), "{error}");
 }
 
 #[test]
@@ -446,7 +429,7 @@ fn an_unknown_topic_names_those_there_are() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (kitti, out) = (folder.path().join("kitti"), folder.path().join("out"));
     write_kitti(&kitti, 1);
-    import_kitti(&kitti, &out).expect("imported");
+    bag_of(&kitti, &out);
     let refusal = |path: &Path, topic: Option<&str>| {
         let options = SourceOptions { topic: topic.map(str::to_owned), ..SourceOptions::default() };
         open(&path.display().to_string(), &options).err().expect("refused").to_string()
@@ -543,19 +526,12 @@ fn images_of_recordings_are_frames() {
 }
 
 #[test]
-fn kitti_folders_are_read_and_imported_whole() {
+fn kitti_folders_are_read_whole() {
     let Some(data) = data::shared("data") else { return };
     for (name, frames, objects) in
         [("kitti_object", 20, 105), ("kitti_object_crop", 3, 12), ("kitti_seq/drive_0011", 21, 37)]
     {
-        let folder = data.join(name);
-        let found = walk(&folder, None);
-        assert_eq!(found, (frames, objects), "{name}");
-        let out = tempfile::tempdir().expect("a temporary folder");
-        let bag = out.path().join("bag");
-        let report = import_kitti(&folder, &bag).unwrap_or_else(|e| panic!("{e}"));
-        assert_eq!(report.frames, frames);
-        assert_eq!(walk(&bag, None), found, "{name}");
+        assert_eq!(walk(&data.join(name), None), (frames, objects), "{name}");
     }
 }
 

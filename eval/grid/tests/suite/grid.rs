@@ -9,7 +9,6 @@ use std::time::{Duration, Instant};
 use clap::Parser as _;
 use modulo_ap::Difficulty;
 use modulo_bags::bag::{BagReader, BagWriter, Compression, Selection};
-use modulo_bags::import::import_kitti;
 use modulo_bags::source::{GroundTruth, SourceOptions, open};
 use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_core::Frame;
@@ -310,14 +309,14 @@ fn sources_without_stamps_follow_each_other() {
     check(&looped, &[60, 68, 60, 68, 10, 18, 26, 10]);
 }
 
-/// Imported drives start at the same time stamp.
+/// Both recordings start at the same time stamp.
 #[test]
 fn sources_with_the_same_stamps_follow_each_other() {
     let folder = tempfile::tempdir().expect("a folder");
     let bags = [("a", 10), ("b", 60)].map(|(name, seed)| {
         let (kitti, bag) = (folder.path().join(name), folder.path().join(format!("{name}_bag")));
         write_kitti(&kitti, 2, seed);
-        import_kitti(&kitti, &bag).expect("imported");
+        record(&[&kitti], &[], &bag);
         bag
     });
     let bag = folder.path().join("bag");
