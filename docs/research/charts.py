@@ -147,6 +147,19 @@ def trained_on_wraps() -> None:
     save(figure, "trained_on_wraps")
 
 
+def growth() -> None:
+    figure, axes = plt.subplots(1, 4, figsize=(13, 2.8), layout="constrained")
+    for ax, axis in zip(axes, ("megapixels", "threads", "alpha", "cameras"), strict=True):
+        lines(ax, where(table("data/growth.csv"), axis=axis), "value", "ms", "method", axis)
+        ax.set(xlabel="", xscale="log", yscale="log" if axis in ("megapixels", "alpha") else "linear")
+        ticks = [1, 2, 4, 8] if axis == "cameras" else [1, 2] if axis == "threads" else [0.1, 1, 10] if axis == "megapixels" else [1, 4, 16, 80]
+        ax.set_xticks(ticks, [str(tick) for tick in ticks])
+        ax.minorticks_off()
+    axes[0].set_ylabel("time of a frame, ms")
+    axes[0].legend(fontsize=7)
+    save(figure, "growth")
+
+
 if __name__ == "__main__":
-    for draw in (one_gain, sensors, radiance, peers, paper, night, input_size, trained_on_wraps):
+    for draw in (one_gain, sensors, radiance, peers, paper, night, input_size, trained_on_wraps, growth):
         draw()
