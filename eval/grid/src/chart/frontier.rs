@@ -47,16 +47,12 @@ fn frontier_panel(cells: &[&Cell], group: &str) -> ChartPanel {
     for (cell, (cost, gain)) in &scored {
         let kept = !is_choice(cell) || !real.iter().any(|(other, _)| beats(other, cell, group));
         let name = labels::stream(&cell.point);
-        let model = labels::model(&cell.point);
+        let (model, ms, percent) = (labels::model(&cell.point), number(*cost, 1), number(100.0 * gain, 1));
         let point = DataPoint {
             x: *cost,
             y: *gain,
             interval: cell.interval_of(group),
-            hover: format!(
-                "{name}, {model}: {} ms, AP50 of {group} {} %",
-                number(*cost, 1),
-                number(100.0 * gain, 1)
-            ),
+            hover: format!("{name}, {model}: {ms} ms, AP50 of {group} {percent} %"),
             label: if several { model } else { name.clone() },
             is_faded: !kept,
         };

@@ -44,10 +44,7 @@ pub fn run(
     let mut results = store::resume(&request.out, *fresh, empty)?;
     results.runs.push(request.provenance.clone());
     let (done, todo): (Vec<&Point>, Vec<&Point>) = points.iter().partition(|point| results.has(point));
-    let (finished, others) = (done.len(), results.others(&points));
-    let finished = (finished > 0).then(|| format!("{finished} cells are finished already"));
-    let others = (others > 0).then(|| format!("{others} cells of other grids are in the folder and stay"));
-    finished.iter().chain(&others).for_each(warn);
+    found_there(done.len(), results.others(&points)).iter().for_each(warn);
     let (each, mut runner) = (frames.len() as u64, CellRunner::new(request, make, timer));
     for (index, &point) in todo.iter().enumerate() {
         let frames_of_all = (index as u64 * each, todo.len() as u64 * each);
@@ -62,6 +59,13 @@ pub fn run(
     // A run without any cell to process writes its files, too.
     store::save(&request.out, &results)?;
     Ok(results)
+}
+
+/// Returns what is to be said of cells that were in the folder before.
+fn found_there(finished: usize, others: usize) -> Vec<String> {
+    let finished = (finished > 0).then(|| format!("{finished} cells are finished already"));
+    let others = (others > 0).then(|| format!("{others} cells of other grids are in the folder and stay"));
+    finished.into_iter().chain(others).collect()
 }
 
 fn definitions() -> Table {
