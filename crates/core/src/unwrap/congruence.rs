@@ -47,7 +47,8 @@ pub(super) fn write_channel(
 /// best one does, it is the highest, which makes the image darkest.
 pub(super) fn base_level(k: &[i32], range: Range, outliers: f64, levels: &mut Vec<usize>) -> i32 {
     let ends = |(low, high): (i32, i32), &k: &i32| (low.min(k), high.max(k));
-    let (low, high) = widest!(k.iter().fold((i32::MAX, i32::MIN), ends));
+    let &first = k.first().expect("an image has pixels");
+    let (low, high) = widest!(k.iter().fold((first, first), ends));
     // Steps of at most one from pixel to pixel: no image of this size needs more, so that none is made twice.
     levels.clear();
     levels.reserve(k.len());

@@ -148,7 +148,7 @@ pub struct Recovered {
     pub defects: Vec<usize>,
     /// The report of the method on its result.
     pub report: Report,
-    /// The second differences of x above [`edges::NEAR_HALF`] along rows and columns, where the method has counted them.
+    /// The number of second differences of x above [`edges::NEAR_HALF`] along rows and columns, where the method has counted them.
     pub(crate) near_half: Option<u64>,
 }
 

@@ -1,7 +1,7 @@
 //! Finds the count that stands for k = 0.
 
 use super::layout::{Block, COUNTABLE, CodeRows, LANES, RowLayout, by_channel, tiled};
-use super::output::{Bends, Output};
+use super::output::{Output, SecondDifferences};
 use super::rows::Rows;
 use crate::unwrap::wrapped::Word;
 use crate::unwrap::{Range, Recovered, congruence};
@@ -133,7 +133,7 @@ impl<W: Word> Levels<'_, W> {
         blocks.for_each(|(sums, constants)| *sums = add(constants, &start));
     }
 
-    /// Writes `out` with `zero` as k = 0; counts out of range are clamped. Returns the bends of x.
+    /// Writes `out` with `zero` as k = 0; counts out of range are clamped. Returns the counts of second differences of x.
     #[inline(always)]
     pub fn write<S: Copy + Into<u16>>(
         &self,
@@ -142,19 +142,19 @@ impl<W: Word> Levels<'_, W> {
         range: Range,
         (sums, output): (&mut Vec<W>, &mut Output<W>),
         out: &mut Recovered,
-    ) -> Bends {
+    ) -> SecondDifferences {
         let ((x, counts), most) = (out.buffers(), W::low(range.max_wraps().into()));
         let length = self.layout.samples();
         // Half a turn of the word stands for k = 0.
         self.offsets(zero.level.map(W::bias).map(|zero| W::HALF.minus(zero)), sums);
-        let mut bends = Bends::default();
+        let mut differences = SecondDifferences::default();
         for (i, counts) in counts.chunks_exact_mut(length).enumerate() {
             // Words have no sign: below half a word means k < 0, so the clamp comes before the bias is removed.
             let k = self.rows.k(i).iter().zip(&*sums);
             let k = k.map(|(k, &sum)| k.plus(sum).max(W::HALF).minus(W::HALF).min(most));
-            output.write(i, samples, k, range, (&mut x[..(i + 1) * length], counts), &mut bends);
+            output.write(i, samples, k, range, (&mut x[..(i + 1) * length], counts), &mut differences);
         }
-        bends
+        differences
     }
 }
 

@@ -214,12 +214,12 @@ impl<W: Word> Buffers<W> {
         self.constants.find(&self.gradient, &SummedImage { samples, layout, rows: &self.rows }, range);
         let levels = Levels { layout, rows: &self.rows, constants: &self.constants.sums };
         let Self { offsets, counts, output, .. } = self;
-        let (outside, bends) = widest!({
+        let (outside, differences) = widest!({
             let zero = levels.zero(range, outliers, offsets, counts);
             (zero.outside, levels.write(samples, &zero, range, (offsets, output), out))
         });
-        out.report.quality = Some(self.quality(layout, outside, bends.jumps));
-        out.near_half = Some(bends.near_half);
+        out.report.quality = Some(self.quality(layout, outside, differences.jumps));
+        out.near_half = Some(differences.near_half);
     }
 
     #[inline(always)]

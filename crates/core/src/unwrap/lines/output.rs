@@ -10,7 +10,7 @@ use crate::unwrap::wrapped::{Word, biased, exceeds, wrap_step};
 
 /// The numbers of second differences of the result above one peak, and above [`NEAR_HALF`].
 #[derive(Clone, Copy, Default)]
-pub(super) struct Bends {
+pub(super) struct SecondDifferences {
     pub jumps: u64,
     pub near_half: u64,
 }
@@ -25,8 +25,8 @@ pub(super) struct Output<W> {
 }
 
 impl<W: Word> Output<W> {
-    /// Writes row `i`, whose counts are `k`, to `counts` and to the end of `x`, which holds the rows so far. Adds the
-    /// bends that it completes to `bends`.
+    /// Writes row `i`, whose counts are `k`, to `counts` and to the end of `x`, which holds the rows so far. Counts the
+    /// second differences that it completes.
     #[inline(always)]
     pub fn write<S: Copy + Into<u16>>(
         &mut self,
@@ -35,7 +35,7 @@ impl<W: Word> Output<W> {
         k: impl Iterator<Item = W>,
         range: Range,
         (x, counts): (&mut [f32], &mut [u8]),
-        bends: &mut Bends,
+        differences: &mut SecondDifferences,
     ) {
         let (layout, length) = (samples.layout, counts.len());
         self.codes.swap(0, 1);
@@ -50,12 +50,19 @@ impl<W: Word> Output<W> {
             *x = (i32::from(y.into()) + (i32::from(k) << range.bits())) as f32;
             *count = k as u8;
         }
-        self.add_bends(i, layout, x, range.peak(), bends);
+        self.count_differences(i, layout, x, range.peak(), differences);
     }
 
-    /// Adds the bends along row `i`, the last one of `x`, and across the row above.
+    /// Counts the second differences along row `i`, the last one of `x`, and across the row above.
     #[inline(always)]
-    fn add_bends(&mut self, i: usize, layout: RowLayout, x: &[f32], peak: f32, bends: &mut Bends) {
+    fn count_differences(
+        &mut self,
+        i: usize,
+        layout: RowLayout,
+        x: &[f32],
+        peak: f32,
+        differences: &mut SecondDifferences,
+    ) {
         let (channels, length, mut next_apart) = (layout.channels, layout.samples(), false);
         let Self { codes, k, apart } = self;
         // The first row is its own neighbour.
@@ -72,28 +79,28 @@ impl<W: Word> Output<W> {
             let inner = at..end.min(length.saturating_sub(2 * channels));
             if (is_apart || next_apart) && !inner.is_empty() {
                 let line = |shift: usize| &x[i * length + shift * channels..][inner.clone()];
-                bends.add([line(0), line(1), line(2)], peak);
+                differences.add([line(0), line(1), line(2)], peak);
             }
             next_apart = is_apart;
             let is_apart = are_apart([&codes[above][at..], &codes[0][at..]], [&k[above][at..], &k[0][at..]]);
             if i > 1 && (is_apart || *apart_above) {
                 let line = |row: usize| &x[(i - row) * length..][at..end];
-                bends.add([line(2), line(1), line(0)], peak);
+                differences.add([line(2), line(1), line(0)], peak);
             }
             *apart_above = is_apart;
         }
     }
 }
 
-impl Bends {
-    /// Adds those between three lines.
+impl SecondDifferences {
+    /// Counts those between three lines.
     #[inline(always)]
     fn add(&mut self, [before, here, after]: [&[f32]; 3], peak: f32) {
         let (near, mut counts) = (f32::from(NEAR_HALF) / 8.0 * peak, [0u32; 2]);
         for ((before, here), after) in before.iter().zip(here).zip(after) {
-            let bend = (before + after - here - here).abs();
-            counts[0] += u32::from(bend > peak);
-            counts[1] += u32::from(bend > near);
+            let difference = (before + after - here - here).abs();
+            counts[0] += u32::from(difference > peak);
+            counts[1] += u32::from(difference > near);
         }
         self.jumps += u64::from(counts[0]);
         self.near_half += u64::from(counts[1]);
