@@ -241,7 +241,7 @@ impl Unwrap for TwoGains {
             Integers::U8(codes) => self.recover_any(codes, y.mosaic(), range, out),
             Integers::U16(codes) => self.recover_any(codes, y.mosaic(), range, out),
         }
-        edges::withhold_trust(out, Arrangement::TwoGains, self.sharpness, range);
+        edges::withhold_trust(y, out, Arrangement::TwoGains, self.sharpness, range);
         Ok(())
     }
 }

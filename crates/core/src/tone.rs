@@ -56,31 +56,78 @@ pub(crate) fn shown(
     }
 }
 
-/// Returns the codes of [`linear8`] in single precision, with twice as many samples in a vector; `None` if a sample is no whole code, or if
-/// single precision rounds a whole code of this range differently.
+/// Returns the picture of the radiance `y + k * 2^b`, as [`picture`] does; `y` and `k` are those of an unwrapped image.
+///
+/// # Errors
+/// [`FrameError`] when `y` has floats or another shape than `k`.
+pub fn picture_of_counts(
+    y: &Frame,
+    k: &Array3<u8>,
+    range: Range,
+    transfer: Transfer,
+) -> Result<Frame, FrameError> {
+    let k = in_order(k.view());
+    let codes = match y.samples() {
+        Samples::U8(y) => shown_counts(&in_order(y.view()), &k, range, transfer),
+        Samples::U16(y) => shown_counts(&in_order(y.view()), &k, range, transfer),
+        Samples::F32(_) => Vec::new(),
+    };
+    Frame::from_u8(Array3::from_shape_vec(y.dim(), codes).unwrap_or_default())
+}
+
+fn shown_counts<T: Copy + Into<f32>>(y: &[T], k: &[u8], range: Range, transfer: Transfer) -> Vec<u8> {
+    #[inline(always)]
+    fn codes<T: Copy + Into<f32>>(y: &[T], k: &[u8], range: Range, code: impl Fn(f32) -> u8) -> Vec<u8> {
+        let (peak, mut codes) = (range.peak(), vec![0; k.len().min(y.len())]);
+        let samples = codes.iter_mut().zip(y).zip(k);
+        widest!(samples.for_each(|((out, &y), &k)| *out = code(y.into() + f32::from(k) * peak)));
+        codes
+    }
+    match (ToneTable::of(range, transfer), Single::of(range)) {
+        (Some(table), _) => codes(y, k, range, |x| table.code(x + HALF_A_CODE)),
+        (None, Some(single)) => codes(y, k, range, |x| single.code(x)),
+        (None, None) => codes(y, k, range, |x| to_u8(x, 255.0 / range.white())),
+    }
+}
+
+/// The scale of [`linear8`] in single precision, with twice as many samples in a vector, for whole codes.
+struct Single(f32);
+
+impl Single {
+    /// Returns the scale; `None` if single precision rounds a whole code of this range differently.
+    fn of(range: Range) -> Option<Self> {
+        /// The greatest white for which checking all codes costs little.
+        const MOST: f64 = 16384.0;
+        let (white, scale) = (range.white(), 255.0 / range.white());
+        let single = Self(scale as f32);
+        let agrees = |x: u32| single.code(x as f32) == to_u8(x as f32, scale);
+        // Beyond the white, every code is 255.
+        let all = || widest!((0..=white.ceil() as u32).fold(true, |all, x| all & agrees(x)));
+        (white <= MOST && all()).then_some(single)
+    }
+
+    /// Returns the code of the whole number `x`.
+    #[inline(always)]
+    fn code(&self, x: f32) -> u8 {
+        /// Carries halves up, and is far below the distance of any other code from a half.
+        const ABOVE: f32 = 1.0 / 4096.0;
+        ((x * self.0 + ABOVE).clamp(0.0, 255.0) + WHOLE).to_bits() as u8
+    }
+}
+
+/// Returns the codes of [`linear8`] in single precision; `None` if a sample is no whole code, or if single precision does not suffice.
 #[inline(always)]
 fn shown_whole(samples: &[f32], range: Range, radiance: &impl Fn(f32) -> f32) -> Option<Vec<u8>> {
-    /// Carries halves up, and is far below the distance of any other code from a half.
-    const ABOVE: f32 = 1.0 / 4096.0;
-    /// The greatest white for which checking all codes costs little.
-    const MOST: f64 = 16384.0;
     /// Samples that are converted together.
     const PART: usize = 1 << 14;
-    let (white, scale) = (range.white(), 255.0 / range.white());
-    let single = scale as f32;
-    let code = |x: f32| ((x * single + ABOVE).clamp(0.0, 255.0) + WHOLE).to_bits() as u8;
-    let agrees = |x: u32| code(x as f32) == to_u8(x as f32, scale);
-    // Beyond the white, every code is 255.
-    if white > MOST || !widest!((0..=white.ceil() as u32).fold(true, |all, x| all & agrees(x))) {
-        return None;
-    }
+    let single = Single::of(range)?;
     let mut codes = vec![0; samples.len()];
     // An image of other numbers is left after its first part.
     let mut parts = codes.chunks_mut(PART).zip(samples.chunks(PART));
     let whole = parts.all(|(codes, samples)| {
         widest!(codes.iter_mut().zip(samples).fold(true, |whole, (out, &x)| {
             let x = radiance(x);
-            *out = code(x);
+            *out = single.code(x);
             whole & ((x.abs() + WHOLE) - WHOLE == x.abs())
         }))
     });

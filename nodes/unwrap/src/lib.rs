@@ -174,7 +174,9 @@ impl UnwrapNode {
             };
             let range = model.range()?;
             let mut of_gains = of_gains(model.gains()?);
-            of_gains.as_mut().unwrap_or(&mut self.method).expect_edges(sharpness);
+            let method = of_gains.as_mut().unwrap_or(&mut self.method);
+            method.expect_edges(sharpness);
+            method.leave_out_radiance(true);
             self.sensor = Some(Prepared { model, range, deblur, of_gains });
         }
         Ok(())
@@ -249,7 +251,14 @@ impl UnwrapNode {
             return Ok(());
         }
         let Prepared { model, range, deblur, .. } = self.sensor.as_ref().expect("`prepare` comes before");
-        let radiance = &self.recovered.x;
+        let Recovered { x: radiance, k, .. } = &self.recovered;
+        // Counts suffice for the picture that nothing else is to be done with.
+        if radiance.is_empty() {
+            let frame =
+                cx.stage("tone", || tone::picture_of_counts(&modulo.frame, k, *range, model.transfer))?;
+            cx.emit(RECOVERED, StampedFrame { header: modulo.header.clone(), frame });
+            return Ok(());
+        }
         let x = match modulo.frame.mosaic() {
             None => Cow::Borrowed(radiance),
             Some(mosaic) => Cow::Owned(cx.stage("demosaic", || mosaic.demosaic(radiance.view()))),
@@ -273,8 +282,12 @@ impl UnwrapNode {
     }
 
     /// Sends the images of the result that have a reader.
-    fn emit_images(&self, modulo: &StampedFrame, cx: &mut Context<'_>) -> Result<(), FrameError> {
-        let Prepared { range, .. } = self.sensor.as_ref().expect("`prepare` comes before");
+    fn emit_images(&mut self, modulo: &StampedFrame, cx: &mut Context<'_>) -> Result<(), FrameError> {
+        let Prepared { range, deblur, .. } = self.sensor.as_ref().expect("`prepare` comes before");
+        // The radiance has few readers, and takes four times the memory of the codes.
+        if deblur.is_some() | cx.wanted(METERED) | cx.wanted(HDR) | cx.wanted(CONFIDENCE) {
+            cx.stage("radiance", || self.recovered.fill(&modulo.frame, *range));
+        }
         let (mosaic, radiance) = (modulo.frame.mosaic(), &self.recovered.x);
         self.emit_pictures(modulo, cx)?;
         if cx.wanted(HDR) {

@@ -139,7 +139,7 @@ impl Auto {
         // Behind a hard edge, lines take the offset of the wrong side.
         if !is_steep {
             self.finish_lines(y, range, &mut quality, out)?;
-            is_accepted = self.accepts(jumps_of_lines(out, &quality, range));
+            is_accepted = self.accepts(jumps_of_lines(y, out, &quality, range));
         }
         if !is_accepted {
             is_accepted = self.try_others(y, range, &mut quality, out)?;
@@ -151,7 +151,7 @@ impl Auto {
         let mut trust = match is_accepted {
             false => Trust::Untrusted,
             true if may_hide || range.bits() < FEWEST_BITS => Trust::Unobservable,
-            true if self.needs_offset => offset::trust(out, range),
+            true if self.needs_offset => offset::trust(y, out, range),
             true => Trust::Trusted,
         };
         // A region behind a hard edge, whose counts leave no trace in y, must not raise the whole image.
@@ -301,11 +301,14 @@ fn samples(y: &Frame) -> usize {
 
 /// Returns the jumps of the result of `lines` that speak against it. A clamped count contradicts the range; only few single samples may do so: a
 /// defect in a dark part may seem to be below 0.
-fn jumps_of_lines(out: &Recovered, quality: &QualityMetrics, range: Range) -> f32 {
+fn jumps_of_lines(y: &Frame, out: &mut Recovered, quality: &QualityMetrics, range: Range) -> f32 {
     match quality.clamped {
         0.0 => quality.jumps,
         clamped if clamped > FEW_CLAMPED => f32::INFINITY,
-        clamped => quality.jumps - JUMPS_OF_SPIKE * jumps::spikes(&out.x, range).min(clamped),
+        clamped => {
+            out.fill(y, range);
+            quality.jumps - JUMPS_OF_SPIKE * jumps::spikes(&out.x, range).min(clamped)
+        }
     }
 }
 
@@ -316,6 +319,10 @@ impl Unwrap for Auto {
 
     fn limit_work(&mut self, ms: f64) {
         self.work = ms;
+    }
+
+    fn leave_out_radiance(&mut self, may_leave_out: bool) {
+        self.lines.leave_out_radiance(may_leave_out);
     }
 
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {

@@ -194,8 +194,13 @@ impl Defects {
     pub fn restore(&self, codes: Integers<'_>, range: Range, out: &mut Recovered) {
         out.defects.extend(self.found.iter().map(|(at, _)| at));
         let (x, k) = out.buffers();
-        for &(at, _) in &self.found {
-            (x[at], k[at]) = range.nearest(codes.at(at).into(), x[at]);
+        for &(at, sound) in &self.found {
+            let restored =
+                range.nearest(codes.at(at).into(), f32::from(sound) + f32::from(k[at]) * range.peak());
+            k[at] = restored.1;
+            if let Some(x) = x.get_mut(at) {
+                *x = restored.0;
+            }
         }
     }
 

@@ -19,7 +19,7 @@
 use ndarray::Array3;
 
 use super::{Range, Recovered, Trust, jumps};
-use crate::frame::in_order;
+use crate::frame::{Frame, in_order};
 use crate::simd::widest;
 
 /// The largest second difference, in peaks, of an edge that is read right.
@@ -86,22 +86,29 @@ pub(crate) enum Arrangement {
 
 /// Takes the trust from a result that may be wrong without a trace.
 pub(crate) fn withhold_trust(
+    y: &Frame,
     out: &mut Recovered,
     arrangement: Arrangement,
     sharpness: Sharpness,
     range: Range,
 ) {
     let is_trusted = [Trust::Trusted, Trust::Relative].contains(&out.report.trust);
-    if is_trusted && range.max_wraps() > 0 && may_hide(out, arrangement, sharpness, range) {
+    if is_trusted && range.max_wraps() > 0 && may_hide(y, out, arrangement, sharpness, range) {
         out.report.trust = Trust::Unobservable;
     }
 }
 
-fn may_hide(out: &Recovered, arrangement: Arrangement, sharpness: Sharpness, range: Range) -> bool {
-    let (x, limit) = (&out.x, f32::from(NEAR_HALF) / 8.0 * range.peak());
-    let near_half = || match out.near_half {
-        Some(count) => count as f32 / x.len() as f32,
-        None => jumps::share_above(x, limit),
+fn may_hide(
+    y: &Frame,
+    out: &mut Recovered,
+    arrangement: Arrangement,
+    sharpness: Sharpness,
+    range: Range,
+) -> bool {
+    let limit = f32::from(NEAR_HALF) / 8.0 * range.peak();
+    let has_many_near_half = |out: &Recovered| match out.near_half {
+        Some(count) => count as f32 / out.k.len() as f32 > MANY_NEAR_HALF,
+        None => jumps::share_above(&out.x, limit) > MANY_NEAR_HALF,
     };
     let edge = match sharpness {
         Sharpness::Unfit => return true,
@@ -111,10 +118,18 @@ fn may_hide(out: &Recovered, arrangement: Arrangement, sharpness: Sharpness, ran
     match (arrangement, edge) {
         (Arrangement::TwoGains, edge) => edge.is_some_and(|edge| edge > OF_TWO_GAINS),
         (_, Some(edge)) if edge > READABLE => true,
-        (Arrangement::Mosaic, _) => share_of_mosaic(x, limit) > MANY_IN_MOSAIC,
-        (_, Some(edge)) if edge > SAFE => jumps::share_above(x, BENT * range.peak()) > FEW_BENT,
-        (_, Some(_)) => near_half() > MANY_NEAR_HALF,
-        (_, None) => near_half() > MANY_NEAR_HALF || has_lone_steps(x, range),
+        (Arrangement::Mosaic, _) => share_of_mosaic(&out.x, limit) > MANY_IN_MOSAIC,
+        (_, Some(edge)) if edge > SAFE => {
+            out.fill(y, range);
+            jumps::share_above(&out.x, BENT * range.peak()) > FEW_BENT
+        }
+        (_, Some(_)) => has_many_near_half(out),
+        (_, None) => {
+            has_many_near_half(out) || {
+                out.fill(y, range);
+                has_lone_steps(&out.x, range)
+            }
+        }
     }
 }
 
@@ -205,8 +220,9 @@ mod tests {
     fn edges_that_may_hide_a_peak_are_told_by_the_lens_and_without_it_by_their_sharpness() {
         let range = Range::new(8, 4.0).unwrap();
         let hides = |height, sigma, sharpness| {
-            let out = Recovered { x: edge(height, sigma), ..Recovered::default() };
-            may_hide(&out, Arrangement::Next, sharpness, range)
+            let mut out = Recovered { x: edge(height, sigma), ..Recovered::default() };
+            let y = Frame::from_u8(out.x.mapv(|x| x as u8)).unwrap();
+            may_hide(&y, &mut out, Arrangement::Next, sharpness, range)
         };
         for (height, sigma, hidden) in
             [(0.3, 0.0, true), (0.3, 0.3, true), (0.3, 0.8, false), (0.9, 1.4, false), (0.5, 0.0, true)]
@@ -235,8 +251,14 @@ mod tests {
                 let smooth = limit * (0.5 + 0.4 * (j as f32 / 60.0 + i as f32 / 5.0).sin());
                 ((smooth + noise) as u32 % (1 << bits)) as u16
             });
-            let mut out = Recovered::default();
-            Lines::default().unwrap(&Frame::from_u16(y).unwrap(), range, &mut out).unwrap();
+            let (y, mut out, mut left_out) = (Frame::from_u16(y).unwrap(), Recovered::default(), Recovered::default());
+            Lines::default().unwrap(&y, range, &mut out).unwrap();
+            let mut lines = Lines::default();
+            lines.leave_out_radiance(true);
+            lines.unwrap(&y, range, &mut left_out).unwrap();
+            prop_assert!(left_out.x.is_empty());
+            left_out.fill(&y, range);
+            prop_assert_eq!(&left_out, &out);
             let counted = out.near_half.expect("lines count") as f32 / out.x.len() as f32;
             prop_assert_eq!(counted, jumps::share_above(&out.x, f32::from(NEAR_HALF) / 8.0 * range.peak()));
             out.buffers();

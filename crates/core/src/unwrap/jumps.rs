@@ -125,6 +125,9 @@ impl Recovered {
     /// The pixels at which no second difference is above 3/8 of the peak form regions; the largest one is vouched for if it has at
     /// least 85 % of the pixels. In a mosaic, 2 x 2 pixels count as one, with neighbours of the same colours. Behind a lens
     /// of 0.8 px and more, hardly a count in it is wrong (docs/research/trust.md); behind a sharper one an error may leave no trace.
+    ///
+    /// # Panics
+    /// If the radiance is left out: [`Recovered::fill`] has to come before.
     pub fn confidence(&self, mosaic: Option<Mosaic>, range: Range) -> Frame {
         let (height, width, _) = self.x.dim();
         let cell = if mosaic.is_some() { 2 } else { 1 };

@@ -48,6 +48,7 @@ pub use tree::Tree;
 use self::mosaic::MosaicUnwrap;
 use crate::frame::{Frame, FrameError, SamplePosition, Samples, copy_channel, in_order, position_of};
 use crate::gains::{Gains, TwoGains};
+use crate::simd::widest;
 use crate::workers::WorkersError;
 
 /// Declares the methods, one line each: its type, its name, and its constructor.
@@ -129,6 +130,10 @@ pub trait Unwrap: Send {
     /// Limits the work that `auto` may do on each of the next images, in ms, as [`Options::budget`] does.
     fn limit_work(&mut self, _ms: f64) {}
 
+    /// Tells a method whether the next radiance may be left out, since its reader needs the counts only; [`Recovered::fill`] computes it from
+    /// them. Before, all radiance is written.
+    fn leave_out_radiance(&mut self, _may_leave_out: bool) {}
+
     /// Writes radiance and wrap counts of `y` (values below 2^b) into `out`, whose buffers are reused when the
     /// shape is the same.
     ///
@@ -141,6 +146,7 @@ pub trait Unwrap: Send {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recovered {
     /// The radiance x_hat in code units, H x W x C, a colour mosaic where y is one: exactly `y + k * 2^b`, and at pixels of low gain `(y + 1/2) / gain - 1/2`.
+    /// It is empty where it was left out, see [`Unwrap::leave_out_radiance`].
     pub x: Array3<f32>,
     /// The wrap counts, H x W x C, `0 <= k <= ceil(alpha) - 1`.
     pub k: Array3<u8>,
@@ -150,6 +156,8 @@ pub struct Recovered {
     pub report: Report,
     /// The number of second differences of x above [`edges::NEAR_HALF`] along rows and columns, where the method has counted them.
     pub(crate) near_half: Option<u64>,
+    /// The memory of x where it is left out.
+    spare: Array3<f32>,
 }
 
 /// The report of a method on its own result.
@@ -350,6 +358,9 @@ pub fn of_gains(gains: Gains) -> Option<Box<dyn Unwrap>> {
 impl Recovered {
     /// Resizes the buffers for an image of `dim` in standard layout; old values stay until they are overwritten.
     pub(crate) fn prepare(&mut self, dim: (usize, usize, usize), method: &'static str) {
+        if self.x.is_empty() {
+            std::mem::swap(&mut self.x, &mut self.spare);
+        }
         // The fields are public: a caller may have put in an array of another layout.
         if self.x.dim() != dim || !self.x.is_standard_layout() {
             self.x = Array3::zeros(dim);
@@ -360,6 +371,29 @@ impl Recovered {
         self.defects.clear();
         self.near_half = None;
         self.report = Report { method, ..Report::default() };
+    }
+
+    /// Leaves x out, after [`Recovered::prepare`].
+    fn leave_out(&mut self) {
+        self.spare = std::mem::take(&mut self.x);
+    }
+
+    /// Computes x as `y + k * 2^b` where it was left out; `y` is the image that was unwrapped.
+    ///
+    /// # Panics
+    /// If `y` has another shape than the result.
+    pub fn fill(&mut self, y: &Frame, range: Range) {
+        if !self.x.is_empty() {
+            return;
+        }
+        assert_eq!(y.dim(), self.k.dim(), "the image that was unwrapped has the shape of its counts");
+        self.x = match std::mem::take(&mut self.spare) {
+            spare if spare.dim() == y.dim() => spare,
+            _ => Array3::zeros(y.dim()),
+        };
+        let near_half = self.near_half;
+        Integers::of(y, range).expect("the image was unwrapped").write_radiance(range, self);
+        self.near_half = near_half;
     }
 
     /// Returns x and k, row-major and interleaved, after [`Recovered::prepare`].
@@ -422,6 +456,14 @@ impl<'a> Integers<'a> {
         }
     }
 
+    /// Writes the radiance of `out` from its counts.
+    fn write_radiance(self, range: Range, out: &mut Recovered) {
+        match self {
+            Self::U8(y) => write_radiance(y, range, out),
+            Self::U16(y) => write_radiance(y, range, out),
+        }
+    }
+
     /// Copies one of `channels` into `plane`, row-major.
     fn take(self, channels: usize, channel: usize, plane: &mut Vec<f32>) {
         match self {
@@ -429,6 +471,12 @@ impl<'a> Integers<'a> {
             Self::U16(samples) => copy_channel(samples, channels, channel, plane),
         }
     }
+}
+
+fn write_radiance<T: Copy + Into<f32>>(y: &[T], range: Range, out: &mut Recovered) {
+    let (x, k) = out.buffers();
+    let samples = x.iter_mut().zip(y).zip(&*k);
+    widest!(samples.for_each(|((x, &y), &k)| *x = y.into() + f32::from(k) * range.peak()));
 }
 
 /// Returns an error for samples (of an image of shape `dim`) outside `[0, most]` or NaN.

@@ -67,6 +67,7 @@ pub(super) struct MosaicUnwrap {
     green: Recovered,
     offset: OffsetFinder,
     sharpness: Sharpness,
+    leaves_out_radiance: bool,
 }
 
 impl MosaicUnwrap {
@@ -90,6 +91,7 @@ impl MosaicUnwrap {
             green: Recovered::default(),
             offset: OffsetFinder::new(options.successive),
             sharpness: Sharpness::default(),
+            leaves_out_radiance: false,
         })
     }
 
@@ -103,7 +105,8 @@ impl MosaicUnwrap {
     ) -> Result<(), UnwrapError> {
         let lattice = Lattice::new(image);
         self.method.limit_work((1.0 - OF_OTHERS) * left.left_ms());
-        self.method.unwrap(&lattice.frame(image, range), range, &mut self.green)?;
+        let frame = lattice.frame(image, range);
+        self.method.unwrap(&frame, range, &mut self.green)?;
         lattice.scatter(&self.green, out);
         out.report = self.green.report;
         // Beyond the margin nothing is steep, which must not make an image look flatter than it is.
@@ -114,7 +117,7 @@ impl MosaicUnwrap {
             quality.residues /= inside;
             quality.jumps = jumps;
         }
-        let mut trust = self.trust_in_green(jumps, range);
+        let mut trust = self.trust_in_green(&frame, jumps, range);
         let others = self.unwrap_others(image, range, OF_OTHERS * left.left_ms(), out)?;
         out.report.is_over_budget |= left.is_exceeded();
         if others.iter().any(|other| other.outside > MOST_OUTSIDE || other.trust != Trust::Trusted) {
@@ -130,12 +133,12 @@ impl MosaicUnwrap {
     ///
     /// `auto` judges all three channels of the lattice and the pixels beyond the image, too. Where only those have jumps, the result of
     /// the tree is not worse.
-    fn trust_in_green(&self, jumps: f32, range: Range) -> Trust {
+    fn trust_in_green(&self, green: &Frame, jumps: f32, range: Range) -> Trust {
         let report = self.green.report;
         match report.trust {
             _ if f64::from(jumps) > self.limits.jumps => Trust::Untrusted,
             Trust::Untrusted if report.method == GradientTree::NAME && range.bits() >= FEWEST_BITS => {
-                offset::trust(&self.green, range)
+                offset::trust(green, &self.green, range)
             }
             trust => trust,
         }
@@ -226,17 +229,25 @@ impl Unwrap for MosaicUnwrap {
         self.sharpness = sharpness;
     }
 
+    fn leave_out_radiance(&mut self, may_leave_out: bool) {
+        self.leaves_out_radiance = may_leave_out;
+    }
+
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
         match y.mosaic() {
-            Some(mosaic) => self.unwrap_mosaic(y, mosaic, range, out)?,
+            Some(mosaic) => {
+                self.method.leave_out_radiance(false);
+                self.unwrap_mosaic(y, mosaic, range, out)?;
+            }
             None => {
+                self.method.leave_out_radiance(self.leaves_out_radiance);
                 self.method.limit_work(self.work);
                 self.method.unwrap(y, range, out)?;
             }
         }
         let arrangement = if y.mosaic().is_some() { Arrangement::Mosaic } else { Arrangement::Next };
-        edges::withhold_trust(out, arrangement, self.sharpness, range);
-        self.offset.settle(out, y.mosaic().is_some(), range);
+        edges::withhold_trust(y, out, arrangement, self.sharpness, range);
+        self.offset.settle(y, out, range);
         // What does not contradict itself would not have become better.
         out.report.is_over_budget &= ![Trust::Trusted, Trust::Relative].contains(&out.report.trust);
         Ok(())

@@ -12,9 +12,10 @@
 //!   frame to frame, to less than half a peak and to a part of the contrast of the scene. The last frame gives the offset of a frame
 //!   whose counts agree with each other, and never a count of a pixel. After a cut, no offset fits most parts.
 
-use ndarray::{Array3, ArrayView2, s};
+use ndarray::{Array2, Array3, ArrayView2, Zip, s};
 
-use super::{Range, Recovered, Trust};
+use super::{Integers, Range, Recovered, Trust};
+use crate::frame::{Frame, Samples};
 use crate::simd::widest;
 
 /// The evidence for the absolute offset of a trusted result.
@@ -75,14 +76,14 @@ const CHANGE_OF_CONTRAST: f32 = 0.35;
 const UNCHANGED: usize = PARTS.0 * PARTS.1 * 3 / 4;
 
 /// One pixel of so many rows and columns is taken for a mean.
-const SAMPLED: usize = 5;
+const SAMPLED: isize = 5;
 
 /// Returns the trust in `out`, whose counts agree with each other, by its range alone.
 ///
 /// It is trusted where in each channel more than [`BRIGHT`] of the pixels are at `alpha * 2^b / LEAST_ALPHA - 2^b` or above. An image with
 /// fewer than [`SHORTEST_SIDE`] rows or columns shows nothing at all, since no majority of lines can be wrong.
-pub(super) fn trust(out: &Recovered, range: Range) -> Trust {
-    let (height, width, channels) = out.x.dim();
+pub(super) fn trust(y: &Frame, out: &Recovered, range: Range) -> Trust {
+    let (height, width, channels) = out.k.dim();
     // Where nothing can wrap, every count is 0.
     if range.max_wraps() == 0 {
         return Trust::Trusted;
@@ -90,12 +91,10 @@ pub(super) fn trust(out: &Recovered, range: Range) -> Trust {
     if height.min(width) < SHORTEST_SIDE {
         return Trust::Unobservable;
     }
-    let x = out.x.as_slice().expect("prepare has made the layout standard");
     let limit = (range.limit() / LEAST_ALPHA) as f32 - range.peak();
     let mut bright = [0; 3];
     // Most images show it in their first rows.
-    let is_evident = x.chunks(PART).any(|part| {
-        let counts = widest!(count_from(part, channels, limit));
+    let is_evident = counts_from(y, out, channels, limit, range).any(|counts| {
         bright.iter_mut().zip(counts).for_each(|(bright, count)| *bright += count);
         bright[..channels].iter().all(|&count| f64::from(count) > BRIGHT * (height * width) as f64)
     });
@@ -103,14 +102,12 @@ pub(super) fn trust(out: &Recovered, range: Range) -> Trust {
 }
 
 /// Returns whether more than [`BRIGHT`] of the samples are at the end of the range or beyond.
-fn leaves_range(out: &Recovered, range: Range) -> bool {
-    let x = out.x.as_slice().expect("prepare has made the layout standard");
+fn leaves_range(y: &Frame, out: &Recovered, range: Range) -> bool {
     let limit = range.limit() as f32;
     // The counts are read faster, and show in most images that no sample can be there.
     let most = out.k.iter().fold(0, |most, &k| most.max(k));
-    let beyond = |part| u64::from(widest!(count_from(part, 1, limit))[0]);
-    (f32::from(most) + 1.0) * range.peak() > limit
-        && x.chunks(PART).map(beyond).sum::<u64>() as f64 > BRIGHT * x.len() as f64
+    let beyond = || counts_from(y, out, 1, limit, range).map(|counts| u64::from(counts[0])).sum::<u64>();
+    (f32::from(most) + 1.0) * range.peak() > limit && beyond() as f64 > BRIGHT * out.k.len() as f64
 }
 
 /// Returns the trust in the mosaic `out`, whose counts agree with each other, by the range of each of its colours alone, as [`trust`] does.
@@ -153,23 +150,22 @@ impl OffsetFinder {
         Self { successive, ..Self::default() }
     }
 
-    /// Looks for the offset of a result that is relative, and makes it trusted where there is evidence. `is_mosaic` says whether `out`
-    /// is a colour mosaic.
-    pub fn settle(&mut self, out: &mut Recovered, is_mosaic: bool, range: Range) {
-        let groups = groups(out.x.dim().2, is_mosaic);
+    /// Looks for the offset of the result for `y` that is relative, and makes it trusted where there is evidence.
+    pub fn settle(&mut self, y: &Frame, out: &mut Recovered, range: Range) {
+        let groups = groups(y.channels(), y.mosaic().is_some());
         // What leaves the range contradicts it: alpha or the counts are wrong, and no evidence helps.
-        if [Trust::Trusted, Trust::Relative].contains(&out.report.trust) && leaves_range(out, range) {
+        if [Trust::Trusted, Trust::Relative].contains(&out.report.trust) && leaves_range(y, out, range) {
             out.report.trust = Trust::Relative;
             return;
         }
         let trust = out.report.trust;
         out.report.offset = if trust == Trust::Trusted {
             Some(OffsetEvidence::Range)
-        } else if trust == Trust::Relative && is_black(out, groups.clone(), range) {
+        } else if trust == Trust::Relative && is_black(y, out, groups.clone(), range) {
             Some(OffsetEvidence::OpticalBlack)
-        } else if trust == Trust::Relative && is_at_black_level(out, groups.clone(), range) {
+        } else if trust == Trust::Relative && is_at_black_level(y, out, groups.clone(), range) {
             Some(OffsetEvidence::BlackLevel)
-        } else if trust == Trust::Relative && self.shift(out, groups.clone(), range) {
+        } else if trust == Trust::Relative && self.shift(y, out, groups.clone(), range) {
             Some(OffsetEvidence::LastFrame)
         } else {
             None
@@ -180,19 +176,25 @@ impl OffsetFinder {
         out.report.trust = Trust::Trusted;
         if self.successive {
             let mut means = [[0.0; PARTS.0 * PARTS.1]; MOST_GROUPS];
-            means.iter_mut().zip(groups).for_each(|(means, group)| *means = group.means(&out.x));
-            self.last = Some(LastFrame { range, dim: out.x.dim(), means });
+            means.iter_mut().zip(groups).for_each(|(means, group)| *means = group.means(y, out, range));
+            self.last = Some(LastFrame { range, dim: y.dim(), means });
         }
     }
 
     /// Shifts `out` to the offset at which most parts of each group are as in the last trusted frame; returns whether there is one.
-    fn shift(&self, out: &mut Recovered, groups: impl Iterator<Item = Group> + Clone, range: Range) -> bool {
-        let comparable = |last: &&LastFrame| (last.range, last.dim) == (range, out.x.dim());
+    fn shift(
+        &self,
+        y: &Frame,
+        out: &mut Recovered,
+        groups: impl Iterator<Item = Group> + Clone,
+        range: Range,
+    ) -> bool {
+        let comparable = |last: &&LastFrame| (last.range, last.dim) == (range, y.dim());
         let Some(last) = self.last.as_ref().filter(comparable) else { return false };
         let most = i16::from(range.max_wraps());
         let mut steps = [0; MOST_GROUPS];
         for ((group, last), to) in groups.clone().zip(&last.means).zip(&mut steps) {
-            let Some(step) = step(&group.means(&out.x), last, range) else { return false };
+            let Some(step) = step(&group.means(y, out, range), last, range) else { return false };
             if !group.of(&out.k).iter().all(|&k| (0..=most).contains(&(i16::from(k) + step))) {
                 return false;
             }
@@ -233,10 +235,34 @@ impl Group {
         image.slice(s![row..;period, column..;period, channel])
     }
 
+    /// Returns the radiance of the group in the first `columns`, at one of so many rows and columns.
+    fn radiance(
+        &self,
+        y: &Frame,
+        out: &Recovered,
+        range: Range,
+        columns: usize,
+        every: isize,
+    ) -> Array2<f32> {
+        fn sum<T: Copy + Into<f32>>(y: ArrayView2<'_, T>, k: ArrayView2<'_, u8>, peak: f32) -> Array2<f32> {
+            Zip::from(y).and(k).map_collect(|&y, &k| y.into() + f32::from(k) * peak)
+        }
+        let (k, place) = (self.of(&out.k), s![..;every, ..columns;every]);
+        match y.samples() {
+            Samples::U8(y) => sum(self.of(y).slice(place), k.slice(place), range.peak()),
+            Samples::U16(y) => sum(self.of(y).slice(place), k.slice(place), range.peak()),
+            Samples::F32(_) => unreachable!("a modulo image has integers"),
+        }
+    }
+
+    /// Returns the number of columns of the group among the first ones of an image.
+    fn columns(&self, of_image: usize) -> usize {
+        of_image.saturating_sub(self.column).div_ceil(self.period.unsigned_abs())
+    }
+
     /// Returns the mean of the group in each part of an image; NaN in parts without a pixel.
-    fn means(&self, x: &Array3<f32>) -> Means {
-        let x = self.of(x);
-        let x = x.slice(s![..;SAMPLED, ..;SAMPLED]);
+    fn means(&self, y: &Frame, out: &Recovered, range: Range) -> Means {
+        let x = self.radiance(y, out, range, self.columns(y.width()), SAMPLED);
         let (mut sums, mut counts) = ([0.0; PARTS.0 * PARTS.1], [0; PARTS.0 * PARTS.1]);
         let (rows, columns) = x.dim();
         for ((i, j), x) in x.indexed_iter() {
@@ -251,7 +277,9 @@ impl Group {
     fn raise(&self, out: &mut Recovered, step: i16, range: Range) {
         let Self { channel, row, column, period } = *self;
         let place = s![row..;period, column..;period, channel];
-        out.x.slice_mut(place).mapv_inplace(|x| x + f32::from(step) * range.peak());
+        if !out.x.is_empty() {
+            out.x.slice_mut(place).mapv_inplace(|x| x + f32::from(step) * range.peak());
+        }
         out.k.slice_mut(place).mapv_inplace(|k| (i16::from(k) + step) as u8);
     }
 }
@@ -272,22 +300,25 @@ fn step(means: &Means, last: &Means, range: Range) -> Option<i16> {
 }
 
 /// Returns whether the shaded columns are black in each group.
-fn is_black(out: &Recovered, mut groups: impl Iterator<Item = Group>, range: Range) -> bool {
+fn is_black(y: &Frame, out: &Recovered, mut groups: impl Iterator<Item = Group>, range: Range) -> bool {
     groups.all(|group| {
-        let columns = range.black().saturating_sub(group.column).div_ceil(group.period.unsigned_abs());
-        let x = group.of(&out.x);
-        let x = x.slice(s![.., ..columns.min(x.ncols())]);
+        let x = group.radiance(y, out, range, group.columns(range.black().min(y.width())), 1);
         let black = x.iter().filter(|&&x| x < BLACKEST * range.peak()).count();
         black as f64 >= BLACK * x.len() as f64 && !x.is_empty()
     })
 }
 
 /// Returns whether the darkest pixels of each group have the black level that is promised.
-fn is_at_black_level(out: &Recovered, mut groups: impl Iterator<Item = Group>, range: Range) -> bool {
+fn is_at_black_level(
+    y: &Frame,
+    out: &Recovered,
+    mut groups: impl Iterator<Item = Group>,
+    range: Range,
+) -> bool {
     let Some(level) = range.black_level() else { return false };
     let near = NEAR_BLACK_LEVEL * range.peak();
     groups.all(|group| {
-        let x = group.of(&out.x);
+        let x = group.radiance(y, out, range, group.columns(y.width()), 1);
         let below = |limit: f32| x.iter().filter(|&&x| x < limit).count() as f64;
         let few = DARKEST * x.len() as f64;
         below(level - near) <= few && below(level + near) > few
@@ -301,21 +332,56 @@ const BLOCK: usize = 768;
 /// The number of samples that are counted together.
 const PART: usize = 64 * BLOCK;
 
-/// Returns the number of the interleaved samples of each channel that are at least `limit`.
+/// Returns, part by part, the numbers of the interleaved samples of each channel whose radiance is at least `limit`.
+fn counts_from<'a>(
+    y: &'a Frame,
+    out: &'a Recovered,
+    channels: usize,
+    limit: f32,
+    range: Range,
+) -> impl Iterator<Item = [u32; 3]> + 'a {
+    let y = Integers::of(y, range).expect("the image was unwrapped");
+    let k = out.k.as_slice().expect("prepare has made the layout standard");
+    let limit = limit.ceil() as u32;
+    let (count, code) = (limit >> range.bits(), (limit & ((1 << range.bits()) - 1)) as u16);
+    // No sample is beyond the greatest count.
+    let end = if count > u32::from(u8::MAX) { 0 } else { k.len() };
+    let count = count as u8;
+    (0..end).step_by(PART).map(move |from| {
+        let part = from..end.min(from + PART);
+        match y {
+            // A code of 8 bits is at most 255.
+            Integers::U8(y) => widest!(count_from(&y[part.clone()], &k[part], channels, (count, code as u8))),
+            Integers::U16(y) => widest!(count_from(&y[part.clone()], &k[part], channels, (count, code))),
+        }
+    })
+}
+
+/// Returns the number of the interleaved samples of each channel with at least this count and this code.
 #[inline(always)]
-fn count_from(samples: &[f32], channels: usize, limit: f32) -> [u32; 3] {
-    let mut lanes = [0; BLOCK];
-    let (blocks, rest) = samples.as_chunks::<BLOCK>();
-    for block in blocks {
-        lanes.iter_mut().zip(block).for_each(|(lane, &sample)| *lane += u32::from(sample >= limit));
+fn count_from<T: Copy + Ord>(y: &[T], k: &[u8], channels: usize, (count, code): (u8, T)) -> [u32; 3] {
+    // A part has 64 blocks, which words of 8 bits can count.
+    let mut lanes = [0u8; BLOCK];
+    for (y, k) in y.chunks(BLOCK).zip(k.chunks(BLOCK)) {
+        for (lane, (&y, &k)) in lanes.iter_mut().zip(y.iter().zip(k)) {
+            *lane += u8::from((k > count) | ((k == count) & (y >= code)));
+        }
     }
-    lanes.iter_mut().zip(rest).for_each(|(lane, &sample)| *lane += u32::from(sample >= limit));
-    std::array::from_fn(|channel| lanes.iter().skip(channel).step_by(channels).sum())
+    std::array::from_fn(|channel| {
+        lanes.iter().skip(channel).step_by(channels).map(|&lane| u32::from(lane)).sum()
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Returns the modulo image of `x`, and a result with its counts.
+    fn unwrapped(x: Array3<f32>, range: Range) -> (Frame, Recovered) {
+        let y = x.mapv(|x| x as u16 % (1 << range.bits()));
+        let k = x.mapv(|x| (x / range.peak()) as u8);
+        (Frame::from_u16(y).unwrap(), Recovered { k, ..Recovered::default() })
+    }
 
     #[test]
     fn only_a_result_that_reaches_the_end_of_its_range_is_evident() {
@@ -327,8 +393,8 @@ mod tests {
             let x = Array3::from_shape_fn((20, 30, 3), |(i, j, c)| {
                 [0.0, if c == 1 { brightest } else { other }][usize::from((i, j) == (7, 9))]
             });
-            let out = Recovered { k: x.mapv(|x| (x / 256.0) as u8), x, ..Recovered::default() };
-            assert_eq!(trust(&out, range) == Trust::Trusted, evident, "{brightest} and {other}");
+            let (y, out) = unwrapped(x, range);
+            assert_eq!(trust(&y, &out, range) == Trust::Trusted, evident, "{brightest} and {other}");
         }
     }
 
@@ -342,10 +408,17 @@ mod tests {
             let x = Array3::from_shape_fn((12, 40, if is_mosaic { 1 } else { 3 }), |(_, j, c)| {
                 if j >= column { of_channel(c) } else { 0.0 }
             });
-            let out = Recovered { k: x.mapv(|_| 0), x, ..Recovered::default() };
-            let groups = groups(out.x.dim().2, is_mosaic);
-            assert_eq!(is_black(&out, groups.clone(), range), expected, "{level} from column {column} on");
-            assert!(!is_black(&out, groups, Range::new(8, 4.0).unwrap()), "no column is said to be black");
+            let (y, out) = unwrapped(x, range);
+            let groups = groups(y.channels(), is_mosaic);
+            assert_eq!(
+                is_black(&y, &out, groups.clone(), range),
+                expected,
+                "{level} from column {column} on"
+            );
+            assert!(
+                !is_black(&y, &out, groups, Range::new(8, 4.0).unwrap()),
+                "no column is said to be black"
+            );
         }
     }
 
@@ -353,13 +426,7 @@ mod tests {
     fn the_darkest_pixels_of_each_group_have_to_be_at_the_black_level() {
         let range = Range::new(10, 4.0).unwrap();
         let dark = |level: f32, share: usize| {
-            let x = Array3::from_shape_fn(
-                (100, 100, 3),
-                |(i, j, _)| {
-                    if 100 * i + j < share { level } else { 2000.0 }
-                },
-            );
-            Recovered { k: x.mapv(|x| (x / 1024.0) as u8), x, ..Recovered::default() }
+            Array3::from_shape_fn((100, 100, 3), |(i, j, _)| if 100 * i + j < share { level } else { 2000.0 })
         };
         for (level, share, promised, expected) in [
             (64.0, 8, Some(64.0), true),
@@ -373,13 +440,15 @@ mod tests {
             (64.0, 8, None, false),
         ] {
             let range = range.with_black_level(promised);
-            let found = is_at_black_level(&dark(level, share), groups(3, false), range);
+            let (y, out) = unwrapped(dark(level, share), range);
+            let found = is_at_black_level(&y, &out, groups(3, false), range);
             assert_eq!(found, expected, "{share} pixels of {level} for {promised:?}");
         }
         let mut one = dark(64.0, 8);
-        one.x.slice_mut(s![.., .., 1]).fill(2000.0);
+        one.slice_mut(s![.., .., 1]).fill(2000.0);
+        let (y, out) = unwrapped(one, range);
         assert!(
-            !is_at_black_level(&one, groups(3, false), range.with_black_level(Some(64.0))),
+            !is_at_black_level(&y, &out, groups(3, false), range.with_black_level(Some(64.0))),
             "green is brighter"
         );
     }
@@ -392,8 +461,8 @@ mod tests {
                 (500, 500, 1),
                 |(i, j, _)| if i == 9 && j < bright { 1000.0 } else { 0.0 },
             );
-            let out = Recovered { k: x.mapv(|x| (x / 256.0) as u8), x, ..Recovered::default() };
-            assert_eq!(trust(&out, range) == Trust::Trusted, evident, "{bright} of 250,000 pixels");
+            let (y, out) = unwrapped(x, range);
+            assert_eq!(trust(&y, &out, range) == Trust::Trusted, evident, "{bright} of 250,000 pixels");
         }
     }
 }

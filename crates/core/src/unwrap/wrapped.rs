@@ -8,6 +8,19 @@ pub(super) trait Word: Copy + Default + Ord + Send + Sync + Into<u16> {
     /// Half a peak.
     const HALF: Self;
 
+    /// A signed number that holds radiance, with the largest count for which words of this width are used, and its second differences.
+    type Radiance: Copy + Default + Ord + Into<i32>;
+
+    /// Returns the radiance `y + k * 2^bits`.
+    fn radiance(y: u16, k: u8, bits: u8) -> Self::Radiance;
+    /// Returns so many eighths of the peak `2^bits`, rounded down.
+    fn eighths(eighths: u16, bits: u8) -> Self::Radiance;
+    /// Returns the number of second differences between three lines whose magnitude is above `limit`, and the greatest magnitude.
+    fn bends<const N: usize>(
+        lines: [&[Self::Radiance; N]; 3],
+        limit: Self::Radiance,
+    ) -> (u64, Self::Radiance);
+
     /// Returns the lower bits of `value`.
     fn low(value: u16) -> Self;
     /// Returns the sum modulo one peak.
@@ -29,12 +42,39 @@ pub(super) trait Word: Copy + Default + Ord + Send + Sync + Into<u16> {
 }
 
 macro_rules! word {
-    ($type:ty) => {
+    ($type:ty, $radiance:ty) => {
         impl Word for $type {
+            type Radiance = $radiance;
+
             const BITS: u8 = <$type>::BITS as u8;
             // The sign bit: as in two's complement, half a peak counts as negative.
             const HALF: Self = 1 << (<$type>::BITS - 1);
 
+            #[inline(always)]
+            fn radiance(y: u16, k: u8, bits: u8) -> $radiance {
+                (y as $radiance) + (<$radiance>::from(k) << bits)
+            }
+            #[inline(always)]
+            fn eighths(eighths: u16, bits: u8) -> $radiance {
+                ((eighths as $radiance) << bits) / 8
+            }
+            #[inline(always)]
+            fn bends<const N: usize>(
+                [before, here, after]: [&[$radiance; N]; 3],
+                limit: $radiance,
+            ) -> (u64, $radiance) {
+                let (mut above, mut greatest): ($radiance, $radiance) = (0, 0);
+                for l in 0..N {
+                    let bend = before[l]
+                        .wrapping_add(after[l])
+                        .wrapping_sub(here[l])
+                        .wrapping_sub(here[l])
+                        .wrapping_abs();
+                    above += <$radiance>::from(bend > limit);
+                    greatest = greatest.max(bend);
+                }
+                (above as u64, greatest)
+            }
             #[inline(always)]
             fn low(value: u16) -> Self {
                 value as $type
@@ -50,8 +90,8 @@ macro_rules! word {
         }
     };
 }
-word!(u8);
-word!(u16);
+word!(u8, i16);
+word!(u16, i32);
 
 /// Returns M_b(to - from).
 pub(super) fn difference(from: u16, to: u16) -> i16 {

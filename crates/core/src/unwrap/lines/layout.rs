@@ -61,6 +61,15 @@ impl RowLayout {
         (self.lanes() - self.samples()) / self.channels
     }
 
+    /// Fills a row up with its last pixel, to two pixels more than there are lanes, since lanes read their neighbours.
+    #[inline(always)]
+    pub fn fill_up<T: Copy>(self, row: &mut Vec<T>) {
+        let length = self.lanes() + 2 * self.channels;
+        while row.len() < length {
+            row.extend_from_within(self.last(0)..row.len().min(self.last(0) + length - row.len()));
+        }
+    }
+
     /// Returns the lane of a `channel` of the last pixel.
     pub fn last(self, channel: usize) -> usize {
         self.samples() - self.channels + channel
@@ -128,12 +137,6 @@ impl<'a, S: Copy + Into<u16>> CodeRows<'a, S> {
             codes.extend_from_slice(&words);
         }
         codes.extend(rest.iter().map(|&sample| self.shifted::<W>(sample)));
-        let RowLayout { channels, .. } = self.layout;
-        let pixel = self.layout.last(0);
-        // One pixel more than there are lanes, since each lane reads its right neighbour.
-        let length = self.layout.lanes() + channels;
-        while codes.len() < length {
-            codes.extend_from_within(pixel..codes.len().min(pixel + length - codes.len()));
-        }
+        self.layout.fill_up(codes);
     }
 }

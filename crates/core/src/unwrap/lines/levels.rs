@@ -148,11 +148,12 @@ impl<W: Word> Levels<'_, W> {
         // Half a turn of the word stands for k = 0.
         self.offsets(zero.level.map(W::bias).map(|zero| W::HALF.minus(zero)), sums);
         let mut differences = SecondDifferences::default();
+        let mut x = x.chunks_exact_mut(length);
         for (i, counts) in counts.chunks_exact_mut(length).enumerate() {
             // Words have no sign: below half a word means k < 0, so the clamp comes before the bias is removed.
             let k = self.rows.k(i).iter().zip(&*sums);
             let k = k.map(|(k, &sum)| k.plus(sum).max(W::HALF).minus(W::HALF).min(most));
-            output.write(i, samples, k, range, (&mut x[..(i + 1) * length], counts), &mut differences);
+            output.write(i, samples, k, range, (x.next(), counts), &mut differences);
         }
         differences
     }

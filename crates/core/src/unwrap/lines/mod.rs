@@ -50,6 +50,7 @@ const PAUSE: usize = 16;
 pub struct Lines {
     bytes: Buffers<u8>,
     words: Buffers<u16>,
+    leaves_out_radiance: bool,
 }
 
 /// The part of an image that a scan has read.
@@ -122,6 +123,9 @@ impl Lines {
         out: &mut Recovered,
     ) -> Result<(), UnwrapError> {
         out.prepare(y.dim(), self.name());
+        if self.leaves_out_radiance {
+            out.leave_out();
+        }
         let layout = RowLayout::of(y);
         match Integers::of(y, range)? {
             Integers::U8(codes) => {
@@ -150,6 +154,10 @@ impl Unwrap for Lines {
         "lines"
     }
 
+    fn leave_out_radiance(&mut self, may_leave_out: bool) {
+        self.leaves_out_radiance = may_leave_out;
+    }
+
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
         self.scan_from(0, y, range, f64::INFINITY)?;
         self.finish(y, range, OUTLIERS, out)
@@ -158,7 +166,7 @@ impl Unwrap for Lines {
 
 /// The buffers for codes in words of one width.
 #[derive(Default)]
-struct Buffers<W> {
+struct Buffers<W: Word> {
     /// The current row, the one above, and the one above that.
     codes: [Vec<W>; 3],
     gradient: Gradient<W>,

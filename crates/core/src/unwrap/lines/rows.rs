@@ -89,8 +89,11 @@ impl<W: Word> Rows<W> {
             // A counter of 8 bits holds 255 blocks; then it is added to the totals.
             if (at + 1) % COUNTABLE == 0 || (at + 1) * LANES == lanes {
                 for (counts, total) in [&mut apart, &mut steep].into_iter().zip(&mut totals) {
-                    by_channel(counts, channels, total);
-                    *counts = none;
+                    // In most rows nothing lies apart.
+                    if *counts != none {
+                        by_channel(counts, channels, total);
+                        *counts = none;
+                    }
                 }
             }
         }

@@ -8,12 +8,11 @@
 use super::forest::EdgeSource;
 use super::image_edges::ImageEdges;
 use super::pixels::{EdgeDirection, Quad};
-use super::radiance::finish;
 use super::regions::Region;
 use super::segments::each_set;
 use crate::simd::widest;
 use crate::unwrap::wrapped::wrap_step;
-use crate::unwrap::{Integers, Range, Recovered, congruence};
+use crate::unwrap::{Integers, Range, Recovered, Trust, congruence};
 
 /// The number of pixels that counters of 16 bits can count.
 const COUNTABLE: usize = 1 << 15;
@@ -155,7 +154,10 @@ impl DirectSums {
                 }
             }
         });
-        finish(outside, y, range, out);
+        if outside > 0 {
+            out.report.trust = Trust::Untrusted;
+        }
+        y.write_radiance(range, out);
     }
 
     /// Counts in `levels` the pixels at each k from the least on; there are few levels, see

@@ -22,7 +22,6 @@ mod forest;
 mod image_edges;
 mod keys;
 mod pixels;
-mod radiance;
 mod regions;
 mod segments;
 
@@ -32,11 +31,10 @@ pub(super) use image_edges::{FLAT, ImageEdges};
 pub(super) use keys::{MAX_KEY, first_difference_keys, key_of_change, second_difference_keys};
 use pixels::add;
 pub(super) use pixels::{Bounds, EdgeDirection, Pixels, Quad, subtract, wrap_steps};
-use radiance::finish;
 pub(super) use regions::Region;
 
 use super::congruence::OUTLIERS;
-use super::{Integers, Range, Recovered, Unwrap, UnwrapError, congruence};
+use super::{Integers, Range, Recovered, Trust, Unwrap, UnwrapError, congruence};
 use crate::frame::Frame;
 
 /// The method with its buffers.
@@ -106,7 +104,10 @@ pub(super) fn place(forest: &mut Forest, y: Integers<'_>, range: Range, outliers
         1 => write_counts::<1>(forest, range, outliers, out),
         _ => write_counts::<3>(forest, range, outliers, out),
     };
-    finish(outside, y, range, out);
+    if outside > 0 {
+        out.report.trust = Trust::Untrusted;
+    }
+    y.write_radiance(range, out);
 }
 
 /// Writes the counts, and returns the number of segments that are out of range.

@@ -24,9 +24,16 @@ fn wrap16(x: &Array3<u32>, bits: u8) -> Frame {
     Frame::from_u16(x.mapv(|x| (x & ((1 << bits) - 1)) as u16)).unwrap()
 }
 
+/// Returns the result of a method, which is the same where its radiance is left out at first.
 fn recover(method: &str, options: &Options, y: &Frame, range: Range) -> Recovered {
-    let mut out = Recovered::default();
-    by_name(method, options).unwrap().unwrap(y, range, &mut out).unwrap();
+    let [out, left_out] = [false, true].map(|leaves_out| {
+        let (mut method, mut out) = (by_name(method, options).unwrap(), Recovered::default());
+        method.leave_out_radiance(leaves_out);
+        method.unwrap(y, range, &mut out).unwrap();
+        out.fill(y, range);
+        out
+    });
+    assert_eq!((&out.x, &out.k, out.report), (&left_out.x, &left_out.k, left_out.report));
     out
 }
 
