@@ -68,8 +68,8 @@ pub fn picture_of_counts(
 ) -> Result<Frame, FrameError> {
     let k = in_order(k.view());
     let codes = match y.samples() {
-        Samples::U8(y) => shown_counts(&in_order(y.view()), &k, range, transfer),
-        Samples::U16(y) => shown_counts(&in_order(y.view()), &k, range, transfer),
+        Samples::U8(y) => shown_counts(in_order(y.view()), k, range, transfer),
+        Samples::U16(y) => shown_counts(in_order(y.view()), k, range, transfer),
         Samples::F32(_) => Vec::new(),
     };
     Frame::from_u8(Array3::from_shape_vec(y.dim(), codes).unwrap_or_default())
@@ -295,6 +295,35 @@ mod tests {
             assert!(defined.is_sorted());
             assert_eq!(codes(x, range, transfer), defined, "{transfer:?} {alpha}");
         }
+    }
+
+    #[test]
+    fn a_picture_of_counts_is_that_of_their_radiance() {
+        let ranges = [(1, 2.0), (8, 0.3), (8, 4.0), (8, 3.7), (12, 4.0), (12, 3.3), (16, 256.0)];
+        let transfers = [Transfer::Linear].into_iter().chain(CURVES);
+        for (transfer, (bits, alpha)) in transfers.flat_map(|transfer| ranges.map(|range| (transfer, range)))
+        {
+            let range = Range::new(bits, alpha).unwrap();
+            let number = |i: usize, j: usize, c: usize| (i * 7919 + j * 104_729 + c * 31) % (1 << 16);
+            let y = Array3::from_shape_fn((40, 50, 3), |(i, j, c)| (number(i, j, c) % (1 << bits)) as u16);
+            let k = Array3::from_shape_fn((40, 50, 3), |(i, j, c)| {
+                (number(j, i, c) % (1 + usize::from(range.max_wraps()))) as u8
+            });
+            let x = y.mapv(f32::from) + k.mapv(f32::from) * range.peak();
+            let expected = picture(&x, range, transfer).unwrap();
+            if bits <= 8 {
+                let y = Frame::from_u8(y.mapv(|y| y as u8)).unwrap();
+                assert_eq!(
+                    picture_of_counts(&y, &k, range, transfer).unwrap(),
+                    expected,
+                    "{transfer:?} {alpha}"
+                );
+            }
+            let y = Frame::from_u16(y).unwrap();
+            assert_eq!(picture_of_counts(&y, &k, range, transfer).unwrap(), expected, "{transfer:?} {alpha}");
+        }
+        let (y, k) = (Frame::from_u8(Array3::zeros((2, 3, 1))).unwrap(), Array3::zeros((2, 2, 1)));
+        assert!(picture_of_counts(&y, &k, Range::new(8, 4.0).unwrap(), Transfer::Linear).is_err());
     }
 
     #[test]
