@@ -44,14 +44,10 @@ pub(crate) fn shown(
     match ToneTable::of(range, transfer) {
         // Where a curve is steep, half a count is more than a code.
         Some(table) => mapped(x, |x| table.code(radiance(x) + HALF_A_CODE)),
+        // Other numbers than whole codes need double precision: near a half they would round differently in single precision.
         None => {
-            // Other numbers than whole codes need double precision: near a half they would round differently in single precision.
             let scale = 255.0 / range.white();
-            let whole = x.as_slice().and_then(|samples| shown_whole(samples, range, &radiance));
-            match whole {
-                Some(codes) => Array3::from_shape_vec(x.dim(), codes).expect("one code for each sample"),
-                None => mapped(x, |x| to_u8(radiance(x), scale)),
-            }
+            mapped(x, |x| to_u8(radiance(x), scale))
         }
     }
 }
@@ -113,25 +109,6 @@ impl Single {
         const ABOVE: f32 = 1.0 / 4096.0;
         ((x * self.0 + ABOVE).clamp(0.0, 255.0) + WHOLE).to_bits() as u8
     }
-}
-
-/// Returns the codes of [`linear8`] in single precision; `None` if a sample is no whole code, or if single precision does not suffice.
-#[inline(always)]
-fn shown_whole(samples: &[f32], range: Range, radiance: &impl Fn(f32) -> f32) -> Option<Vec<u8>> {
-    /// Samples that are converted together.
-    const PART: usize = 1 << 14;
-    let single = Single::of(range)?;
-    let mut codes = vec![0; samples.len()];
-    // An image of other numbers is left after its first part.
-    let mut parts = codes.chunks_mut(PART).zip(samples.chunks(PART));
-    let whole = parts.all(|(codes, samples)| {
-        widest!(codes.iter_mut().zip(samples).fold(true, |whole, (out, &x)| {
-            let x = radiance(x);
-            *out = single.code(x);
-            whole & ((x.abs() + WHOLE) - WHOLE == x.abs())
-        }))
-    });
-    whole.then_some(codes)
 }
 
 /// The codes of 8 bits of all radiance of a sensor: a power for each sample would take longer than unwrapping.
