@@ -105,6 +105,9 @@ fn the_recovered_image_is_the_ideal_one_with_the_same_header() {
         assert_eq!((&recovered.header, &hdr.header), (&header(), &header()), "{method}");
         assert_eq!(recovered.frame, ideal, "{method}");
         assert_eq!(hdr.frame.depth(), 16, "{method}");
+        // Without a reader of the radiance, the picture is the same.
+        let alone = step(&mut node, modulo.clone(), &[true, false]).expect("a good frame");
+        assert_eq!((alone.len(), &image(&alone[0].1).frame), (1, &ideal), "{method}");
     }
 }
 

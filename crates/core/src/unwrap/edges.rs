@@ -105,31 +105,27 @@ fn may_hide(
     sharpness: Sharpness,
     range: Range,
 ) -> bool {
-    let limit = f32::from(NEAR_HALF) / 8.0 * range.peak();
-    let has_many_near_half = |out: &Recovered| match out.near_half {
-        Some(count) => count as f32 / out.k.len() as f32 > MANY_NEAR_HALF,
-        None => jumps::share_above(&out.x, limit) > MANY_NEAR_HALF,
-    };
     let edge = match sharpness {
         Sharpness::Unfit => return true,
         Sharpness::UpTo(edge) => Some(edge),
         Sharpness::Unknown => None,
     };
+    // Where the method has counted them, the second differences of safe edges need no radiance, nor do edges that no result is trusted with.
+    if out.near_half.is_none() || edge.is_none_or(|edge| edge > SAFE && edge <= READABLE) {
+        out.fill(y, range);
+    }
+    let (x, limit) = (&out.x, f32::from(NEAR_HALF) / 8.0 * range.peak());
+    let near_half = || match out.near_half {
+        Some(count) => count as f32 / out.k.len() as f32,
+        None => jumps::share_above(x, limit),
+    };
     match (arrangement, edge) {
         (Arrangement::TwoGains, edge) => edge.is_some_and(|edge| edge > OF_TWO_GAINS),
         (_, Some(edge)) if edge > READABLE => true,
-        (Arrangement::Mosaic, _) => share_of_mosaic(&out.x, limit) > MANY_IN_MOSAIC,
-        (_, Some(edge)) if edge > SAFE => {
-            out.fill(y, range);
-            jumps::share_above(&out.x, BENT * range.peak()) > FEW_BENT
-        }
-        (_, Some(_)) => has_many_near_half(out),
-        (_, None) => {
-            has_many_near_half(out) || {
-                out.fill(y, range);
-                has_lone_steps(&out.x, range)
-            }
-        }
+        (Arrangement::Mosaic, _) => share_of_mosaic(x, limit) > MANY_IN_MOSAIC,
+        (_, Some(edge)) if edge > SAFE => jumps::share_above(x, BENT * range.peak()) > FEW_BENT,
+        (_, Some(_)) => near_half() > MANY_NEAR_HALF,
+        (_, None) => near_half() > MANY_NEAR_HALF || has_lone_steps(x, range),
     }
 }
 

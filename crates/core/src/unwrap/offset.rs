@@ -92,13 +92,7 @@ pub(super) fn trust(y: &Frame, out: &Recovered, range: Range) -> Trust {
         return Trust::Unobservable;
     }
     let limit = (range.limit() / LEAST_ALPHA) as f32 - range.peak();
-    let mut bright = [0; 3];
-    // Most images show it in their first rows.
-    let is_evident = counts_from(y, out, channels, limit, range).any(|counts| {
-        bright.iter_mut().zip(counts).for_each(|(bright, count)| *bright += count);
-        bright[..channels].iter().all(|&count| f64::from(count) > BRIGHT * (height * width) as f64)
-    });
-    if is_evident { Trust::Trusted } else { Trust::Relative }
+    if is_reached(y, out, channels, limit, range) { Trust::Trusted } else { Trust::Relative }
 }
 
 /// Returns whether more than [`BRIGHT`] of the samples are at the end of the range or beyond.
@@ -106,8 +100,7 @@ fn leaves_range(y: &Frame, out: &Recovered, range: Range) -> bool {
     let limit = range.limit() as f32;
     // The counts are read faster, and show in most images that no sample can be there.
     let most = out.k.iter().fold(0, |most, &k| most.max(k));
-    let beyond = || counts_from(y, out, 1, limit, range).map(|counts| u64::from(counts[0])).sum::<u64>();
-    (f32::from(most) + 1.0) * range.peak() > limit && beyond() as f64 > BRIGHT * out.k.len() as f64
+    (f32::from(most) + 1.0) * range.peak() > limit && is_reached(y, out, 1, limit, range)
 }
 
 /// Returns the trust in the mosaic `out`, whose counts agree with each other, by the range of each of its colours alone, as [`trust`] does.
@@ -332,28 +325,25 @@ const BLOCK: usize = 768;
 /// The number of samples that are counted together.
 const PART: usize = 64 * BLOCK;
 
-/// Returns, part by part, the numbers of the interleaved samples of each channel whose radiance is at least `limit`.
-fn counts_from<'a>(
-    y: &'a Frame,
-    out: &'a Recovered,
-    channels: usize,
-    limit: f32,
-    range: Range,
-) -> impl Iterator<Item = [u32; 3]> + 'a {
+/// Returns whether in each channel more than [`BRIGHT`] of the interleaved samples have a radiance of at least `limit`.
+fn is_reached(y: &Frame, out: &Recovered, channels: usize, limit: f32, range: Range) -> bool {
     let y = Integers::of(y, range).expect("the image was unwrapped");
     let k = out.k.as_slice().expect("prepare has made the layout standard");
     let limit = limit.ceil() as u32;
-    let (count, code) = (limit >> range.bits(), (limit & ((1 << range.bits()) - 1)) as u16);
     // No sample is beyond the greatest count.
-    let end = if count > u32::from(u8::MAX) { 0 } else { k.len() };
-    let count = count as u8;
-    (0..end).step_by(PART).map(move |from| {
-        let part = from..end.min(from + PART);
-        match y {
+    let Ok(count) = u8::try_from(limit >> range.bits()) else { return false };
+    let code = (limit & ((1 << range.bits()) - 1)) as u16;
+    let (enough, mut bright) = (BRIGHT * (k.len() / channels) as f64, [0; 3]);
+    // Most images show it in their first rows.
+    k.chunks(PART).enumerate().any(|(part, k)| {
+        let from = part * PART;
+        let counts = match y {
             // A code of 8 bits is at most 255.
-            Integers::U8(y) => widest!(count_from(&y[part.clone()], &k[part], channels, (count, code as u8))),
-            Integers::U16(y) => widest!(count_from(&y[part.clone()], &k[part], channels, (count, code))),
-        }
+            Integers::U8(y) => widest!(count_from(&y[from..], k, channels, (count, code as u8))),
+            Integers::U16(y) => widest!(count_from(&y[from..], k, channels, (count, code))),
+        };
+        bright.iter_mut().zip(counts).for_each(|(bright, count)| *bright += count);
+        bright[..channels].iter().all(|&count| f64::from(count) > enough)
     })
 }
 
