@@ -110,7 +110,7 @@ fn may_hide(
         Sharpness::UpTo(edge) => Some(edge),
         Sharpness::Unknown => None,
     };
-    // Where the method has counted them, the second differences of safe edges need no radiance, nor do edges that no result is trusted with.
+    // No radiance is needed where the method has counted second differences, and the lens is either safe or never trusted.
     if out.near_half.is_none() || edge.is_none_or(|edge| edge > SAFE && edge <= READABLE) {
         out.fill(y, range);
     }

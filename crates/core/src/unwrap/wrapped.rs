@@ -8,7 +8,7 @@ pub(super) trait Word: Copy + Default + Ord + Send + Sync + Into<u16> {
     /// Half a peak.
     const HALF: Self;
 
-    /// A signed number that holds radiance, with the largest count for which words of this width are used, and its second differences.
+    /// A signed number that holds the second differences of radiance, up to the largest count for which words of this width are used.
     type Radiance: Copy + Default + Ord + Into<i32>;
 
     /// Returns the radiance `y + k * 2^bits`.
