@@ -11,7 +11,7 @@
 //! A defect is replaced by that value, y is unwrapped, and then the defect gets the count that brings it nearest to the value that was
 //! found in its place. So it takes part in no vote, tree or quality metric.
 
-use super::wrapped::{Word, biased, exceeds};
+use super::wrapped::{Word, exceeds};
 use super::{Integers, Range, Recovered};
 use crate::Mosaic;
 use crate::frame::{Frame, Samples};
@@ -51,8 +51,8 @@ pub(super) struct Defects {
     found: Vec<(usize, u16)>,
     /// The image without them.
     sound: Option<Frame>,
-    bytes: Rows<u8>,
-    words: Rows<u16>,
+    bytes: Rows<i8>,
+    words: Rows<i16>,
     /// The samples of green in a mosaic, and the differences of the others from it.
     planes: [Vec<u16>; 2],
 }
@@ -401,7 +401,7 @@ impl Grid {
 /// Returns whether the mixed difference of four codes is above the limit.
 #[inline(always)]
 fn is_steep<W: Word>(a: W, b: W, c: W, d: W) -> bool {
-    exceeds(biased(b.minus(a), d.minus(c)), STEEP)
+    exceeds(d.minus(c).minus(b.minus(a)), STEEP)
 }
 
 /// Returns the indices of the steep loops with these corners.

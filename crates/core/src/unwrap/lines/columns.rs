@@ -4,8 +4,14 @@ use super::gradient::Gradient;
 use super::layout::{CodeRows, RowLayout};
 use super::majority::{MajorityCheck, VoteCounter};
 use super::rows::Rows;
+use crate::simd::widest;
 use crate::unwrap::Range;
-use crate::unwrap::wrapped::{Word, biased, wrap_step};
+use crate::unwrap::wrapped::{Word, wrap_step};
+
+/// The lanes of a row that are read at once, those of them whose right neighbour is among them, and those whose right neighbour also has one.
+const WINDOW: usize = 80;
+const INNER: usize = WINDOW - 16;
+const REACH: usize = INNER - 16;
 
 /// The constants of the columns, with buffers.
 #[derive(Default)]
@@ -13,8 +19,19 @@ pub(super) struct ColumnConstants<W> {
     constants: Vec<W>,
     /// The sum of the constants up to each lane, which is to be added to k of every row.
     pub sums: Vec<W>,
-    line: Vec<W>,
+    near: Neighbours<W>,
     votes: VoteCounter,
+}
+
+/// Some neighbouring columns.
+#[derive(Default)]
+struct Neighbours<W> {
+    /// The first lane, none before any was read.
+    first: Option<usize>,
+    /// By row and lane, n from the lane to its right neighbour.
+    n: Vec<[W; INNER]>,
+    /// By row and lane, the constant of the right neighbour that `M_b(d_x d_x y) = d_x d_x x` implies if that of the lane is 0.
+    second: Vec<[W; REACH]>,
 }
 
 /// An image whose rows have been summed.
@@ -34,9 +51,7 @@ impl<W: Word> ColumnConstants<W> {
         range: Range,
     ) {
         let RowLayout { height, channels, .. } = summed.layout;
-        self.line.clear();
-        // Reserved even if no vote is counted, so that no later frame of this size allocates.
-        self.line.reserve(height);
+        self.near.start(height);
         self.votes.start::<W>();
         let mut checks = [MajorityCheck::new(range); 3];
         self.constants.clear();
@@ -45,17 +60,19 @@ impl<W: Word> ColumnConstants<W> {
             let (mut constant, mut count) = (W::default(), agree);
             // If more than half of the rows agree on 0, no other value can have the majority.
             if agree * 2 <= height {
-                summed.column(lane, &mut self.line);
-                let majority = self.votes.count(&self.line);
+                let l = self.near.reach(lane, summed);
+                let majority = self.votes.count(self.near.n.iter().map(|n| n[l]));
                 (constant, count) = (majority.value, majority.count);
             }
             let check = &mut checks[lane % channels];
             // The first column has no column to its left that could predict it.
             if check.needs_second_vote(count, steep, height) && lane >= channels {
-                summed.second_difference_votes(lane, self.constants[lane - channels], &mut self.line);
-                let second = self.votes.count(&self.line);
-                check.record(constant != second.value);
-                constant = second.value;
+                let l = self.near.reach(lane, summed);
+                let second = self.votes.count(self.near.second.iter().map(|second| second[l - channels]));
+                // The left column is already known, so its second difference predicts this one.
+                let predicted = second.value.plus(self.constants[lane - channels]);
+                check.record(constant != predicted);
+                constant = predicted;
             }
             self.constants.push(constant);
         }
@@ -74,35 +91,60 @@ impl<W: Word> ColumnConstants<W> {
     }
 }
 
+impl<W: Word> Neighbours<W> {
+    /// Starts an image.
+    fn start(&mut self, height: usize) {
+        self.first = None;
+        self.n.resize(height, [W::default(); INNER]);
+        self.second.resize(height, [W::default(); REACH]);
+    }
+
+    /// Returns the place of a lane among the columns, which are read anew if it is not among them.
+    fn reach<S: Copy + Into<u16>>(&mut self, lane: usize, summed: &SummedImage<'_, S, W>) -> usize {
+        let channels = summed.layout.channels;
+        // The left neighbour is read as well, where there is one.
+        let first = lane.saturating_sub(channels);
+        match self.first {
+            Some(first) if lane < first + REACH => lane - first,
+            _ => {
+                self.first = Some(first);
+                for (i, (n, second)) in self.n.iter_mut().zip(&mut self.second).enumerate() {
+                    widest!((*n, *second) = summed.votes(i, first));
+                }
+                lane - first
+            }
+        }
+    }
+}
+
 impl<S: Copy + Into<u16>, W: Word> SummedImage<'_, S, W> {
-    /// Returns the rows of samples and of k; k lacks a constant for each column.
-    fn rows(&self) -> impl Iterator<Item = (&[S], &[W])> {
-        (0..self.layout.height).map(|row| (self.samples.row(row), self.rows.k(row)))
-    }
-
-    /// Returns n from lane `from` of a row to its right neighbour, and their biased difference.
+    /// Returns the votes of row `i`, as [`Neighbours`] has them, for the lanes from `first` on.
     #[inline(always)]
-    fn across(&self, (y, k): (&[S], &[W]), from: usize) -> (W, W) {
-        let to = from + self.layout.channels;
-        let [left, right] = [y[from], y[to]].map(|sample| self.samples.shifted::<W>(sample));
-        (k[to].minus(k[from]).minus(wrap_step(left, right)), biased(left, right))
-    }
-
-    /// Writes n at `lane` by row.
-    fn column(&self, lane: usize, line: &mut Vec<W>) {
-        line.clear();
-        line.extend(self.rows().map(|row| self.across(row, lane).0));
-    }
-
-    /// Writes, by row, the constant at `lane` (not in the first column) that `M_b(d_x d_x y) = d_x d_x x` implies.
-    fn second_difference_votes(&self, lane: usize, left_constant: W, line: &mut Vec<W>) {
-        line.clear();
-        line.extend(self.rows().map(|row| {
-            let (n_left, left) = self.across(row, lane - self.layout.channels);
-            let (n, here) = self.across(row, lane);
-            // The left column is already known, so its second difference predicts this one.
-            let want = n_left.minus(left_constant).plus(wrap_step(left, here));
-            n.minus(want)
-        }));
+    fn votes(&self, i: usize, first: usize) -> ([W; INNER], [W; REACH]) {
+        let channels = self.layout.channels;
+        let (samples, counts) = (&self.samples.row(i)[first..], &self.rows.k(i)[first..]);
+        let (mut y, mut k) = ([W::default(); WINDOW], [W::default(); WINDOW]);
+        match (samples.first_chunk::<WINDOW>(), counts.first_chunk()) {
+            (Some(samples), Some(counts)) => {
+                y.iter_mut().zip(samples).for_each(|(y, &sample)| *y = self.samples.word(sample));
+                k = *counts;
+            }
+            _ => {
+                y.iter_mut().zip(samples).for_each(|(y, &sample)| *y = self.samples.word(sample));
+                k.iter_mut().zip(counts).for_each(|(k, &count)| *k = count);
+            }
+        }
+        let (mut n, mut across, mut second) =
+            ([W::default(); INNER], [W::default(); INNER], [W::default(); REACH]);
+        let (y_right, k_right) = (&y[channels..][..INNER], &k[channels..][..INNER]);
+        for l in 0..INNER {
+            n[l] = k_right[l].minus(k[l]).minus(wrap_step(y[l], y_right[l]));
+            across[l] = y_right[l].minus(y[l]);
+        }
+        let (n_right, across_right) = (&n[channels..][..REACH], &across[channels..][..REACH]);
+        for l in 0..REACH {
+            second[l] = n_right[l].minus(n[l]).minus(wrap_step(across[l], across_right[l]));
+        }
+        (n, second)
     }
 }

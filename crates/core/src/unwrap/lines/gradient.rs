@@ -1,19 +1,19 @@
 //! Unwraps the horizontal gradient down its columns and measures the quality of y.
 
 use super::layout::{Block, COUNTABLE, LANES, RowLayout};
-use super::majority::STEEP;
-use crate::unwrap::wrapped::{Word, biased, exceeds, wrap_step};
+use crate::unwrap::wrapped::{Word, exceeds, wrap_step};
 
 /// The limit of a mixed difference for [`QualityMetrics::steep`](crate::unwrap::QualityMetrics::steep), in
 /// sixteenths of the peak.
-const SUSPECT: u16 = 6;
+pub(super) const SUSPECT: u16 = 6;
+
+/// The codes at the corners of a block of 2 x 2 loops: above on the left and on the right, and below them.
+pub(super) type Corners<'a, W> = [&'a Block<W>; 4];
 
 /// The n of `d_x x = g + n * 2^b`, 0 in the first row, with counts for each column.
 #[derive(Default)]
 pub(super) struct Gradient<W> {
     columns: Vec<Columns<W>>,
-    /// Whether the difference of neighbouring vertical differences wraps in the last row, by block.
-    pub wraps: Vec<bool>,
     /// The number of rows since the counters of the columns were added to the totals.
     counted: usize,
     /// The number of rows in which n is 0, by lane.
@@ -44,7 +44,6 @@ impl<W: Word> Gradient<W> {
         let fresh = Columns { n: none, zeros: none, known: 0, steep: none };
         self.columns.clear();
         self.columns.resize(layout.lanes() / LANES, fresh);
-        self.wraps.resize(layout.lanes() / LANES, false);
         for counts in [&mut self.zeros, &mut self.steep] {
             counts.clear();
             counts.resize(layout.lanes(), 0);
@@ -52,29 +51,30 @@ impl<W: Word> Gradient<W> {
         (self.counted, self.suspect, self.residues) = (0, 0, 0);
     }
 
-    /// Takes the next row `here` below `up`; the first row is below itself. Both are longer than their lanes by
-    /// one pixel.
+    /// Returns the counters of the rows in which g is steep, by lane of block `at`.
     #[inline(always)]
-    pub fn follow(&mut self, up: &[W], here: &[W], channels: usize) {
+    pub fn steep(&mut self, at: usize) -> &mut Block<W> {
+        &mut self.columns[at].steep
+    }
+
+    /// Takes block `at` of the next row of loops; returns whether the difference of neighbouring vertical differences wraps in it. Blocks in
+    /// which no difference of differences wraps or is above the limit need not be taken.
+    #[inline(always)]
+    pub fn follow(&mut self, at: usize, corners: Corners<'_, W>) -> bool {
+        let [wraps, suspect, residues] = self.columns[at].follow(corners, self.counted);
+        self.suspect += suspect;
+        self.residues += residues;
+        wraps > 0
+    }
+
+    /// Ends a row.
+    #[inline(always)]
+    pub fn end_row(&mut self) {
+        self.counted += 1;
         // Counters have the width of the words, so 8 bits are added up before they overflow.
         if self.counted == COUNTABLE {
             self.settle();
         }
-        let [up, up_right] = [up, &up[channels..]].map(|row| row.as_chunks().0);
-        let [left, right] = [here, &here[channels..]].map(|row| row.as_chunks().0);
-        let loops = up.iter().zip(up_right).zip(left.iter().zip(right));
-        let blocks = self.columns.iter_mut().zip(&mut self.wraps).zip(loops);
-        for ((columns, wraps), ((up, up_right), (left, right))) in blocks {
-            let (loops, mut counts) = ([up, up_right, left, right], [0; 3]);
-            // In most blocks of most images, no n changes and nothing is to be counted.
-            if columns.look(loops) {
-                counts = columns.follow(loops, self.counted);
-            }
-            *wraps = counts[0] > 0;
-            self.suspect += counts[1];
-            self.residues += counts[2];
-        }
-        self.counted += 1;
     }
 
     /// Adds the counters to the totals.
@@ -85,7 +85,10 @@ impl<W: Word> Gradient<W> {
             columns.count_zeros(self.counted);
             columns.known = 0;
             for (counts, totals) in [(&mut columns.zeros, zeros), (&mut columns.steep, steep)] {
-                totals.iter_mut().zip(&*counts).for_each(|(total, &count)| *total += u32::from(count.into()));
+                totals
+                    .iter_mut()
+                    .zip(&*counts)
+                    .for_each(|(total, &count)| *total += u32::from(count.unsigned()));
                 *counts = [W::default(); LANES];
             }
         }
@@ -94,41 +97,26 @@ impl<W: Word> Gradient<W> {
 }
 
 impl<W: Word> Columns<W> {
-    /// Counts what is steep along the row; returns whether a mixed difference wraps, in one of both orders, or is above the limit.
-    #[inline(always)]
-    fn look(&mut self, [up, up_right, left, right]: [&Block<W>; 4]) -> bool {
-        let mut any = false;
-        for i in 0..LANES {
-            let (above, here) = (biased(up[i], up_right[i]), biased(left[i], right[i]));
-            let (before, after) = (biased(up[i], left[i]), biased(up_right[i], right[i]));
-            let is_low = here.minus(above) >= W::HALF;
-            any |= ((here < above) != is_low) | ((after < before) != is_low);
-            any |= exceeds(biased(above, here), SUSPECT);
-            self.steep[i] = self.steep[i].plus(W::one_if(exceeds(here, STEEP)));
-        }
-        any
-    }
-
     /// Takes the next row after so many counted ones; returns the number of wraps of the difference of vertical differences, of mixed
     /// differences above the limit, and of residues.
     #[inline(always)]
-    fn follow(&mut self, [up, up_right, left, right]: [&Block<W>; 4], counted: usize) -> [u64; 3] {
+    fn follow(&mut self, [up, up_right, left, right]: Corners<'_, W>, counted: usize) -> [u64; 3] {
         self.count_zeros(counted);
         // A word can count the lanes of a block.
         let mut counts = [W::default(); 3];
         for i in 0..LANES {
-            let (above, here) = (biased(up[i], up_right[i]), biased(left[i], right[i]));
-            let (before, after) = (biased(up[i], left[i]), biased(up_right[i], right[i]));
+            let (above, here) = (up_right[i].minus(up[i]), right[i].minus(left[i]));
+            let (before, after) = (left[i].minus(up[i]), right[i].minus(up_right[i]));
             // d_y n follows from the wrapped mixed difference, which is the condition of the method.
             self.n[i] = self.n[i].plus(wrap_step(above, here));
             // Both orders give M_b(d_x d_y y); they differ in whether the difference of differences wraps.
             let is_residue = (here < above) != (after < before);
             let wraps = wrap_step(before, after) != W::default();
             counts[0] = counts[0].plus(W::one_if(wraps));
-            counts[1] = counts[1].plus(W::one_if(exceeds(biased(above, here), SUSPECT)));
+            counts[1] = counts[1].plus(W::one_if(exceeds(here.minus(above), SUSPECT)));
             counts[2] = counts[2].plus(W::one_if(is_residue));
         }
-        counts.map(|count| u64::from(count.into()))
+        counts.map(|count| u64::from(count.unsigned()))
     }
 
     /// Counts the rows since n has changed.

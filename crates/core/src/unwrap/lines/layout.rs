@@ -11,9 +11,6 @@ pub(super) const LANES: usize = 192;
 /// The number of blocks that a counter of 8 bits can count.
 pub(super) const COUNTABLE: usize = 255;
 
-/// The samples that are read at once, few enough that the rest of a row is short.
-const PART: usize = 64;
-
 /// One word for each lane.
 pub(super) type Block<W> = [W; LANES];
 
@@ -61,10 +58,10 @@ impl RowLayout {
         (self.lanes() - self.samples()) / self.channels
     }
 
-    /// Fills a row up with its last pixel, to two pixels more than there are lanes, since lanes read their neighbours.
+    /// Fills a row up with its last pixel, to one pixel more than there are lanes, since lanes read their neighbours.
     #[inline(always)]
-    pub fn fill_up<T: Copy>(self, row: &mut Vec<T>) {
-        let length = self.lanes() + 2 * self.channels;
+    fn fill_up<T: Copy>(self, row: &mut Vec<T>) {
+        let length = self.lanes() + self.channels;
         while row.len() < length {
             row.extend_from_within(self.last(0)..row.len().min(self.last(0) + length - row.len()));
         }
@@ -90,7 +87,7 @@ pub(super) fn by_channel<W: Word>(counts: &Block<W>, channels: usize, total: &mu
     // Sums of lanes that are whole pixels apart leave few lanes to add one by one.
     let mut sums = [0u16; LANES / 4];
     for lanes in counts.as_chunks::<{ LANES / 4 }>().0 {
-        sums.iter_mut().zip(lanes).for_each(|(sum, &count)| *sum += count.into());
+        sums.iter_mut().zip(lanes).for_each(|(sum, &count)| *sum += count.unsigned());
     }
     for (channel, total) in total[..channels].iter_mut().enumerate() {
         *total += sums[channel..].iter().step_by(channels).map(|&sum| usize::from(sum)).sum::<usize>();
@@ -116,27 +113,25 @@ impl<'a, S: Copy + Into<u16>> CodeRows<'a, S> {
         &self.samples[i * self.layout.samples()..][..self.layout.samples()]
     }
 
-    /// Returns the sample as a code.
+    /// Returns the sample as a word.
     #[inline(always)]
-    pub fn shifted<W: Word>(&self, sample: S) -> W {
-        W::low(sample.into() << (W::BITS - self.bits))
+    pub fn word<W: Word>(&self, sample: S) -> W {
+        W::of_code(sample.into(), self.bits)
     }
 
-    /// Writes row `i` as codes, filled up with its last pixel.
+    /// Writes row `i` as words, filled up with its last pixel.
     #[inline(always)]
-    pub fn read<W: Word>(&self, i: usize, codes: &mut Vec<W>) {
-        codes.clear();
-        let (parts, rest) = self.row(i).as_chunks::<PART>();
-        for part in parts {
-            let mut words = [W::default(); PART];
-            // Without a shift, which codes that fill their words do not need, this is a copy.
-            match W::BITS - self.bits {
-                0 => words.iter_mut().zip(part).for_each(|(word, &sample)| *word = W::low(sample.into())),
-                _ => words.iter_mut().zip(part).for_each(|(word, &sample)| *word = self.shifted(sample)),
+    pub fn read<W: Word>(&self, i: usize, words: &mut Vec<W>) {
+        let samples = self.row(i);
+        words.resize(samples.len(), W::default());
+        let codes = words.iter_mut().zip(samples);
+        match self.bits {
+            // Without a shift, which codes that fill their words do not need, this is one step.
+            bits if bits == W::BITS => {
+                codes.for_each(|(word, &code)| *word = W::of_code(code.into(), W::BITS))
             }
-            codes.extend_from_slice(&words);
+            _ => codes.for_each(|(word, &code)| *word = self.word(code)),
         }
-        codes.extend(rest.iter().map(|&sample| self.shifted::<W>(sample)));
-        self.layout.fill_up(codes);
+        self.layout.fill_up(words);
     }
 }

@@ -28,18 +28,18 @@ impl VoteCounter {
     }
 
     /// Returns the most frequent of `values`; of equally frequent ones, the value that reached the count first.
-    pub(super) fn count<W: Word>(&mut self, values: &[W]) -> Vote<W> {
+    pub(super) fn count<W: Word>(&mut self, values: impl Iterator<Item = W> + Clone) -> Vote<W> {
         // The winner is known while counting, so the counters need no second pass.
         let mut best = Vote { value: W::default(), count: 0 };
-        for &value in values {
-            let count = &mut self.counts[usize::from(value.into())];
+        for value in values.clone() {
+            let count = &mut self.counts[usize::from(value.unsigned())];
             *count += 1;
             if *count as usize > best.count {
                 best = Vote { value, count: *count as usize };
             }
         }
         // Only the counters that were used are cleared: there may be 65,536 of them.
-        values.iter().for_each(|&value| self.counts[usize::from(value.into())] = 0);
+        values.for_each(|value| self.counts[usize::from(value.unsigned())] = 0);
         best
     }
 }

@@ -48,8 +48,8 @@ const PAUSE: usize = 16;
 /// The method with its buffers, one channel after the other, in O(pixels).
 #[derive(Default)]
 pub struct Lines {
-    bytes: Buffers<u8>,
-    words: Buffers<u16>,
+    bytes: Buffers<i8>,
+    words: Buffers<i16>,
     leaves_out_radiance: bool,
 }
 
@@ -191,13 +191,13 @@ impl<W: Word> Buffers<W> {
         if from == 0 {
             // Half a peak is above the first row: every code follows it without a wrap.
             self.codes[0].clear();
-            self.codes[0].resize(layout.lanes() + layout.channels, W::HALF);
+            self.codes[0].resize(layout.lanes() + layout.channels, W::default());
             self.gradient.start(layout);
             self.rows.start(layout, range);
         }
         let mut sums = true;
         for i in from..layout.height {
-            widest!(self.take_row(i, samples, layout, sums));
+            widest!(self.take_row(i, samples, sums));
             let rows = i + 1;
             if rows % PAUSE == 0 || rows == layout.height {
                 match most {
@@ -223,7 +223,7 @@ impl<W: Word> Buffers<W> {
         let levels = Levels { layout, rows: &self.rows, constants: &self.constants.sums };
         let Self { offsets, counts, output, .. } = self;
         let (outside, differences) = widest!({
-            let zero = levels.zero(range, outliers, offsets, counts);
+            let zero = levels.zero(range, outliers, counts);
             (zero.outside, levels.write(samples, &zero, range, (offsets, output), out))
         });
         out.report.quality = Some(self.quality(layout, outside, differences.jumps));
@@ -231,21 +231,11 @@ impl<W: Word> Buffers<W> {
     }
 
     #[inline(always)]
-    fn take_row<S: Copy + Into<u16>>(
-        &mut self,
-        i: usize,
-        samples: &CodeRows<'_, S>,
-        layout: RowLayout,
-        sums: bool,
-    ) {
+    fn take_row<S: Copy + Into<u16>>(&mut self, i: usize, samples: &CodeRows<'_, S>, sums: bool) {
         self.codes.rotate_right(1);
         samples.read(i, &mut self.codes[0]);
         let [here, up, upper] = &self.codes;
-        // For the gradient, the first row is its own neighbour: no difference, and so n = 0.
-        self.gradient.follow(if i == 0 { here } else { up }, here, layout.channels);
-        if sums {
-            self.rows.append(i, [here, up, upper], &self.gradient.wraps);
-        }
+        self.rows.append(i, [here, up, upper], &mut self.gradient, sums);
     }
 
     fn quality(&self, layout: RowLayout, outside: usize, jumps: u64) -> QualityMetrics {

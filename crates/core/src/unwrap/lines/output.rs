@@ -1,6 +1,6 @@
 //! Writes the result row by row, and counts its second differences above one peak and near half of it while the rows are in the cache.
 
-use super::layout::{CodeRows, LANES, RowLayout};
+use super::layout::CodeRows;
 use crate::unwrap::Range;
 use crate::unwrap::edges::NEAR_HALF;
 use crate::unwrap::wrapped::Word;
@@ -12,7 +12,10 @@ pub(super) struct SecondDifferences {
     pub near_half: u64,
 }
 
-/// The radiance of the last three rows of the result, the new one first; all are longer than their lanes by two pixels.
+/// The samples whose second differences are counted at once, few enough that a number of radiance holds their count.
+const PART: usize = 1 << 12;
+
+/// The radiance of the last three rows of the result, the new one first.
 #[derive(Default)]
 pub(super) struct Output<W: Word> {
     rows: [Vec<W::Radiance>; 3],
@@ -30,7 +33,7 @@ impl<W: Word> Output<W> {
         (x, counts): (Option<&mut [f32]>, &mut [u8]),
         differences: &mut SecondDifferences,
     ) {
-        counts.iter_mut().zip(k).for_each(|(count, k)| *count = k.into() as u8);
+        counts.iter_mut().zip(k).for_each(|(count, k)| *count = k.unsigned() as u8);
         self.rows.rotate_right(1);
         let row = &mut self.rows[0];
         row.resize(counts.len(), W::Radiance::default());
@@ -39,53 +42,35 @@ impl<W: Word> Output<W> {
         if let Some(x) = x {
             x.iter_mut().zip(&*row).for_each(|(x, &radiance)| *x = radiance.into() as f32);
         }
-        samples.layout.fill_up(row);
-        self.count_differences(i, samples.layout, range.bits(), differences);
+        self.count_differences(i, samples.layout.channels, range.bits(), differences);
     }
 
     /// Counts the second differences along row `i`, the last one, and across the row above.
     #[inline(always)]
-    fn count_differences(&self, i: usize, layout: RowLayout, bits: u8, differences: &mut SecondDifferences) {
-        let RowLayout { width, channels, .. } = layout;
-        let ([here, up, upper], lanes, last) = (&self.rows, layout.lanes(), layout.last(0));
+    fn count_differences(&self, i: usize, channels: usize, bits: u8, differences: &mut SecondDifferences) {
+        let [here, up, upper] = self.rows.each_ref().map(|row| &row[..]);
         let limits = [NEAR_HALF, 8].map(|eighths| W::eighths(eighths, bits));
-        differences.add::<W>([0, 1, 2].map(|pixel| &here[pixel * channels..][..lanes]), limits);
-        if width > 1 {
-            // The difference between the last pixel and its copy was taken for one of the image.
-            let from = last - channels;
-            let pixels = [0, 1, 2].map(|pixel| &here[from + pixel * channels..][..channels]);
-            differences.remove::<W>(pixels, limits, 1);
+        if let Some(inner) = here.len().checked_sub(2 * channels) {
+            differences.add::<W>([0, 1, 2].map(|pixel| &here[pixel * channels..][..inner]), limits);
         }
         if i > 1 {
-            differences.add::<W>([upper, up, here].map(|row| &row[..lanes]), limits);
-            let pixels = [upper, up, here].map(|row| &row[last..][..channels]);
-            differences.remove::<W>(pixels, limits, layout.copies() as u64);
+            differences.add::<W>([upper, up, here], limits);
         }
     }
 }
 
 impl SecondDifferences {
-    /// Adds those between three lines that are above the limits of `near_half` and of `jumps`.
+    /// Adds those between three lines of one length that are above the limits of `near_half` and of `jumps`.
     #[inline(always)]
     fn add<W: Word>(&mut self, lines: [&[W::Radiance]; 3], [near_half, jump]: [W::Radiance; 2]) {
-        let [before, here, after] = lines.map(|line| line.as_chunks::<LANES>().0);
-        for ((before, here), after) in before.iter().zip(here).zip(after) {
+        let [before, here, after] = lines.map(|line| line.chunks(PART));
+        for ((before, here), after) in before.zip(here).zip(after) {
             let (near, greatest) = W::bends([before, here, after], near_half);
             self.near_half += near;
-            // Hardly a block has a jump.
+            // Hardly a row has a jump.
             if greatest > jump {
                 self.jumps += W::bends([before, here, after], jump).0;
             }
-        }
-    }
-
-    /// Removes those between three short lines, so many times.
-    fn remove<W: Word>(&mut self, lines: [&[W::Radiance]; 3], limits: [W::Radiance; 2], times: u64) {
-        let [before, here, after] = lines;
-        for ((&before, &here), &after) in before.iter().zip(here).zip(after) {
-            let [near, jumps] = limits.map(|limit| W::bends([&[before], &[here], &[after]], limit).0);
-            self.near_half -= times * near;
-            self.jumps -= times * jumps;
         }
     }
 }

@@ -1,9 +1,10 @@
 //! Continues k from row to row, and joins the rows by majority votes of their columns.
 
+use super::gradient::{Corners, Gradient, SUSPECT};
 use super::layout::{Block, COUNTABLE, LANES, RowLayout, by_channel, tiled};
 use super::majority::{MajorityCheck, STEEP, Vote, VoteCounter};
 use crate::unwrap::Range;
-use crate::unwrap::wrapped::{Word, biased, exceeds, wrap_step};
+use crate::unwrap::wrapped::{Word, exceeds, wrap_step};
 
 /// The wrap counts up to a constant for each column and channel.
 #[derive(Default)]
@@ -39,12 +40,15 @@ impl<W: Word> Rows<W> {
         &self.k[(i + 1) * self.layout.lanes()..][..self.layout.lanes()]
     }
 
-    /// Takes row `i`, `codes[0]`, and joins it to the rows above; `wraps` says in which blocks the difference of its neighbouring
-    /// vertical differences wraps.
+    /// Takes row `i`, `codes[0]`, and the loops above it; if it `sums`, joins the row to those above.
     #[inline(always)]
-    pub fn append(&mut self, i: usize, codes: Neighbours<'_, W>, wraps: &[bool]) {
+    pub fn append(&mut self, i: usize, codes: Neighbours<'_, W>, gradient: &mut Gradient<W>, sums: bool) {
         let channels = self.layout.channels;
-        let [agree, steep] = self.sum(i, [codes[0], codes[1]], wraps);
+        let [agree, steep] = self.sum(i, [codes[0], codes[1]], gradient, sums);
+        gradient.end_row();
+        if !sums {
+            return;
+        }
         let mut steps = [W::default(); 3];
         // The first row has no row above that it could be joined to.
         if i > 0 {
@@ -62,25 +66,36 @@ impl<W: Word> Rows<W> {
         }
     }
 
-    /// Writes k of row `i` as the vertical differences say, and adds the sums of the wraps of their differences. Returns by channel the number
-    /// of columns in which these sums are 0, and of those whose vertical difference is steep.
+    /// Writes k of row `i` as the vertical differences say, and adds the sums of the wraps of their differences if it `sums`. Returns by channel
+    /// the number of columns in which these sums are 0, and of those whose vertical difference is steep.
     #[inline(always)]
-    fn sum(&mut self, i: usize, [y, up]: [&[W]; 2], wraps: &[bool]) -> [[usize; 3]; 2] {
+    fn sum(
+        &mut self,
+        i: usize,
+        [y, up]: [&[W]; 2],
+        gradient: &mut Gradient<W>,
+        sums: bool,
+    ) -> [[usize; 3]; 2] {
         let (RowLayout { channels, width, .. }, lanes) = (self.layout, self.layout.lanes());
         let (above, here) = self.k[i * lanes..].split_at_mut(lanes);
         let k = above.as_chunks::<LANES>().0.iter().zip(here[..lanes].as_chunks_mut::<LANES>().0);
-        let blocks = k.zip(up.as_chunks::<LANES>().0.iter().zip(y.as_chunks::<LANES>().0)).zip(wraps);
+        let [up_left, up_right, left, right] =
+            [up, &up[channels..], y, &y[channels..]].map(|row| row.as_chunks().0);
+        let corners = up_left.iter().zip(up_right).zip(left.iter().zip(right));
         let none = [W::default(); LANES];
         let (mut steep, mut apart, mut totals) = (none, none, [[0; 3]; 2]);
         let mut carried = [W::default(); 3];
-        for (at, (((above, here), (up_left, left)), &wraps)) in blocks.enumerate() {
-            for l in 0..LANES {
-                here[l] = above[l].plus(wrap_step(up_left[l], left[l]));
-                steep[l] = steep[l].plus(W::one_if(exceeds(biased(up_left[l], left[l]), STEEP)));
-            }
-            if wraps || i == 0 || carried != [W::default(); 3] {
-                let [up_right, right] = [up, y].map(|row| &row[at * LANES + channels..]);
-                let sums = sums([up_left, up_right, left, right], channels, &mut carried);
+        for (at, ((above, here), ((up_left, up_right), (left, right)))) in k.zip(corners).enumerate() {
+            let corners = [up_left, up_right, left, right];
+            let is_smooth = step(corners, above, here, gradient.steep(at), &mut steep);
+            // In most blocks of most images, no n changes and nothing is to be summed. The first row has no loops above it.
+            let wraps = i == 0 || (!is_smooth && gradient.follow(at, corners));
+            if sums && (wraps || carried != [W::default(); 3]) {
+                let sums = if wraps {
+                    self::sums(corners, channels, &mut carried)
+                } else {
+                    tiled(carried, channels)
+                };
                 for l in 0..LANES {
                     here[l] = here[l].plus(sums[l]);
                     apart[l] = apart[l].plus(W::one_if(sums[l] != W::default()));
@@ -101,7 +116,7 @@ impl<W: Word> Rows<W> {
         for (channel, &sum) in carried.iter().enumerate().take(channels) {
             let l = self.layout.last(channel);
             totals[0][channel] -= self.layout.copies() * usize::from(sum != W::default());
-            totals[1][channel] -= self.layout.copies() * usize::from(exceeds(biased(up[l], y[l]), STEEP));
+            totals[1][channel] -= self.layout.copies() * usize::from(exceeds(y[l].minus(up[l]), STEEP));
         }
         [totals[0].map(|apart| width - apart), totals[1]]
     }
@@ -123,7 +138,7 @@ impl<W: Word> Rows<W> {
         let counted = guess.count * 2 <= width;
         if counted {
             self.first_difference_votes(i, codes, channel);
-            majority = self.votes.count(&self.line);
+            majority = self.votes.count(self.line.iter().copied());
         }
         // Row 1 has only one row above it, and a second difference needs two.
         if !self.checks[channel].needs_second_vote(majority.count, steep, width) || i == 1 {
@@ -133,7 +148,7 @@ impl<W: Word> Rows<W> {
             self.first_difference_votes(i, codes, channel);
         }
         self.second_difference_votes(i, codes, channel);
-        let second = self.votes.count(&self.line);
+        let second = self.votes.count(self.line.iter().copied());
         // Noise blurs second differences more than first ones.
         let chosen = if second.count * 10 > majority.count * 9 { second } else { majority };
         self.checks[channel].record(chosen.value != majority.value);
@@ -157,20 +172,50 @@ impl<W: Word> Rows<W> {
         let lanes = (channel..layout.samples()).step_by(layout.channels);
         for (value, l) in line.iter_mut().zip(lanes) {
             let n_up = k_up[l].minus(k_upper[l]).minus(wrap_step(upper[l], up[l]));
-            let n = n_up.plus(wrap_step(biased(upper[l], up[l]), biased(up[l], y[l])));
+            let n = n_up.plus(wrap_step(up[l].minus(upper[l]), y[l].minus(up[l])));
             *value = value.plus(n);
         }
     }
 }
 
+/// Writes k of a block as its vertical differences say, from that `above`, and counts by lane the steep differences along the row and down to it.
+/// Returns whether no mixed difference wraps, in one of both orders, or is above the limit.
+#[inline(always)]
+fn step<W: Word>(
+    [up, up_right, left, right]: Corners<'_, W>,
+    above: &Block<W>,
+    k: &mut Block<W>,
+    steep_along: &mut Block<W>,
+    steep_down: &mut Block<W>,
+) -> bool {
+    let (mut least, mut greatest) = (W::default(), W::default());
+    for l in 0..LANES {
+        let (before, after) = (left[l].minus(up[l]), right[l].minus(up_right[l]));
+        let (first, second) = (up_right[l].minus(up[l]), right[l].minus(left[l]));
+        // A difference that wraps ends at the end of the range, which is above the limit.
+        let mixed = [second.minus_within(first), after.minus_within(before)];
+        least = least.min(mixed[0]).min(mixed[1]);
+        greatest = greatest.max(mixed[0]).max(mixed[1]);
+        steep_along[l] = steep_along[l].plus(W::one_if(exceeds(second, STEEP)));
+        steep_down[l] = steep_down[l].plus(W::one_if(exceeds(before, STEEP)));
+        k[l] = above[l].plus(wrap_step(up[l], left[l]));
+    }
+    let limit = W::sixteenths(SUSPECT);
+    greatest <= limit && least >= W::default().minus(limit)
+}
+
 /// Returns the sums of the wraps of the differences of vertical differences before each lane of a block, and `carried` from the block before,
 /// which becomes the sums behind the block.
 #[inline(always)]
-fn sums<W: Word>([up, up_right, left, right]: [&[W]; 4], channels: usize, carried: &mut [W; 3]) -> Block<W> {
+fn sums<W: Word>(
+    [up, up_right, left, right]: Corners<'_, W>,
+    channels: usize,
+    carried: &mut [W; 3],
+) -> Block<W> {
     let mut steps = [W::default(); LANES];
     let down = up.iter().zip(left).zip(up_right.iter().zip(right));
     for (step, ((&up, &left), (&up_right, &right))) in steps.iter_mut().zip(down) {
-        *step = wrap_step(biased(up, left), biased(up_right, right));
+        *step = wrap_step(left.minus(up), right.minus(up_right));
     }
     let mut totals = [[W::default(); LANES], steps];
     let mut stride = channels;

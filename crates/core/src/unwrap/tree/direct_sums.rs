@@ -11,7 +11,7 @@ use super::pixels::{EdgeDirection, Quad};
 use super::regions::Region;
 use super::segments::each_set;
 use crate::simd::widest;
-use crate::unwrap::wrapped::wrap_step;
+use crate::unwrap::wrapped::{Word as _, wrap_step};
 use crate::unwrap::{Integers, Range, Recovered, Trust, congruence};
 
 /// The number of pixels that counters of 16 bits can count.
@@ -61,7 +61,7 @@ impl DirectSums {
             let ahead = &codes[stride..];
             widest!({
                 for ((step, &from), &to) in steps.iter_mut().zip(codes).zip(ahead) {
-                    *step = wrap_step(from, to).cast_signed();
+                    *step = wrap_step(i16::of_code(from, 16), i16::of_code(to, 16));
                 }
             });
             for &at in changed {

@@ -283,7 +283,10 @@ mod tests {
 
         #[test]
         fn turns_of_all_lanes_are_those_of_each(from: [u16; 4], to: [u16; 4]) {
-            prop_assert_eq!(wrap_steps(from, to), std::array::from_fn(|lane| wrapped::wrap_step(from[lane], to[lane]).cast_signed()));
+            prop_assert_eq!(wrap_steps(from, to), std::array::from_fn(|lane| {
+                let [from, to] = [from, to].map(|codes| wrapped::Word::of_code(codes[lane], 16));
+                wrapped::wrap_step::<i16>(from, to)
+            }));
         }
     }
 
