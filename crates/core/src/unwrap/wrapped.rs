@@ -16,9 +16,15 @@ pub(super) trait Word: Copy + Default + Ord + Send + Sync {
     fn radiance(y: u16, k: u8, bits: u8) -> Self::Radiance;
     /// Returns so many eighths of the peak `2^bits`, rounded down.
     fn eighths(eighths: u16, bits: u8) -> Self::Radiance;
-    /// Returns the number of second differences between three lines of one length, at most 2^15, whose magnitude is above `limit`, and the
-    /// greatest magnitude.
-    fn bends(lines: [&[Self::Radiance]; 3], limit: Self::Radiance) -> (u64, Self::Radiance);
+    /// Returns the radiance behind `to` that has no second difference from `from` over `to`.
+    fn straight_on(from: Self::Radiance, to: Self::Radiance) -> Self::Radiance;
+    /// Returns the number of second differences at samples `here`, at most 2^14, between two pairs of others whose magnitude is above `limit`,
+    /// and the greatest magnitude. All lines have one length.
+    fn bends(
+        here: &[Self::Radiance],
+        pairs: [[&[Self::Radiance]; 2]; 2],
+        limit: Self::Radiance,
+    ) -> (u64, Self::Radiance);
 
     /// Returns the lower bits of `value`.
     fn low(value: u16) -> Self;
@@ -67,13 +73,24 @@ macro_rules! word {
                 ((eighths as $radiance) << bits) / 8
             }
             #[inline(always)]
-            fn bends([before, here, after]: [&[$radiance]; 3], limit: $radiance) -> (u64, $radiance) {
+            fn straight_on(from: $radiance, to: $radiance) -> $radiance {
+                to.wrapping_add(to).wrapping_sub(from)
+            }
+            #[inline(always)]
+            fn bends(
+                here: &[$radiance],
+                [first, second]: [[&[$radiance]; 2]; 2],
+                limit: $radiance,
+            ) -> (u64, $radiance) {
                 let (mut above, mut greatest): ($radiance, $radiance) = (0, 0);
-                for ((&before, &here), &after) in before.iter().zip(here).zip(after) {
-                    let bend =
-                        before.wrapping_add(after).wrapping_sub(here).wrapping_sub(here).wrapping_abs();
-                    above += <$radiance>::from(bend > limit);
-                    greatest = greatest.max(bend);
+                let [first, second] = [first, second].map(|[before, after]| before.iter().zip(after));
+                for ((&here, first), second) in here.iter().zip(first).zip(second) {
+                    let twice = here.wrapping_add(here);
+                    let [first, second] = [first, second].map(|(&before, after)| {
+                        before.wrapping_add(*after).wrapping_sub(twice).wrapping_abs()
+                    });
+                    above += <$radiance>::from(first > limit) + <$radiance>::from(second > limit);
+                    greatest = greatest.max(first).max(second);
                 }
                 (above as u64, greatest)
             }

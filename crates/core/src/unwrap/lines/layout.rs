@@ -89,8 +89,13 @@ pub(super) fn by_channel<W: Word>(counts: &Block<W>, channels: usize, total: &mu
     for lanes in counts.as_chunks::<{ LANES / 4 }>().0 {
         sums.iter_mut().zip(lanes).for_each(|(sum, &count)| *sum += count.unsigned());
     }
-    for (channel, total) in total[..channels].iter_mut().enumerate() {
-        *total += sums[channel..].iter().step_by(channels).map(|&sum| usize::from(sum)).sum::<usize>();
+    let mut pixel = [0; 3];
+    for sums in sums.as_chunks().0 {
+        pixel.iter_mut().zip::<&[u16; 3]>(sums).for_each(|(pixel, sum)| *pixel += sum);
+    }
+    // A single channel has every lane.
+    for (lane, sum) in pixel.into_iter().enumerate() {
+        total[lane % channels] += usize::from(sum);
     }
 }
 

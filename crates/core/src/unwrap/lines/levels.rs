@@ -152,7 +152,7 @@ impl<W: Word> Levels<'_, W> {
         for (i, counts) in counts.chunks_exact_mut(length).enumerate() {
             let k = self.rows.k(i).iter().zip(&*sums);
             let k = k.map(|(k, &sum)| k.plus(sum).max(W::default()).min(most));
-            output.write(i, samples, k, range, (x.next(), counts), &mut differences);
+            output.write(i, samples, k, range.bits(), (x.next(), counts), &mut differences);
         }
         differences
     }

@@ -1,7 +1,6 @@
 //! Writes the result row by row, and counts its second differences above one peak and near half of it while the rows are in the cache.
 
-use super::layout::CodeRows;
-use crate::unwrap::Range;
+use super::layout::{CodeRows, RowLayout};
 use crate::unwrap::edges::NEAR_HALF;
 use crate::unwrap::wrapped::Word;
 
@@ -15,7 +14,8 @@ pub(super) struct SecondDifferences {
 /// The samples whose second differences are counted at once, few enough that a number of radiance holds their count.
 const PART: usize = 1 << 12;
 
-/// The radiance of the last three rows of the result, the new one first.
+/// The radiance of the last three rows of the result, the new one first. A pixel before and one behind a row continue it straight on, so that no second
+/// difference is at its ends.
 #[derive(Default)]
 pub(super) struct Output<W: Word> {
     rows: [Vec<W::Radiance>; 3],
@@ -29,47 +29,68 @@ impl<W: Word> Output<W> {
         i: usize,
         samples: &CodeRows<'_, S>,
         k: impl Iterator<Item = W>,
-        range: Range,
+        bits: u8,
         (x, counts): (Option<&mut [f32]>, &mut [u8]),
         differences: &mut SecondDifferences,
     ) {
+        let (length, pixel) = (counts.len(), samples.layout.channels);
         counts.iter_mut().zip(k).for_each(|(count, k)| *count = k.unsigned() as u8);
         self.rows.rotate_right(1);
-        let row = &mut self.rows[0];
-        row.resize(counts.len(), W::Radiance::default());
+        let padded = &mut self.rows[0];
+        padded.resize(length + 2 * pixel, W::Radiance::default());
+        let row = &mut padded[pixel..][..length];
         let samples_of_row = row.iter_mut().zip(samples.row(i)).zip(&*counts);
-        samples_of_row.for_each(|((x, &y), &k)| *x = W::radiance(y.into(), k, range.bits()));
+        samples_of_row.for_each(|((x, &y), &k)| *x = W::radiance(y.into(), k, bits));
         if let Some(x) = x {
             x.iter_mut().zip(&*row).for_each(|(x, &radiance)| *x = radiance.into() as f32);
         }
-        self.count_differences(i, samples.layout.channels, range.bits(), differences);
+        let next = samples.layout.width.min(2) * pixel;
+        for channel in 0..pixel {
+            padded[channel] = W::straight_on(padded[next + channel], padded[pixel + channel]);
+            let end = length + pixel + channel;
+            padded[end] = W::straight_on(padded[end - next], padded[end - pixel]);
+        }
+        self.count_differences(i, samples.layout, bits, differences);
     }
 
-    /// Counts the second differences along row `i`, the last one, and across the row above.
+    /// Counts the second differences that row `i`, the last one, completes: along the row above and across it, and along the last row of the
+    /// image.
     #[inline(always)]
-    fn count_differences(&self, i: usize, channels: usize, bits: u8, differences: &mut SecondDifferences) {
-        let [here, up, upper] = self.rows.each_ref().map(|row| &row[..]);
+    fn count_differences(&self, i: usize, layout: RowLayout, bits: u8, differences: &mut SecondDifferences) {
         let limits = [NEAR_HALF, 8].map(|eighths| W::eighths(eighths, bits));
-        if let Some(inner) = here.len().checked_sub(2 * channels) {
-            differences.add::<W>([0, 1, 2].map(|pixel| &here[pixel * channels..][..inner]), limits);
+        let [below, here, above] = &self.rows;
+        // Where there is no neighbour, a sample that is its own neighbour does not bend.
+        if i > 0 {
+            let beside = if i > 1 { [above, below] } else { [here, here] };
+            differences.add::<W>(here, beside, layout.channels, limits);
         }
-        if i > 1 {
-            differences.add::<W>([upper, up, here], limits);
+        if i + 1 == layout.height {
+            differences.add::<W>(below, [below, below], layout.channels, limits);
         }
     }
 }
 
 impl SecondDifferences {
-    /// Adds those between three lines of one length that are above the limits of `near_half` and of `jumps`.
+    /// Adds those along a row and across it, from the row above to that below, which are above the limits of `near_half` and of `jumps`.
     #[inline(always)]
-    fn add<W: Word>(&mut self, lines: [&[W::Radiance]; 3], [near_half, jump]: [W::Radiance; 2]) {
-        let [before, here, after] = lines.map(|line| line.chunks(PART));
-        for ((before, here), after) in before.zip(here).zip(after) {
-            let (near, greatest) = W::bends([before, here, after], near_half);
+    fn add<W: Word>(
+        &mut self,
+        row: &[W::Radiance],
+        beside: [&Vec<W::Radiance>; 2],
+        pixel: usize,
+        [near_half, jump]: [W::Radiance; 2],
+    ) {
+        let length = row.len() - 2 * pixel;
+        for from in (0..length).step_by(PART) {
+            let part = |start: usize| from + start..(from + PART).min(length) + start;
+            let here = &row[part(pixel)];
+            let along = [&row[part(0)], &row[part(2 * pixel)]];
+            let across = beside.map(|row| &row[part(pixel)]);
+            let (near, greatest) = W::bends(here, [along, across], near_half);
             self.near_half += near;
             // Hardly a row has a jump.
             if greatest > jump {
-                self.jumps += W::bends([before, here, after], jump).0;
+                self.jumps += W::bends(here, [along, across], jump).0;
             }
         }
     }
