@@ -5,10 +5,14 @@
 //! as the range allows to what their best edge says.
 
 use super::gradient_sums::{GradientSums, GreenCodes};
+use crate::simd::widest;
 
 /// Edges with at least this margin, two peaks, are joined first, in the order of the rows. With one peak, a wrong edge in fine branches tears a
 /// part off that reaches to the border of the image.
 const SURE: u8 = 128;
+
+/// The pixels of a row that are appended together where all their edges are sure and come from one part.
+const LANES: usize = 16;
 
 /// The tree with its buffers.
 #[derive(Default)]
@@ -20,7 +24,7 @@ pub(super) struct MarginTree {
     tree: Vec<Part>,
     /// The largest difference of two counts in range.
     most: i32,
-    /// The edges that are not sure.
+    /// The edges between parts that are not sure.
     doubtful: Vec<Edge>,
 }
 
@@ -37,47 +41,49 @@ struct Part {
     size: u32,
 }
 
-/// An edge down to a pixel.
+/// An edge down to a pixel, and later one from part to part.
 #[derive(Clone, Copy)]
 struct Edge {
     from: u32,
     to: u32,
-    /// How much greater the count of the lower pixel is.
-    step: i8,
+    /// How much greater the count at the lower end is.
+    step: i16,
     margin: u8,
 }
 
-/// The edges of one direction between the row above and a row.
-#[derive(Clone, Copy)]
+/// The steps and margins of the edges between the row above and a row, by direction.
 struct EdgesAbove<'a> {
-    steps: &'a [i8],
-    margins: &'a [u8],
-    /// How much greater the index of the lower end is, plus one.
-    ahead: usize,
+    of: [(&'a [i8], &'a [u8]); 2],
     /// The pixels before the row above, and those of a row.
     first: usize,
     width: usize,
+    /// How much greater the index of the lower end is, for an edge down to the right.
+    ahead: usize,
 }
 
-impl<'a> EdgesAbove<'a> {
-    fn new(codes: &GreenCodes, sums: &'a GradientSums, direction: usize, row: usize) -> Self {
-        let ((steps, margins), width) = (sums.row(direction, row - 1), codes.width);
-        let ahead = codes.ahead(direction, row - 1);
-        Self { steps: &steps[..width], margins: &margins[..width], ahead, first: (row - 1) * width, width }
+impl EdgesAbove<'_> {
+    /// Returns the edges down to a pixel; `None` for one that comes from beyond the border.
+    #[inline(always)]
+    fn down_to(&self, at: usize) -> [Option<Edge>; 2] {
+        [0, 1].map(|direction| {
+            let from = (at + direction).checked_sub(self.ahead).filter(|from| *from < self.width)?;
+            let (step, margin) = (self.of[direction].0[from].into(), self.of[direction].1[from]);
+            let [from, to] = [self.first + from, self.first + self.width + at].map(|pixel| pixel as u32);
+            Some(Edge { from, to, step, margin })
+        })
     }
 
-    /// Returns the edge down to a pixel; `None` if it comes from beyond the border.
-    fn down_to(self, at: usize) -> Option<Edge> {
-        let from = (at + 1).checked_sub(self.ahead)?;
-        (from < self.width).then(|| self.down_to_inner(at))
-    }
-
-    /// Returns the edge down to a pixel that is not the first or the last one of its row.
-    #[inline]
-    fn down_to_inner(self, at: usize) -> Edge {
-        let from = at + 1 - self.ahead;
-        let (step, margin) = (self.steps[from], self.margins[from]);
-        Edge { from: (self.first + from) as u32, to: (self.first + self.width + at) as u32, step, margin }
+    /// Returns the steps and margins of the edges down to pixels from one on, by direction, if all are there and sure.
+    #[inline(always)]
+    fn sure_lanes(&self, at: usize) -> Option<[(&[i8; LANES], &[u8; LANES]); 2]> {
+        let from = at.checked_sub(self.ahead).filter(|from| from + LANES < self.width)?;
+        let lanes = [0, 1].map(|direction| {
+            let (steps, margins) = self.of[direction];
+            (steps[from + direction..].first_chunk(), margins[from + direction..].first_chunk())
+        });
+        let [(Some(right), Some(of_right)), (Some(left), Some(of_left))] = lanes else { return None };
+        let least = of_right.iter().zip(of_left).fold(u8::MAX, |least, (a, b)| least.min(*a).min(*b));
+        (least >= SURE).then_some([(right, of_right), (left, of_left)])
     }
 }
 
@@ -85,31 +91,31 @@ impl MarginTree {
     /// Finds the counts of the pixels, up to a constant. They differ by at most `most`.
     pub fn grow(&mut self, codes: &GreenCodes, sums: &GradientSums, most: u8) {
         self.most = most.into();
-        let width = codes.width;
-        self.parts.clear();
-        self.counts.clear();
         self.tree.clear();
         self.doubtful.clear();
-        (0..width).for_each(|_| self.append([None; 2]));
+        // Every pixel is written below.
+        self.parts.resize(codes.height * codes.width, 0);
+        self.counts.resize(codes.height * codes.width, 0);
+        (0..codes.width).for_each(|at| self.append(at, [None; 2]));
         for row in 1..codes.height {
-            let edges = [0, 1].map(|direction| EdgesAbove::new(codes, sums, direction, row));
-            self.append(edges.map(|edges| edges.down_to(0)));
-            // All but those at both ends have two edges.
-            for at in 1..width.saturating_sub(1) {
-                self.append(edges.map(|edges| Some(edges.down_to_inner(at))));
-            }
-            if width > 1 {
-                self.append(edges.map(|edges| edges.down_to(width - 1)));
-            }
+            let of = [0, 1].map(|direction| sums.row(direction, row - 1));
+            let (width, ahead) = (codes.width, codes.shift(row - 1));
+            widest!(self.append_row(&EdgesAbove { of, first: (row - 1) * width, width, ahead }));
         }
         let mut doubtful = std::mem::take(&mut self.doubtful);
+        // Most of their ends have come to one part; in the order of the rows, that is found fast.
+        doubtful.retain_mut(|edge| self.ascend(edge));
         // Edges of one margin stay in the order of the rows.
         doubtful.sort_by_key(|edge| u8::MAX - edge.margin);
         doubtful.retain(|edge| !self.join(*edge, false));
         doubtful.iter().for_each(|edge| _ = self.join(*edge, true));
         self.doubtful = doubtful;
-        for at in 0..self.counts.len() {
-            self.counts[at] += self.root(self.parts[at]).1;
+        let mut counts = &mut self.counts[..];
+        for parts in self.parts.chunk_by(|one, next| one == next) {
+            let (run, rest) = std::mem::take(&mut counts).split_at_mut(parts.len());
+            let offset = root(&mut self.tree, parts[0]).1;
+            run.iter_mut().for_each(|count| *count += offset);
+            counts = rest;
         }
     }
 
@@ -123,75 +129,116 @@ impl MarginTree {
                 let (first, second) = codes.ends_of_edges(direction, row);
                 let ends = here[first..].iter().zip(&steps[first..]).zip(&next[second..]);
                 all += ends.len();
-                wrong += ends.filter(|((from, step), to)| **to - **from != i32::from(**step)).count();
+                wrong += widest!(ends.fold(0u32, |wrong, ((from, step), to)| {
+                    wrong + u32::from(to - from != i32::from(*step))
+                })) as usize;
             }
         }
         wrong as f64 / all.max(1) as f64
     }
 
+    /// Appends a row. Nearly all of its pixels can be appended together.
+    #[inline(always)]
+    fn append_row(&mut self, edges: &EdgesAbove<'_>) {
+        let first = edges.first + edges.width;
+        for at in (0..edges.width).step_by(LANES) {
+            if !self.append_lanes(edges, at) {
+                (at..edges.width.min(at + LANES)).for_each(|at| self.append(first + at, edges.down_to(at)));
+            }
+        }
+    }
+
+    /// Appends pixels together, if they all belong to one part and fit into the range. Returns whether they do.
+    #[inline(always)]
+    fn append_lanes(&mut self, edges: &EdgesAbove<'_>, at: usize) -> bool {
+        let Some([(right, of_right), (left, of_left)]) = edges.sure_lanes(at) else { return false };
+        let Self { parts, counts, tree, .. } = self;
+        let (above, to) = (edges.first + at - edges.ahead, edges.first + edges.width + at);
+        let part = parts[above];
+        if !parts[above..=above + LANES].iter().fold(true, |one, &next| one & (next == part)) {
+            return false;
+        }
+        let (part, offset) = root(tree, part);
+        let (from, mut here) = (&counts[above..=above + LANES], [0; LANES]);
+        for lane in 0..LANES {
+            let to_right = from[lane] + i32::from(right[lane]);
+            let to_left = from[lane + 1] + i32::from(left[lane]);
+            here[lane] = offset + if of_left[lane] > of_right[lane] { to_left } else { to_right };
+        }
+        let root = &mut tree[part as usize];
+        let least = here.iter().fold(root.least, |least, &count| least.min(count));
+        let largest = here.iter().fold(root.largest, |largest, &count| largest.max(count));
+        let fits = largest - least <= self.most;
+        if fits {
+            (root.least, root.largest) = (least, largest);
+            counts[to..to + LANES].copy_from_slice(&here);
+            parts[to..to + LANES].fill(part);
+        }
+        fits
+    }
+
     /// Appends a pixel with the edges down to it.
-    #[inline]
-    fn append(&mut self, [left, right]: [Option<Edge>; 2]) {
+    fn append(&mut self, at: usize, [right, left]: [Option<Edge>; 2]) {
         let margin = |edge: Option<Edge>| edge.map_or(0, |edge| edge.margin);
-        let (first, second) = if margin(right) > margin(left) { (right, left) } else { (left, right) };
+        let (first, second) = if margin(left) > margin(right) { (left, right) } else { (right, left) };
         if !first.is_some_and(|edge| edge.margin >= SURE && self.extend(edge)) {
             let part = self.tree.len() as u32;
             self.tree.push(Part { parent: part, offset: 0, least: 0, largest: 0, size: 1 });
-            self.parts.push(part);
-            self.counts.push(0);
-            self.doubtful.extend(first);
+            (self.parts[at], self.counts[at]) = (part, 0);
+            let edge = first.map(|edge| self.between_parts(edge));
+            self.doubtful.extend(edge);
         }
-        if let Some(edge) = second
-            && (edge.margin < SURE || !self.join(edge, false))
-        {
-            self.doubtful.push(edge);
+        if let Some(edge) = second {
+            let mut edge = self.between_parts(edge);
+            let is_open = if edge.margin < SURE { self.ascend(&mut edge) } else { !self.join(edge, false) };
+            if is_open {
+                self.doubtful.push(edge);
+            }
         }
     }
 
     /// Appends a pixel to the part at the other end of its edge, if its count fits into the range. Returns whether it does.
     #[inline]
     fn extend(&mut self, edge: Edge) -> bool {
-        let from = edge.from as usize;
-        let (part, offset) = self.root(self.parts[from]);
+        let [from, to] = [edge.from, edge.to].map(|at| at as usize);
+        let (part, offset) = root(&mut self.tree, self.parts[from]);
         let count = self.counts[from] + offset + i32::from(edge.step);
         let root = &mut self.tree[part as usize];
         let (least, largest) = (root.least.min(count), root.largest.max(count));
         let fits = largest - least <= self.most;
         if fits {
             (root.least, root.largest) = (least, largest);
-            self.parts.push(part);
-            self.counts.push(count);
+            (self.parts[to], self.counts[to]) = (part, count);
         }
         fits
     }
 
-    /// Returns the root of a part, and the count of the part, less that of the root. The part then belongs to its root.
+    /// Returns an edge down to a pixel as one between the parts of both.
     #[inline]
-    fn root(&mut self, part: u32) -> (u32, i32) {
-        let Part { parent: mut root, mut offset, .. } = self.tree[part as usize];
-        if root == part {
-            return (part, 0);
-        }
-        while self.tree[root as usize].parent != root {
-            offset += self.tree[root as usize].offset;
-            root = self.tree[root as usize].parent;
-        }
-        let part = &mut self.tree[part as usize];
-        (part.parent, part.offset) = (root, offset);
-        (root, offset)
+    fn between_parts(&self, edge: Edge) -> Edge {
+        let [from, to] = [edge.from, edge.to].map(|at| at as usize);
+        // All counts of a part are within the range, which has at most 256 of them.
+        let step = edge.step + (self.counts[from] - self.counts[to]) as i16;
+        Edge { from: self.parts[from], to: self.parts[to], step, ..edge }
+    }
+
+    /// Moves the ends of an edge to the roots of their parts. Returns whether these differ.
+    #[inline]
+    fn ascend(&mut self, edge: &mut Edge) -> bool {
+        let (from, offset) = root(&mut self.tree, edge.from);
+        let (to, ahead) = root(&mut self.tree, edge.to);
+        *edge = Edge { from, to, step: edge.step + (offset - ahead) as i16, ..*edge };
+        from != to
     }
 
     /// Joins the parts of both ends of an edge, if their counts fit into the range together. If it is `forced`, the step of the edge may
     /// change for this. Returns whether both ends belong to one part.
     #[inline]
-    fn join(&mut self, edge: Edge, forced: bool) -> bool {
-        let [from, to] = [edge.from, edge.to].map(|at| at as usize);
-        let (part, offset) = self.root(self.parts[from]);
-        let (other, ahead) = self.root(self.parts[to]);
-        if part == other {
+    fn join(&mut self, mut edge: Edge, forced: bool) -> bool {
+        if !self.ascend(&mut edge) {
             return true;
         }
-        let step = self.counts[from] + offset + i32::from(edge.step) - self.counts[to] - ahead;
+        let (part, other, step) = (edge.from, edge.to, i32::from(edge.step));
         let (one, two) = (self.tree[part as usize], self.tree[other as usize]);
         let possible = (one.largest - self.most - two.least, one.least + self.most - two.largest);
         let fitting = step.clamp(possible.0, possible.1);
@@ -209,4 +256,19 @@ impl MarginTree {
         above.size += below.size;
         true
     }
+}
+
+/// Returns the root of a part, and the count of the part, less that of the root. The part then belongs to its root.
+#[inline(always)]
+fn root(tree: &mut [Part], part: u32) -> (u32, i32) {
+    let Part { parent: mut root, mut offset, .. } = tree[part as usize];
+    if root == part {
+        return (part, 0);
+    }
+    while tree[root as usize].parent != root {
+        offset += tree[root as usize].offset;
+        root = tree[root as usize].parent;
+    }
+    (tree[part as usize].parent, tree[part as usize].offset) = (root, offset);
+    (root, offset)
 }
