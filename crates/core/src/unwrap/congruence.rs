@@ -43,16 +43,30 @@ pub(super) fn write_channel(
     }
 }
 
+/// Up to so many levels, vectors count each by itself faster than a histogram does, in so many pixels at once.
+const FEW_LEVELS: usize = 8;
+const PART: usize = 1 << 12;
+
 /// Returns the count that stands for k = 0. Of all levels that leave nearly as many pixels in `0..=most` as the
 /// best one does, it is the highest, which makes the image darkest.
 pub(super) fn base_level(k: &[i32], range: Range, outliers: f64, levels: &mut Vec<usize>) -> i32 {
     let ends = |(low, high): (i32, i32), &k: &i32| (low.min(k), high.max(k));
     let &first = k.first().expect("an image has pixels");
     let (low, high) = widest!(k.iter().fold((first, first), ends));
+    let count = high.abs_diff(low) as usize + 1;
     // Steps of at most one from pixel to pixel: no image of this size needs more, so that none is made twice.
     levels.clear();
     levels.reserve(k.len());
-    histogram(k.iter().map(|k| k.abs_diff(low) as usize), high.abs_diff(low) as usize + 1, levels);
+    if count <= FEW_LEVELS {
+        levels.resize(count, 0);
+        for k in k.chunks(PART) {
+            for (level, sum) in (low..=high).zip(&mut *levels) {
+                *sum += widest!(k.iter().fold(0u32, |sum, &k| sum + u32::from(k == level))) as usize;
+            }
+        }
+    } else {
+        histogram(k.iter().map(|k| k.abs_diff(low) as usize), count, levels);
+    }
     // An estimate may contain any integers, so no sum may overflow.
     low.saturating_add(base_level_index(levels, range, outliers) as i32)
 }

@@ -162,10 +162,12 @@ impl Defects {
         // Every second sample of a row is green.
         let is_green = |at: usize| mosaic.channel(at / width, at % width) == 1;
         let of_green = |row: usize| usize::from(!is_green(row * width));
+        let every_second: Vec<u16> = (0..=width).map(|column| (column % 2) as u16).collect();
         let [mut green, mut colour] = std::mem::take(&mut self.planes);
         codes.widen(&mut green);
         for (row, codes) in green.chunks_exact_mut(width).enumerate() {
-            codes.iter_mut().skip(1 - of_green(row)).step_by(2).for_each(|code| *code = 0);
+            let places = codes.iter_mut().zip(&every_second[1 - of_green(row)..]);
+            widest!(places.for_each(|(code, kept)| *code *= kept));
         }
         let mut few = self.search(Integers::U16(&green), Grid { steps: DIAGONALLY, ..grid }, most);
         self.found.iter().for_each(|&(at, code)| green[at] = code);
@@ -173,7 +175,8 @@ impl Defects {
         codes.widen(&mut colour);
         for (row, codes) in colour.chunks_exact_mut(width).enumerate() {
             grid.take_from(codes, &green, row);
-            codes.iter_mut().skip(of_green(row)).step_by(2).for_each(|code| *code = 0);
+            let places = codes.iter_mut().zip(&every_second[of_green(row)..]);
+            widest!(places.for_each(|(code, kept)| *code *= kept));
         }
         let of_colour = Grid { steps: TWO_APART, ..grid };
         few &= self.search(Integers::U16(&colour), of_colour, most);
