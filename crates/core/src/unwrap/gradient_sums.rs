@@ -49,7 +49,7 @@ pub(super) struct GreenCodes {
 
 impl GreenCodes {
     /// Takes the green pixels of an image, whose codes have so many bits.
-    pub fn read(&mut self, image: &MosaicImage, bits: u8) {
+    pub fn read(&mut self, image: &MosaicImage<'_>, bits: u8) {
         (self.height, self.width) = (image.height, image.width.div_ceil(2));
         self.first = usize::from(image.mosaic.channel(0, 0) != GREEN);
         self.codes.clear();

@@ -39,16 +39,9 @@ pub(super) struct GreenSums {
     in_colours: Recovered,
     /// Counts as a buffer: those by three colours, those of the tree before, or those of a region.
     counts: Vec<i32>,
+    /// Whether the border of a loose region may be among the contradictions of the last image.
+    may_be_torn: bool,
     regions: Regions,
-}
-
-/// The measures that speak against a result.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Doubts {
-    /// The share of the differences between neighbours that contradict the counts.
-    pub contradictions: f64,
-    /// The share of the pixels whose counts were out of range.
-    pub outside: f64,
 }
 
 impl GreenSums {
@@ -66,12 +59,13 @@ impl GreenSums {
             blocks: Tree::default(),
             in_colours: Recovered::default(),
             counts: Vec::new(),
+            may_be_torn: false,
             regions: Regions::default(),
         })
     }
 
     /// Reads an image, and returns the standard deviation of its noise in peaks, at most 0.19.
-    pub fn read(&mut self, image: &MosaicImage, range: Range) -> f32 {
+    pub fn read(&mut self, image: &MosaicImage<'_>, range: Range) -> f32 {
         self.codes.read(image, range.bits());
         let (codes, dim) = self.codes.padded();
         self.words.clear();
@@ -79,42 +73,46 @@ impl GreenSums {
         noise(&self.words, dim) / (u32::from(u16::MAX) + 1) as f32
     }
 
-    /// Writes green of the image that was read to `out`, which must be prepared.
+    /// Finds the counts of green of the image that was read. Returns the share of the differences between neighbours that contradict them.
     ///
     /// # Errors
     /// None: the codes are those of the range.
-    pub fn unwrap(
+    pub fn find(
         &mut self,
-        image: &MosaicImage,
+        image: &MosaicImage<'_>,
         range: Range,
         left: &mut Budget,
-        out: &mut Recovered,
-    ) -> Result<Doubts, UnwrapError> {
+    ) -> Result<f64, UnwrapError> {
         left.spend(budget::SUMS * image.codes.len() as f64);
         self.sums.find(&self.codes);
         self.tree.grow(&self.codes, &self.sums, range.max_wraps());
-        let mut contradictions = self.tree.contradictions(&self.codes, &self.sums);
-        let zero = if contradictions <= NO_LOOSE_REGION {
-            base_level(&self.tree.counts, range, FEW_OUTLIERS, &mut self.levels)
-        } else {
-            if left.take(budget::SUMS_BY_COLOURS * image.codes.len() as f64) {
-                contradictions = self.grow_by_colours(image, range, contradictions)?;
-            }
+        let contradictions = self.tree.contradictions(&self.codes, &self.sums);
+        self.may_be_torn = contradictions > NO_LOOSE_REGION;
+        if self.may_be_torn && left.take(budget::SUMS_BY_COLOURS * image.codes.len() as f64) {
+            return self.grow_by_colours(image, range, contradictions);
+        }
+        Ok(contradictions)
+    }
+
+    /// Writes the counts that were found to `out`, which must be prepared. Returns the share of the pixels whose counts were out of range.
+    pub fn write(&mut self, image: &MosaicImage<'_>, range: Range, out: &mut Recovered) -> f64 {
+        let zero = if self.may_be_torn {
             self.base_level_of_region(range)
+        } else {
+            base_level(&self.tree.counts, range, FEW_OUTLIERS, &mut self.levels)
         };
         let mut outside = 0;
         for (row, counts) in self.tree.counts.chunks_exact(self.codes.width).enumerate() {
-            let counts = counts.iter().map(|count| count.saturating_sub(zero));
-            outside += image.write_row((row, self.codes.shift(row)), counts, range, out);
+            outside += image.write_row((row, self.codes.shift(row)), (counts, zero), range, out);
         }
-        Ok(Doubts { contradictions, outside: outside as f64 / self.tree.counts.len() as f64 })
+        outside as f64 / self.tree.counts.len() as f64
     }
 
     /// Grows the tree anew, with half of the margin where three colours say another step, and keeps the result with fewer
     /// `contradictions`, whose share it returns.
     fn grow_by_colours(
         &mut self,
-        image: &MosaicImage,
+        image: &MosaicImage<'_>,
         range: Range,
         contradictions: f64,
     ) -> Result<f64, UnwrapError> {
@@ -130,7 +128,7 @@ impl GreenSums {
     }
 
     /// Unwraps the blocks of 2 x 2 pixels in three colours; `counts` are those of their green pixels.
-    fn unwrap_blocks(&mut self, image: &MosaicImage, range: Range) -> Result<(), UnwrapError> {
+    fn unwrap_blocks(&mut self, image: &MosaicImage<'_>, range: Range) -> Result<(), UnwrapError> {
         let (height, width) = (self.codes.height, self.codes.width);
         let (row, column) = image.mosaic.red();
         let places = [(row, column), (0, self.codes.shift(0)), (1 - row, 1 - column)];
@@ -194,14 +192,14 @@ mod tests {
                 ((0.5 + 0.49 * wave) * range.limit() as f32).floor()
             };
             let mosaic = Mosaic::WORDS[which].1.unwrap();
-            let codes = (0..height * width).map(|at| (light(at / width, at % width) % range.peak()) as u16).collect();
-            let image = MosaicImage { codes, height, width, mosaic };
+            let codes = (0..height * width).map(|at| (light(at / width, at % width) % range.peak()) as u16);
+            let image = MosaicImage { codes: &codes.collect::<Vec<_>>(), height, width, mosaic };
             let mut out = Recovered::default();
             out.prepare((height, width, 1), "");
             let mut sums = GreenSums::new(threads).unwrap();
             sums.read(&image, range);
-            let doubts = sums.unwrap(&image, range, &mut Budget::default(), &mut out).unwrap();
-            prop_assert_eq!(doubts.contradictions, 0.0);
+            prop_assert_eq!(sums.find(&image, range, &mut Budget::default()).unwrap(), 0.0);
+            sums.write(&image, range, &mut out);
             let truth = Array3::from_shape_fn((height, width, 1), |(row, column, _)| {
                 (light(row, column) / range.peak()) as u8
             });
@@ -227,13 +225,14 @@ mod tests {
             let of_colour = if mosaic.channel(row, column) == 1 { 256 } else { 180 };
             128 + (of_colour * below * beside / 5000) as u16
         };
-        let codes = (0..dim.0 * dim.1).map(|at| light(at / dim.1, at % dim.1) % 256).collect();
-        let image = MosaicImage { codes, height: dim.0, width: dim.1, mosaic };
+        let codes = (0..dim.0 * dim.1).map(|at| light(at / dim.1, at % dim.1) % 256).collect::<Vec<_>>();
+        let image = MosaicImage { codes: &codes, height: dim.0, width: dim.1, mosaic };
         let mut out = Recovered::default();
         out.prepare((dim.0, dim.1, 1), "");
         let mut sums = GreenSums::new(1).unwrap();
         sums.read(&image, range);
-        sums.unwrap(&image, range, &mut Budget::default(), &mut out).unwrap();
+        sums.find(&image, range, &mut Budget::default()).unwrap();
+        sums.write(&image, range, &mut out);
         let green = out.k.indexed_iter().filter(|((i, j, _), _)| mosaic.channel(*i, *j) == 1);
         let wrong = green.filter(|((i, j, _), k)| u16::from(**k) != light(*i, *j) / 256).count();
         assert!(wrong < 40, "{wrong} of the counts are wrong");

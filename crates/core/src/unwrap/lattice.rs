@@ -27,7 +27,7 @@ pub(super) struct Lattice {
 }
 
 impl Lattice {
-    pub fn new(image: &MosaicImage) -> Self {
+    pub fn new(image: &MosaicImage<'_>) -> Self {
         let [height, width] = [image.height, image.width].map(usize::cast_signed);
         let parity = image.parity().cast_signed();
         let first = -((height - 1 + parity) / 2);
@@ -42,28 +42,37 @@ impl Lattice {
     }
 
     /// Returns green and the two other colours along the lattice.
-    pub fn frame(&self, image: &MosaicImage, range: Range) -> Frame {
+    pub fn frame(&self, image: &MosaicImage<'_>, range: Range) -> Frame {
         let (shift, red_row) = (16 - range.bits(), image.mosaic.red().0.cast_signed());
         // In the upper bits of a word, half of the signed difference is half of the wrapped one.
         let mean = |a: u16, b: u16| {
             let (a, b) = (a << shift, b << shift);
             a.wrapping_add((b.wrapping_sub(a).cast_signed() >> 1).cast_unsigned()) >> shift
         };
-        let mut pixels = Vec::with_capacity(3 * self.rows * self.columns);
-        for b in (self.first..).take(self.rows) {
+        let last = self.columns.cast_signed() - 1;
+        let mut pixels = vec![[0; 3]; self.rows * self.columns];
+        for (line, b) in pixels.chunks_exact_mut(self.columns).zip(self.first..) {
             let (least, most) = self.inside(b);
-            // The next pixel of a row is one row and one column further.
-            pixels.extend((0..self.columns.cast_signed()).flat_map(|a| {
-                let a = a.clamp(least - MARGIN, most + MARGIN);
+            // Only pixels at the border have neighbours beyond it.
+            let code = |a: isize, row: isize, column: isize| match least < a && a < most {
+                true => image.codes[(row * self.width + column).cast_unsigned()],
+                false => image.code(row, column),
+            };
+            let ends = [least - MARGIN, most + MARGIN].map(|a| a.clamp(0, last).cast_unsigned());
+            for (pixel, a) in line[ends[0]..=ends[1]].iter_mut().zip(ends[0].cast_signed()..) {
+                // The next pixel of a row is one row and one column further.
                 let (row, column) = (a - b, a + b + self.parity);
-                let along = mean(image.code(row, column - 1), image.code(row, column + 1));
-                let across = mean(image.code(row - 1, column), image.code(row + 1, column));
-                let green = image.code(row, column);
+                let along = mean(code(a, row, column - 1), code(a, row, column + 1));
+                let across = mean(code(a, row - 1, column), code(a, row + 1, column));
+                let green = code(a, row, column);
                 // In a row with red pixels, red lies beside green, and blue above and below it.
-                if row & 1 == red_row { [along, green, across] } else { [across, green, along] }
-            }));
+                *pixel = if row & 1 == red_row { [along, green, across] } else { [across, green, along] };
+            }
+            let outer = ends.map(|end| line[end]);
+            line[..ends[0]].fill(outer[0]);
+            line[ends[1] + 1..].fill(outer[1]);
         }
-        let pixels = Array3::from_shape_vec((self.rows, self.columns, 3), pixels);
+        let pixels = Array3::from_shape_vec((self.rows, self.columns, 3), pixels.into_flattened());
         frame(pixels.expect("each row has its columns"), range)
     }
 
@@ -91,7 +100,7 @@ mod tests {
         #[test]
         fn the_lattice_has_each_green_pixel_once(height in 2usize..12, width in 2usize..12, which in 1usize..5) {
             let mosaic = Mosaic::WORDS[which].1.unwrap();
-            let image = MosaicImage { codes: vec![0; height * width], height, width, mosaic };
+            let image = MosaicImage { codes: &vec![0; height * width], height, width, mosaic };
             let lattice = Lattice::new(&image);
             let mut seen = Array3::<i32>::zeros((height, width, 1));
             for b in (lattice.first..).take(lattice.rows) {

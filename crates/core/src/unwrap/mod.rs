@@ -429,8 +429,8 @@ impl<'a> Integers<'a> {
         let largest = match samples {
             Self::U8(_) if range.bits() == 8 => 0,
             Self::U16(_) if range.bits() == 16 => 0,
-            Self::U8(y) => y.iter().fold(0, |largest, &y| y.max(largest)).into(),
-            Self::U16(y) => y.iter().fold(0, |largest, &y| y.max(largest)),
+            Self::U8(y) => widest!(y.iter().fold(0, |largest, &y| y.max(largest))).into(),
+            Self::U16(y) => widest!(y.iter().fold(0, |largest, &y| y.max(largest))),
         };
         match samples {
             _ if f32::from(largest) <= most => Ok(samples),

@@ -13,7 +13,7 @@ use super::auto::{FEWEST_BITS, STRONG_NOISE};
 use super::budget::{self, Budget};
 use super::defects::Defects;
 use super::edges::{Arrangement, Sharpness};
-use super::green_sums::{Doubts, FEW_CONTRADICTIONS, GreenSums};
+use super::green_sums::{FEW_CONTRADICTIONS, GreenSums};
 use super::lattice::Lattice;
 use super::lines::Lines;
 use super::mosaic_image::{MosaicImage, frame};
@@ -41,7 +41,7 @@ const JUMPS_OF_SUMS: f64 = 20.0;
 const OF_OTHERS: f64 = 0.3;
 
 /// Returns the work of the lattice before its trees, in ns.
-fn work_of_lattice(image: &MosaicImage) -> f64 {
+fn work_of_lattice(image: &MosaicImage<'_>) -> f64 {
     let lattice = Lattice::new(image);
     budget::LATTICE * (lattice.rows * lattice.columns) as f64
 }
@@ -61,7 +61,7 @@ pub(super) struct MosaicUnwrap {
     /// Unwraps single places.
     lines: Lines,
     defects: Defects,
-    /// The codes of the image without them, as a buffer.
+    /// The codes of the image without them, where they have 8 bits, as a buffer.
     codes: Vec<u16>,
     /// The result for the lattice, as a buffer.
     green: Recovered,
@@ -98,7 +98,7 @@ impl MosaicUnwrap {
     /// Unwraps green along the lattice by the method, and then red and blue, with the work that is `left`.
     fn unwrap_lattice(
         &mut self,
-        image: &MosaicImage,
+        image: &MosaicImage<'_>,
         range: Range,
         left: &Budget,
         out: &mut Recovered,
@@ -148,15 +148,16 @@ impl MosaicUnwrap {
     /// each other and the work for it is `left`, and then red and blue are left out here.
     fn sum(
         &mut self,
-        image: &MosaicImage,
+        image: &MosaicImage<'_>,
         range: Range,
         left: &mut Budget,
         out: &mut Recovered,
     ) -> Result<bool, UnwrapError> {
-        let Doubts { contradictions, outside } = self.sums.unwrap(image, range, left, out)?;
+        let contradictions = self.sums.find(image, range, left)?;
         if contradictions > MANY_CONTRADICTIONS && left.take(work_of_lattice(image)) {
             return Ok(false);
         }
+        let outside = self.sums.write(image, range, out);
         let jumps = jumps::share_of_green(&out.x, image.parity(), range);
         let others = self.unwrap_others(image, range, left.left_ms(), out)?;
         let is_sound = range.bits() >= FEWEST_BITS
@@ -177,7 +178,7 @@ impl MosaicUnwrap {
     /// Unwraps each place of the 2 x 2 pixels by itself; the result is not trusted.
     fn unwrap_places(
         &mut self,
-        image: &MosaicImage,
+        image: &MosaicImage<'_>,
         range: Range,
         out: &mut Recovered,
     ) -> Result<(), UnwrapError> {
@@ -200,7 +201,7 @@ impl MosaicUnwrap {
     /// Unwraps red and blue beside green in `out`, with so much work in ms; returns what speaks against the results.
     fn unwrap_others(
         &mut self,
-        image: &MosaicImage,
+        image: &MosaicImage<'_>,
         range: Range,
         work: f64,
         out: &mut Recovered,
@@ -265,26 +266,29 @@ impl MosaicUnwrap {
         let codes = Integers::checked(y, range)?;
         let mut defects = std::mem::take(&mut self.defects);
         let sound = if self.judges { defects.remove(y, codes, range) } else { None };
+        let (sound, share) = match sound {
+            Some((sound, share)) => (Integers::of(sound, range)?, share),
+            None => (codes, 0.0),
+        };
         let mut words = std::mem::take(&mut self.codes);
-        match sound {
-            Some((sound, _)) => Integers::of(sound, range)?.widen(&mut words),
-            None => codes.widen(&mut words),
+        if let Integers::U8(_) = sound {
+            sound.widen(&mut words);
         }
-        let share = sound.map_or(0.0, |(_, share)| share);
-        let image = MosaicImage { codes: words, height: y.height(), width: y.width(), mosaic };
+        let codes_of_sound = if let Integers::U16(codes) = sound { codes } else { &words };
+        let image = MosaicImage { codes: codes_of_sound, height: y.height(), width: y.width(), mosaic };
         let done = self.unwrap_sound(&image, range, out);
         if let Some(quality) = &mut out.report.quality {
             quality.defects = share;
         }
         defects.restore(codes, range, out);
-        (self.defects, self.codes) = (defects, image.codes);
+        (self.defects, self.codes) = (defects, words);
         done
     }
 
     /// Unwraps an image without defects.
     fn unwrap_sound(
         &mut self,
-        image: &MosaicImage,
+        image: &MosaicImage<'_>,
         range: Range,
         out: &mut Recovered,
     ) -> Result<(), UnwrapError> {

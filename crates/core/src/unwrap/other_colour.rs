@@ -26,9 +26,6 @@ pub(super) struct OtherDoubts {
 /// The method with its buffers.
 pub(super) struct OtherColour {
     auto: Auto,
-    /// The codes of the pixels of the colour, and green there, rounded.
-    codes: Vec<i32>,
-    green: Vec<i32>,
     difference: Recovered,
     counts: Vec<i32>,
     levels: Vec<usize>,
@@ -40,9 +37,9 @@ impl OtherColour {
     /// # Errors
     /// The errors of [`Auto::new`].
     pub fn new(options: &Options) -> Result<Self, UnwrapError> {
-        let (auto, difference) = (Auto::of_differences(options)?, Recovered::default());
-        let [codes, green, counts] = [const { Vec::new() }; 3];
-        Ok(Self { auto, codes, green, difference, counts, levels: Vec::new() })
+        let (mut auto, difference) = (Auto::of_differences(options)?, Recovered::default());
+        auto.leave_out_radiance(true);
+        Ok(Self { auto, difference, counts: Vec::new(), levels: Vec::new() })
     }
 
     /// Limits the work on each of the next images, in ms.
@@ -57,60 +54,35 @@ impl OtherColour {
     /// None: the codes are those of the range.
     pub fn find(
         &mut self,
-        image: &MosaicImage,
+        image: &MosaicImage<'_>,
         x: &[f32],
         (first, column): (usize, usize),
         range: Range,
     ) -> Result<(), UnwrapError> {
         let MosaicImage { height, width, .. } = *image;
-        let (mask, soft) = ((1 << range.bits()) - 1, range.peak() / 16.0);
-        self.codes.clear();
-        self.green.clear();
-        for row in (first..height).step_by(2) {
-            let (pairs, last) = image.codes[row * width..][column..width].as_chunks::<2>();
-            self.codes.extend(pairs.iter().map(|&[code, _]| i32::from(code)));
-            self.codes.extend(last.iter().map(|&code| i32::from(code)));
+        let dim = ((height - first).div_ceil(2), (width - column).div_ceil(2), 1);
+        let mut wrapped = vec![0; dim.0 * dim.1];
+        self.counts.resize(wrapped.len(), 0);
+        let lines = wrapped.chunks_exact_mut(dim.1).zip(self.counts.chunks_exact_mut(dim.1));
+        for ((wrapped, counts), row) in lines.zip((first..).step_by(2)) {
             let line = |row: usize| &x[row * width..][..width];
             let [above, below] = [-1, 1].map(|down| line(mirrored(row.cast_signed() + down, height)));
-            self.add_green(above, line(row), below, column, soft);
+            find_green([above, line(row), below], column, range.peak() / 16.0, counts);
+            let codes = &image.codes[row * width..][column..width];
+            widest!(take_from(codes, counts, wrapped, range.bits()));
         }
-        // Whole numbers from here on, so that each count follows without rounding.
-        let wrapped = self.codes.iter().zip(&self.green).map(|(code, green)| ((code - green) & mask) as u16);
-        let dim = ((height - first).div_ceil(2), (width - column).div_ceil(2), 1);
-        let wrapped = Array3::from_shape_vec(dim, wrapped.collect()).expect("one difference for each pixel");
+        let wrapped = Array3::from_shape_vec(dim, wrapped).expect("one difference for each pixel");
         self.auto.unwrap(&frame(wrapped, range), range.of_differences(), &mut self.difference)?;
         // A difference is known up to a multiple of the peak, and so are these counts.
-        let known = in_order(self.difference.x.view()).iter().zip(&self.green).zip(&self.codes);
-        self.counts.clear();
-        self.counts.extend(known.map(|((&x, green), code)| (x as i32 + green - code) >> range.bits()));
+        let known = in_order(self.difference.k.view());
+        widest!(self.counts.iter_mut().zip(known).for_each(|(count, &k)| *count += i32::from(k)));
         Ok(())
-    }
-
-    /// Adds green at every second pixel of a row from `column` on.
-    fn add_green(&mut self, above: &[f32], here: &[f32], below: &[f32], column: usize, soft: f32) {
-        let (from, width) = (self.green.len(), here.len());
-        self.green.resize(from + (width - column).div_ceil(2), 0);
-        let green = &mut self.green[from..];
-        let at_end = |column: usize| {
-            let [left, right] = [-1, 1].map(|right| here[mirrored(column.cast_signed() + right, width)]);
-            green_between([left, right, above[column], below[column]], soft)
-        };
-        let last = green.len() - 1;
-        green[0] = at_end(column);
-        green[last] = at_end(column + 2 * last);
-        if let Some(inner) = green.get_mut(1..last) {
-            widest!(for (at, green) in inner.iter_mut().enumerate() {
-                let column = column + 2 * at + 2;
-                *green =
-                    green_between([here[column - 1], here[column + 1], above[column], below[column]], soft);
-            });
-        }
     }
 
     /// Writes the counts that were found to `out`; returns what speaks against them.
     pub fn write(
         &mut self,
-        image: &MosaicImage,
+        image: &MosaicImage<'_>,
         (first, column): (usize, usize),
         range: Range,
         out: &mut Recovered,
@@ -119,13 +91,50 @@ impl OtherColour {
         let mut outside = 0;
         let rows = self.counts.chunks_exact((image.width - column).div_ceil(2));
         for (counts, row) in rows.zip((first..).step_by(2)) {
-            let counts = counts.iter().map(|count| count.saturating_sub(zero));
-            outside += image.write_row((row, column), counts, range, out);
+            outside += image.write_row((row, column), (counts, zero), range, out);
         }
         let Report { quality, trust, is_over_budget, .. } = self.difference.report;
         let jumps = quality.map_or(0.0, |quality| quality.jumps).into();
         let outside = outside as f64 / self.counts.len() as f64;
         OtherDoubts { outside, jumps, trust, is_over_budget }
+    }
+}
+
+/// Writes green at every second pixel of the middle one of the rows, from `column` on.
+fn find_green([above, here, below]: [&[f32]; 3], column: usize, soft: f32, green: &mut [i32]) {
+    let at_end = |column: usize| {
+        let [left, right] = [-1, 1].map(|right| here[mirrored(column.cast_signed() + right, here.len())]);
+        green_between([left, right, above[column], below[column]], soft)
+    };
+    let last = green.len() - 1;
+    green[0] = at_end(column);
+    green[last] = at_end(column + 2 * last);
+    if let Some(inner) = green.get_mut(1..last) {
+        // Pairs that begin with the pixel that is read, since steps of two would be read one by one.
+        let beside = here[column + 1..].as_chunks::<2>().0;
+        let [above, below] = [above, below].map(|row| row[column + 2..].as_chunks::<2>().0);
+        let neighbours = beside.iter().zip(&beside[1..]).zip(above.iter().zip(below));
+        widest!(for (green, ((left, right), (above, below))) in inner.iter_mut().zip(neighbours) {
+            *green = green_between([left[0], right[0], above[0], below[0]], soft);
+        });
+    }
+}
+
+/// Writes the wrapped differences of every second code of a row from green. Whole numbers give each count without rounding: `green` becomes the
+/// count of the code at which its difference is between 0 and the peak.
+#[inline(always)]
+fn take_from(codes: &[u16], green: &mut [i32], wrapped: &mut [u16], bits: u8) {
+    let mask = (1 << bits) - 1;
+    let differ = |code: u16, green: i32| {
+        let ahead = green - i32::from(code);
+        ((-ahead & mask) as u16, (ahead + mask) >> bits)
+    };
+    let (pairs, last_code) = codes.as_chunks::<2>();
+    for ((green, wrapped), code) in green.iter_mut().zip(&mut *wrapped).zip(pairs) {
+        (*wrapped, *green) = differ(code[0], *green);
+    }
+    if let ([code], [.., green], [.., wrapped]) = (last_code, green, wrapped) {
+        (*wrapped, *green) = differ(*code, *green);
     }
 }
 
