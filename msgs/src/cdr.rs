@@ -20,16 +20,10 @@ use decode::Decoder;
 /// Error of bytes that are not a message, or of a message that cannot be written as CDR.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CdrError {
-    /// The bytes are not a message of the expected type.
-    #[error("CDR, read up to byte {offset} of {length}: {why}")]
-    Read {
-        /// Number of bytes before the error, with the encapsulation.
-        offset: usize,
-        /// Number of all bytes.
-        length: usize,
-        /// The fault that was found there.
-        why: String,
-    },
+    /// The bytes are not a message of the expected type: the number of bytes before the error, with the encapsulation, that of all
+    /// bytes, and the fault that was found there.
+    #[error("CDR, read up to byte {0} of {1}: {2}")]
+    Read(usize, usize, String),
     /// The message is too long to be written.
     #[error("a message of {0} bytes cannot be written as CDR, which has at most {max}", max = u32::MAX)]
     Long(usize),
@@ -73,7 +67,7 @@ pub(crate) fn from_slice_seed<'b, S: DeserializeSeed<'b>>(
         _ => {
             let why =
                 "an encapsulation of 4 bytes is needed, 00 00 (CDR_BE) or 00 01 (CDR_LE) first".to_owned();
-            Err(CdrError::Read { offset: 0, length: bytes.len(), why })
+            Err(CdrError::Read(0, bytes.len(), why))
         }
     }
 }
@@ -84,7 +78,7 @@ fn read<'b, S: DeserializeSeed<'b>, O: ByteOrder>(
 ) -> Result<S::Value, CdrError> {
     seed.deserialize(&mut decoder).map_err(|why| {
         let [offset, length] = [decoder.at(), decoder.length].map(|count| ENCAPSULATION.len() + count);
-        CdrError::Read { offset, length, why: why.to_string() }
+        CdrError::Read(offset, length, why.to_string())
     })
 }
 

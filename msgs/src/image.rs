@@ -169,7 +169,7 @@ impl PixelLayout {
         })?;
         let (h, w) = (height as usize, width as usize);
         if h == 0 || w == 0 {
-            return Err(FrameError::Empty { height: h, width: w }.into());
+            return Err(FrameError::Empty(h, w).into());
         }
         encoding.check_sides(image)?;
         // Height, width and step come from the network. Their products fit in 64 bits, but not in 32 bits.

@@ -65,9 +65,9 @@ impl<'py> Image<'py> {
         }
         // numpy gives an empty array strides that ndarray does not take.
         match dim {
-            [_, _, 0] => return Err(value_error(FrameError::Channels { channels: 0 })),
+            [_, _, 0] => return Err(value_error(FrameError::Channels(0))),
             [height, width, _] if height * width == 0 => {
-                return Err(value_error(FrameError::Empty { height, width }));
+                return Err(value_error(FrameError::Empty(height, width)));
             }
             _ => {}
         }

@@ -48,7 +48,7 @@ fn shown(
         Some(mosaic) => {
             let (height, width, channels) = x.dim();
             if channels != 1 || height.min(width) < 2 {
-                return Err(FrameError::Mosaic { height, width, channels, depth: 16 });
+                return Err(FrameError::Mosaic(height, width, channels, 16));
             }
             Some(mosaic.demosaic(x.view()))
         }

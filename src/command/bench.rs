@@ -186,10 +186,10 @@ fn failure(why: BenchError) -> Failure {
         | BenchError::Parameter(_)
         | BenchError::Video(_)
         | BenchError::Image(ImageError::Coding(..)) => true,
-        BenchError::Sensor(why) => !matches!(why, SensorError::Shape(_) | SensorError::NotFinite { .. }),
-        BenchError::Unwrap(
-            UnwrapError::Method { .. } | UnwrapError::Workers(WorkersError::Threads { .. }),
-        ) => true,
+        BenchError::Sensor(why) => !matches!(why, SensorError::Shape(_) | SensorError::NotFinite(..)),
+        BenchError::Unwrap(UnwrapError::Method { .. } | UnwrapError::Workers(WorkersError::Threads(_))) => {
+            true
+        }
         _ => false,
     };
     if of_command_line { usage(why) } else { why.into() }

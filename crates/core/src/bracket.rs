@@ -18,22 +18,12 @@ pub struct Bracket {
 /// Error: the captures cannot be merged.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum BracketError {
-    /// The number of captures differs from the number of exposure times.
-    #[error("{found} captures, the bracket has {needed}")]
-    Captures {
-        /// The number of captures that were given.
-        found: usize,
-        /// The number of exposure times.
-        needed: usize,
-    },
-    /// The captures differ in shape.
-    #[error("captures differ in (rows, columns, channels): {first:?} and {other:?}")]
-    Shapes {
-        /// The shape of the first capture.
-        first: (usize, usize, usize),
-        /// The shape of the first capture that differs from it.
-        other: (usize, usize, usize),
-    },
+    /// The number of captures, and that of the exposure times, which it differs from.
+    #[error("{0} captures, the bracket has {1}")]
+    Captures(usize, usize),
+    /// The shape of the first capture, and that of the first one which differs from it.
+    #[error("captures differ in (rows, columns, channels): {0:?} and {1:?}")]
+    Shapes((usize, usize, usize), (usize, usize, usize)),
 }
 
 impl Bracket {
@@ -65,11 +55,11 @@ impl Bracket {
     /// [`BracketError`] when a capture is missing or has another shape.
     pub fn merge(&self, captures: &[Frame]) -> Result<Array3<f32>, BracketError> {
         if captures.len() != self.times.len() {
-            return Err(BracketError::Captures { found: captures.len(), needed: self.times.len() });
+            return Err(BracketError::Captures(captures.len(), self.times.len()));
         }
         let first = captures[0].dim();
         if let Some(other) = captures.iter().map(Frame::dim).find(|dim| *dim != first) {
-            return Err(BracketError::Shapes { first, other });
+            return Err(BracketError::Shapes(first, other));
         }
         // The highest code also stands for everything brighter, so a sample at it may be saturated.
         let most = self.range.peak() - 1.0;
@@ -145,9 +135,9 @@ mod tests {
         let bracket = Bracket::new(Range::new(8, 4.0).unwrap(), 2);
         let frame = |width| Frame::from_u8(Array3::zeros((2, width, 3))).unwrap();
         let found = bracket.merge(&[frame(3)]);
-        assert_eq!(found, Err(BracketError::Captures { found: 1, needed: 2 }));
+        assert_eq!(found, Err(BracketError::Captures(1, 2)));
         let found = bracket.merge(&[frame(3), frame(4)]);
-        assert_eq!(found, Err(BracketError::Shapes { first: (2, 3, 3), other: (2, 4, 3) }));
+        assert_eq!(found, Err(BracketError::Shapes((2, 3, 3), (2, 4, 3))));
     }
 
     #[test]

@@ -58,43 +58,22 @@ impl fmt::Display for SamplePosition {
 /// Error: these samples cannot be a [`Frame`].
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum FrameError {
-    /// The image has no pixel.
-    #[error("image of {height} x {width} pixels is empty, at least 1 x 1 is needed")]
-    Empty {
-        /// The number of rows.
-        height: usize,
-        /// The number of columns.
-        width: usize,
-    },
+    /// The image has no pixel: the numbers of its rows and columns.
+    #[error("image of {0} x {1} pixels is empty, at least 1 x 1 is needed")]
+    Empty(usize, usize),
     /// The number of channels is neither 1 (mono) nor 3 (RGB).
-    #[error("image has {channels} channels, 1 (mono) or 3 (RGB) are possible")]
-    Channels {
-        /// The number of channels.
-        channels: usize,
-    },
-    /// The image cannot be a colour mosaic: it is too small, has three colours at each pixel, or floats.
+    #[error("image has {0} channels, 1 (mono) or 3 (RGB) are possible")]
+    Channels(usize),
+    /// The image cannot be a colour mosaic: it is too small, has three colours at each pixel, or floats. The numbers of its rows, columns
+    /// and channels, and the bits of a sample.
     #[error(
-        "image of {height} x {width} pixels, {channels} channels and {depth} bits cannot be a colour mosaic, which has at least 2 x 2 \
+        "image of {0} x {1} pixels, {2} channels and {3} bits cannot be a colour mosaic, which has at least 2 x 2 \
          pixels, 1 channel, and integers of 8 or 16 bits"
     )]
-    Mosaic {
-        /// The number of rows.
-        height: usize,
-        /// The number of columns.
-        width: usize,
-        /// The number of channels.
-        channels: usize,
-        /// The bits of a sample.
-        depth: u8,
-    },
-    /// A float sample is NaN or infinite.
-    #[error("sample at ({at}) is {value}, finite numbers are needed")]
-    NotFinite {
-        /// The position of the sample.
-        at: SamplePosition,
-        /// The value of the sample.
-        value: f32,
-    },
+    Mosaic(usize, usize, usize, u8),
+    /// The float sample at this position is NaN or infinite.
+    #[error("sample at ({0}) is {1}, finite numbers are needed")]
+    NotFinite(SamplePosition, f32),
 }
 
 impl Frame {
@@ -123,10 +102,7 @@ impl Frame {
         let samples = in_order(pixels.view());
         // Refused here once, so that no method has to expect NaN or infinity.
         if let Some(index) = samples.iter().position(|value| !value.is_finite()) {
-            return Err(FrameError::NotFinite {
-                at: position_of(index, pixels.dim()),
-                value: samples[index],
-            });
+            return Err(FrameError::NotFinite(position_of(index, pixels.dim()), samples[index]));
         }
         Ok(Self { samples: Samples::F32(pixels), mosaic: None })
     }
@@ -138,7 +114,7 @@ impl Frame {
     pub fn with_mosaic(self, mosaic: Mosaic) -> Result<Self, FrameError> {
         let ((height, width, channels), depth) = (self.dim(), self.depth());
         if channels != 1 || height.min(width) < 2 || depth == 32 {
-            return Err(FrameError::Mosaic { height, width, channels, depth });
+            return Err(FrameError::Mosaic(height, width, channels, depth));
         }
         Ok(Self { mosaic: Some(mosaic), ..self })
     }
@@ -242,10 +218,10 @@ impl Frame {
 /// Returns an error for a shape that no image has.
 pub(crate) fn check_shape((height, width, channels): (usize, usize, usize)) -> Result<(), FrameError> {
     if height == 0 || width == 0 {
-        return Err(FrameError::Empty { height, width });
+        return Err(FrameError::Empty(height, width));
     }
     if channels != 1 && channels != 3 {
-        return Err(FrameError::Channels { channels });
+        return Err(FrameError::Channels(channels));
     }
     Ok(())
 }
@@ -288,9 +264,9 @@ mod tests {
 
     #[test]
     fn refuses_empty_and_odd_channels() {
-        assert_eq!(Frame::from_u8(Array3::zeros((0, 4, 3))), Err(FrameError::Empty { height: 0, width: 4 }));
-        assert_eq!(Frame::from_u16(Array3::zeros((2, 4, 2))), Err(FrameError::Channels { channels: 2 }));
-        assert_eq!(Frame::from_f32(Array3::zeros((2, 0, 1))), Err(FrameError::Empty { height: 2, width: 0 }));
+        assert_eq!(Frame::from_u8(Array3::zeros((0, 4, 3))), Err(FrameError::Empty(0, 4)));
+        assert_eq!(Frame::from_u16(Array3::zeros((2, 4, 2))), Err(FrameError::Channels(2)));
+        assert_eq!(Frame::from_f32(Array3::zeros((2, 0, 1))), Err(FrameError::Empty(2, 0)));
     }
 
     #[test]
@@ -298,7 +274,7 @@ mod tests {
         let mut pixels = Array3::zeros((2, 4, 3));
         pixels[(1, 2, 0)] = f32::INFINITY;
         let at = SamplePosition { row: 1, column: 2, channel: 0 };
-        let error = FrameError::NotFinite { at, value: f32::INFINITY };
+        let error = FrameError::NotFinite(at, f32::INFINITY);
         assert_eq!(Frame::from_f32(pixels), Err(error));
     }
 

@@ -23,23 +23,14 @@ const ALPHA_TOLERANCE: f64 = 0.02;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RangeError {
     /// The bits are out of range.
-    #[error("bits is {bits}, 1 to 16 are possible")]
-    Bits {
-        /// The number of bits.
-        bits: u8,
-    },
+    #[error("bits is {0}, 1 to 16 are possible")]
+    Bits(u8),
     /// The saturation factor is out of range.
-    #[error("alpha is {alpha}, more than 0 and at most 256 is possible")]
-    Alpha {
-        /// The saturation factor.
-        alpha: f64,
-    },
-    /// The full scale of a picture is out of range.
-    #[error("headroom is {headroom}, more than 0 and at most 1 is possible")]
-    Headroom {
-        /// The full scale of a picture over `alpha * 2^bits`.
-        headroom: f64,
-    },
+    #[error("alpha is {0}, more than 0 and at most 256 is possible")]
+    Alpha(f64),
+    /// The full scale of a picture over `alpha * 2^bits` is out of range.
+    #[error("headroom is {0}, more than 0 and at most 1 is possible")]
+    Headroom(f64),
 }
 
 impl Range {
@@ -49,11 +40,11 @@ impl Range {
     /// [`RangeError`] when one of them is outside, NaN included.
     pub fn new(bits: u8, alpha: f64) -> Result<Self, RangeError> {
         if !(1..=16).contains(&bits) {
-            return Err(RangeError::Bits { bits });
+            return Err(RangeError::Bits(bits));
         }
         // The negation refuses NaN, too. 256 is the largest alpha whose wrap counts fit 8 bits.
         if !(alpha > 0.0 && alpha <= 256.0) {
-            return Err(RangeError::Alpha { alpha });
+            return Err(RangeError::Alpha(alpha));
         }
         Ok(Self { bits, alpha, headroom: 1.0, black: 0, black_level: None })
     }
@@ -65,7 +56,7 @@ impl Range {
     pub fn with_headroom(self, headroom: f64) -> Result<Self, RangeError> {
         // The negation refuses NaN, too.
         if !(headroom > 0.0 && headroom <= 1.0) {
-            return Err(RangeError::Headroom { headroom });
+            return Err(RangeError::Headroom(headroom));
         }
         Ok(Self { headroom, ..self })
     }
@@ -149,8 +140,8 @@ mod tests {
 
     #[test]
     fn refuses_what_no_sensor_has() {
-        assert_eq!(Range::new(0, 1.0), Err(RangeError::Bits { bits: 0 }));
-        assert_eq!(Range::new(17, 1.0), Err(RangeError::Bits { bits: 17 }));
+        assert_eq!(Range::new(0, 1.0), Err(RangeError::Bits(0)));
+        assert_eq!(Range::new(17, 1.0), Err(RangeError::Bits(17)));
         for alpha in [0.0, -1.0, 256.1, f64::INFINITY, f64::NAN] {
             assert!(Range::new(8, alpha).is_err(), "alpha {alpha}");
         }

@@ -96,35 +96,17 @@ pub enum SensorError {
     #[error(transparent)]
     Range(#[from] RangeError),
     /// The field stop shades too many columns.
-    #[error("optical_black is {columns} columns, 0 to {MAX_OPTICAL_BLACK} are possible")]
-    OpticalBlack {
-        /// The number of columns.
-        columns: usize,
-    },
-    /// The sigma of the lens is out of range.
-    #[error("psf sigma is {sigma} px, more than 0 and at most {MAX_SIGMA} is possible")]
-    PsfSigma {
-        /// The sigma in px.
-        sigma: f64,
-    },
-    /// A noise parameter is out of range.
-    #[error("{name} is {value}, 0 to {most} is possible")]
-    Noise {
-        /// The name of the parameter.
-        name: &'static str,
-        /// The value of the parameter.
-        value: f64,
-        /// The largest possible value.
-        most: f64,
-    },
-    /// The lower gain is out of range.
-    #[error("gain_ratio is {ratio}, more than 0 and at most {most} (1 / alpha) is possible")]
-    GainRatio {
-        /// The lower gain over the full one.
-        ratio: f64,
-        /// The largest ratio with which a pixel of low gain never wraps.
-        most: f64,
-    },
+    #[error("optical_black is {0} columns, 0 to {MAX_OPTICAL_BLACK} are possible")]
+    OpticalBlack(usize),
+    /// The sigma of the lens, px, is out of range.
+    #[error("psf sigma is {0} px, more than 0 and at most {MAX_SIGMA} is possible")]
+    PsfSigma(f64),
+    /// A noise parameter of this name is out of range: its value, and the largest possible one.
+    #[error("{0} is {1}, 0 to {2} is possible")]
+    Noise(&'static str, f64, f64),
+    /// The lower gain over the full one is out of range; with the largest one with which a pixel of low gain never wraps.
+    #[error("gain_ratio is {0}, more than 0 and at most {1} (1 / alpha) is possible")]
+    GainRatio(f64, f64),
     /// The radiance does not have the shape of an image.
     #[error(transparent)]
     Shape(#[from] FrameError),
@@ -133,14 +115,9 @@ pub enum SensorError {
         "radiance of one channel behind a colour mosaic is a raw mosaic, which has its lens already; set psf_sigma to 0"
     )]
     RawMosaic,
-    /// A sample of the radiance is NaN or infinite.
-    #[error("radiance at ({at}) is {value}, finite numbers are needed")]
-    NotFinite {
-        /// The position of the sample.
-        at: SamplePosition,
-        /// The value of the sample.
-        value: f32,
-    },
+    /// The sample of the radiance at this position is NaN or infinite.
+    #[error("radiance at ({0}) is {1}, finite numbers are needed")]
+    NotFinite(SamplePosition, f32),
 }
 
 /// A sensor with a valid configuration.
@@ -193,13 +170,13 @@ impl Sensor {
             .with_headroom(config.headroom)?
             .with_optical_black(config.optical_black);
         if config.optical_black > MAX_OPTICAL_BLACK {
-            return Err(SensorError::OpticalBlack { columns: config.optical_black });
+            return Err(SensorError::OpticalBlack(config.optical_black));
         }
         // The negation and `contains` below refuse NaN, too.
         if let Psf::Gaussian { sigma } = config.psf
             && !(sigma > 0.0 && sigma <= MAX_SIGMA)
         {
-            return Err(SensorError::PsfSigma { sigma });
+            return Err(SensorError::PsfSigma(sigma));
         }
         let SensorConfig { read_noise, shot_noise, prnu, hot_pixels, gains, mosaic, .. } = config;
         for (name, value, most) in [
@@ -209,13 +186,13 @@ impl Sensor {
             ("hot_pixels", hot_pixels, 1.0),
         ] {
             if !(0.0..=most).contains(&value) {
-                return Err(SensorError::Noise { name, value, most });
+                return Err(SensorError::Noise(name, value, most));
             }
         }
         if let Gains::Checkerboard { ratio } = gains {
             let most = range.alpha().recip().min(1.0);
             if !(ratio > 0.0 && ratio <= most) {
-                return Err(SensorError::GainRatio { ratio, most });
+                return Err(SensorError::GainRatio(ratio, most));
             }
         }
         let (shade, taps) = (shade(config.optical_black, range.black()), config.psf.taps());
@@ -275,7 +252,7 @@ impl Sensor {
             x.extend_from_slice(&line);
         }
         if let Some((index, value)) = fault {
-            return Err(SensorError::NotFinite { at: position_of(index, dim), value });
+            return Err(SensorError::NotFinite(position_of(index, dim), value));
         }
         let x = Array3::from_shape_vec((height, width, seen), x).expect("x has the rows of this shape");
         Ok(Exposure { x, range: self.range, transfer: self.config.transfer, layout: self.layout })
@@ -312,7 +289,7 @@ impl Sensor {
             return Err(SensorError::RawMosaic);
         }
         if self.layout.mosaic.is_some() && height.min(width) < 2 {
-            return Err(FrameError::Mosaic { height, width, channels: 1, depth: 8 }.into());
+            return Err(FrameError::Mosaic(height, width, 1, 8).into());
         }
         Ok(())
     }

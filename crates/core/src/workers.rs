@@ -23,33 +23,24 @@ pub(crate) struct Workers {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum WorkersError {
     /// The number of threads is out of range.
-    #[error("threads is {threads}, 1 to {MAX_THREADS} are possible")]
-    Threads {
-        /// The number of threads.
-        threads: usize,
-    },
-    /// The operating system refused to start the threads.
-    #[error("{threads} threads cannot be started: {why}")]
-    Refused {
-        /// The number of threads.
-        threads: usize,
-        /// The error of the operating system.
-        why: String,
-    },
+    #[error("threads is {0}, 1 to {MAX_THREADS} are possible")]
+    Threads(usize),
+    /// The operating system refused to start this number of threads, with this error.
+    #[error("{0} threads cannot be started: {1}")]
+    Refused(usize, String),
 }
 
 impl Workers {
     /// Takes the pool of `threads` threads, 1 to [`MAX_THREADS`], or starts it; for 1 none is started.
     pub fn new(threads: usize) -> Result<Self, WorkersError> {
         if !(1..=MAX_THREADS).contains(&threads) {
-            return Err(WorkersError::Threads { threads });
+            return Err(WorkersError::Threads(threads));
         }
         // A pool of one thread would do the same work and add a hand-over to each call.
         if threads == 1 {
             return Ok(Self { pool: None });
         }
-        let refused =
-            |why: rayon::ThreadPoolBuildError| WorkersError::Refused { threads, why: why.to_string() };
+        let refused = |why: rayon::ThreadPoolBuildError| WorkersError::Refused(threads, why.to_string());
         let mut pools = POOLS.lock().unwrap_or_else(PoisonError::into_inner);
         pools.retain(|pool| pool.strong_count() > 0);
         let mut alive = pools.iter().filter_map(Weak::upgrade);
@@ -142,7 +133,7 @@ mod tests {
 
     #[test]
     fn no_thread_is_refused() {
-        assert_eq!(Workers::new(0).err(), Some(WorkersError::Threads { threads: 0 }));
+        assert_eq!(Workers::new(0).err(), Some(WorkersError::Threads(0)));
         assert!(Workers::new(MAX_THREADS + 1).is_err());
     }
 }

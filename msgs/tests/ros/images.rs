@@ -192,7 +192,7 @@ fn errors_name_the_numbers() {
     let cut = spoiled(|image| image.data.truncate(19)).to_string();
     assert_eq!(cut, "image data has 19 bytes, 20 expected of its height, step and encoding");
     let empty = spoiled(|image| image.width = 0);
-    assert_eq!(empty, ImageMessageError::Frame(FrameError::Empty { height: 2, width: 0 }));
+    assert_eq!(empty, ImageMessageError::Frame(FrameError::Empty(2, 0)));
     let data = [1.0, 2.0, 3.0, f32::NAN].iter().flat_map(|sample: &f32| sample.to_le_bytes()).collect();
     let floats = Image { height: 2, width: 2, encoding: "32FC1".into(), step: 8, data, ..Default::default() };
     let why = floats.to_frame().expect_err("a depth camera's NaN").to_string();

@@ -94,7 +94,7 @@ fn bad_pixels_and_shapes_are_named() {
         radiance[(2, 3, 1)] = value;
         let error = sensor.expose(radiance.view(), 0).unwrap_err();
         let at = SamplePosition { row: 2, column: 3, channel: 1 };
-        assert_eq!(error, SensorError::NotFinite { at, value });
+        assert_eq!(error, SensorError::NotFinite(at, value));
     }
     let mut radiance = ramp((4, 5, 3));
     radiance[(2, 3, 1)] = f32::NAN;
