@@ -72,20 +72,16 @@ impl BagFile {
     }
 
     pub(super) fn add(&mut self, topic: &BagTopic) -> Result<(), BagError> {
-        let channel = self.add_channel(topic).map_err(|source| self.failed(source))?;
-        self.channels.push(channel);
-        self.counts.push(0);
-        Ok(())
-    }
-
-    fn add_channel(&mut self, topic: &BagTopic) -> Result<u16, McapError> {
-        let schema = self.mcap.add_schema(&topic.type_name, &topic.schema_encoding, &topic.schema)?;
         // Version 9 of rosbag2 reads the policies as words, whatever the source bag had.
         let metadata = BTreeMap::from([
             ("offered_qos_profiles".to_owned(), qos::in_words(&topic.qos)),
             ("topic_type_hash".to_owned(), topic.type_hash.clone()),
         ]);
-        self.mcap.add_channel(schema, &topic.name, "cdr", &metadata)
+        let schema = self.mcap.add_schema(&topic.type_name, &topic.schema_encoding, &topic.schema);
+        let channel = schema.and_then(|schema| self.mcap.add_channel(schema, &topic.name, "cdr", &metadata));
+        self.channels.push(channel.map_err(|source| self.failed(source))?);
+        self.counts.push(0);
+        Ok(())
     }
 
     pub(super) fn write(

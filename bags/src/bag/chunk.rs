@@ -35,7 +35,6 @@ pub(super) fn text_of(why: &McapError) -> String {
     }
 }
 
-/// Returns an error with a text of this crate.
 pub(super) fn fault(why: &str) -> McapError {
     io::Error::other(why).into()
 }

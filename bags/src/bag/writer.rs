@@ -225,12 +225,11 @@ pub struct Copied {
 pub fn copy(bag: &BagReader, out: &Path, options: impl Into<WriteOptions>) -> Result<Copied, BagError> {
     let mut writer = BagWriter::create(out, options)?;
     for counted in bag.topics() {
-        match writer.topic(&counted.topic) {
-            // Its messages are counted below, if there are any.
-            Err(BagError::TypeConflict(..)) => {}
-            added => {
-                added?;
-            }
+        // The messages of a second type are counted below, if there are any.
+        if let Err(why) = writer.topic(&counted.topic)
+            && !matches!(why, BagError::TypeConflict(..))
+        {
+            return Err(why);
         }
     }
     // For each place: the number of such messages, and the fault of the first one.

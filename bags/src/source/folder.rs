@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use modulo_images::{EXTENSIONS, White, check_regular, is_hidden, open_regular, read_image, sample_depth};
 use modulo_runtime::input;
 
-use super::{FRAME_ID, GroundTruth, Source, SourceError, SourceFrame, SourceOptions};
+use super::{GroundTruth, Source, SourceError, SourceFrame, SourceOptions};
 use crate::FileError;
 
 /// A folder of images as a source. The list is taken once, when it is opened.
@@ -49,14 +49,7 @@ impl Source for FolderSource {
         let path = self.images.get(self.next)?;
         self.next += 1;
         let radiance = read_image(path).and_then(|pixels| self.white.radiance(&pixels, path.display()));
-        let frame = radiance.map(|radiance| SourceFrame {
-            radiance,
-            name: stem(path),
-            stamp_ns: None,
-            frame_id: FRAME_ID.to_owned(),
-            ground_truth: None,
-        });
-        Some(frame.map_err(SourceError::from))
+        Some(radiance.map(|radiance| SourceFrame::new(stem(path), radiance)).map_err(SourceError::from))
     }
 
     /// Reads only the images that decide how the later ones are read.

@@ -108,6 +108,12 @@ pub struct SourceFrame {
     pub ground_truth: Option<Vec<GroundTruth>>,
 }
 
+impl SourceFrame {
+    fn new(name: String, radiance: Array3<f32>) -> Self {
+        Self { radiance, name, stamp_ns: None, frame_id: FRAME_ID.to_owned(), ground_truth: None }
+    }
+}
+
 /// Frames in their recorded order.
 pub trait Source: Send {
     /// Returns the next frame; `None` when it is over. After an error the next call goes on with the frame behind the

@@ -3,7 +3,7 @@
 
 use modulo_scene::{SceneObject, SceneSpec};
 
-use super::{FRAME_ID, GroundTruth, Source, SourceError, SourceFrame};
+use super::{GroundTruth, Source, SourceError, SourceFrame};
 
 /// A scene at its present frame.
 pub struct SceneSource {
@@ -30,13 +30,8 @@ impl Source for SceneSource {
         let name = format!("{:06}", self.frame);
         // A scene without an end may run past the largest number.
         self.frame = self.frame.wrapping_add(1);
-        Some(Ok(SourceFrame {
-            radiance: rendered.radiance,
-            name,
-            stamp_ns: None,
-            frame_id: FRAME_ID.to_owned(),
-            ground_truth: Some(rendered.objects.iter().map(label).collect()),
-        }))
+        let ground_truth = Some(rendered.objects.iter().map(label).collect());
+        Some(Ok(SourceFrame { ground_truth, ..SourceFrame::new(name, rendered.radiance) }))
     }
 
     fn skip(&mut self, frames: u64) {

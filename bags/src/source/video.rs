@@ -5,7 +5,7 @@ use std::path::Path;
 use modulo_images::Coding;
 use modulo_video::VideoFile;
 
-use super::{FRAME_ID, Source, SourceError, SourceFrame, SourceOptions};
+use super::{Source, SourceError, SourceFrame, SourceOptions};
 
 /// The frames of a video file. The stamp of a frame is its time of presentation since the first frame.
 pub struct VideoSource {
@@ -28,13 +28,8 @@ impl Source for VideoSource {
         let frame = self.video.next_frame()?;
         Some(frame.map_err(SourceError::from).and_then(|frame| {
             let name = format!("{:06}", frame.number);
-            Ok(SourceFrame {
-                radiance: frame.pixels.radiance(&self.coding, &name)?,
-                name,
-                stamp_ns: frame.time_ns,
-                frame_id: FRAME_ID.to_owned(),
-                ground_truth: None,
-            })
+            let radiance = frame.pixels.radiance(&self.coding, &name)?;
+            Ok(SourceFrame { stamp_ns: frame.time_ns, ..SourceFrame::new(name, radiance) })
         }))
     }
 
