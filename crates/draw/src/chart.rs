@@ -131,10 +131,6 @@ impl LegendKey {
             (x + KEY_WIDTH / 2.0 - KEY_BLOCK, y - KEY_BLOCK, x + KEY_WIDTH / 2.0 + KEY_BLOCK, y + KEY_BLOCK);
         canvas.block(area, colour);
     }
-
-    fn text_colour(self) -> Colour {
-        if matches!(self, Self::Series(_, true)) { FADED_TEXT } else { INK }
-    }
 }
 
 /// Draws the legend: the names with their keys in columns. Returns the y below them.
@@ -150,7 +146,8 @@ fn draw_legend(canvas: &mut Canvas, names: &[(&str, LegendKey)], (left, top): Po
         let y = top + LEGEND_LINE * (index / columns) as f32;
         key.draw(canvas, &Style::of(name), (x, y));
         let spot = (x + KEY_WIDTH + 8.0, y + LEGEND_SIZE * 0.36);
-        canvas.text(spot, name, LEGEND_SIZE, key.text_colour(), Anchor::Start);
+        let colour = if matches!(key, LegendKey::Series(_, true)) { FADED_TEXT } else { INK };
+        canvas.text(spot, name, LEGEND_SIZE, colour, Anchor::Start);
     }
     top + LEGEND_LINE * names.len().div_ceil(columns) as f32
 }

@@ -25,6 +25,7 @@ impl LabelLayout {
         // Positions on rings around the point, the nearest ring first. The search is greedy: a label that is placed
         // stays. A chart has a few dozen labels, for which this is good enough, fast, and the same on every run.
         let candidates = (0..24).flat_map(|ring| (0..16).map(move |angle| (ring, angle)));
+        let (left, top, right, bottom) = self.within;
         let mut best: Option<(f32, Area)> = None;
         for (ring, angle) in candidates {
             let far = RADIUS + 4.0 + 7.0 * ring as f32;
@@ -33,7 +34,8 @@ impl LabelLayout {
                 break;
             }
             let area = around(spot, size, far, std::f32::consts::TAU * angle as f32 / 16.0);
-            if !self.is_free(area) {
+            let is_inside = area.0 >= left && area.1 >= top && area.2 <= right && area.3 <= bottom;
+            if !is_inside || self.occupied.iter().any(|other| overlap(*other, area)) {
                 continue;
             }
             let cost = far + self.disorder(spot, area);
@@ -58,15 +60,8 @@ impl LabelLayout {
         let over = self.occupied.iter().filter(|other| apart(other) && crosses(spot, edge, **other)).count();
         20.0 * (under + over) as f32
     }
-
-    fn is_free(&self, area: Area) -> bool {
-        let (left, top, right, bottom) = self.within;
-        let inside = area.0 >= left && area.1 >= top && area.2 <= right && area.3 <= bottom;
-        inside && !self.occupied.iter().any(|other| overlap(*other, area))
-    }
 }
 
-/// The position in `area` that is nearest to `spot`.
 pub fn nearest(spot: Position, (left, top, right, bottom): Area) -> Position {
     (spot.0.clamp(left, right), spot.1.clamp(top, bottom))
 }

@@ -85,8 +85,10 @@ impl Picture {
         for ((labelled, area), plate) in placed() {
             connect(&mut image, *area, plate, labelled.colour);
         }
-        for ((labelled, _), plate) in placed() {
-            text.draw_plate(&mut image, plate, labelled);
+        for ((labelled, _), (left, top, right, bottom)) in placed() {
+            block(&mut image, (left.floor(), top.floor(), right.floor(), bottom.floor()), labelled.colour);
+            let place = (left + 0.3 * text.size, top, bottom);
+            text.draw(&mut image, place, &labelled.label, ink_on(labelled.colour));
         }
         Ok(image)
     }
@@ -170,12 +172,6 @@ impl Lettering {
         // On whole pixels the horizontal lines of letters are sharp.
         let place = Transform::from_translate(x.round(), baseline.round());
         fill(image, self.font.path(text, self.size), colour, place);
-    }
-
-    fn draw_plate(&self, image: &mut Pixmap, plate: Area, labelled: &LabelledBox) {
-        let (left, top, right, bottom) = plate;
-        block(image, (left.floor(), top.floor(), right.floor(), bottom.floor()), labelled.colour);
-        self.draw(image, (left + 0.3 * self.size, top, bottom), &labelled.label, ink_on(labelled.colour));
     }
 }
 

@@ -25,12 +25,7 @@ pub fn text(canvas: &Canvas) -> Result<String, ChartError> {
          <rect width=\"100%\" height=\"100%\" fill=\"{}\"/>\n",
         hex(WHITE)
     );
-    for shape in &canvas.shapes {
-        match shape {
-            Shape::Picture { area, picture } => image(&mut out, *area, picture)?,
-            shape => push(&mut out, shape),
-        }
-    }
+    canvas.shapes.iter().try_for_each(|shape| push(&mut out, shape))?;
     out.push_str("</svg>\n");
     Ok(out)
 }
@@ -52,7 +47,7 @@ fn image(out: &mut String, (left, top, right, bottom): Area, picture: &Picture) 
     Ok(())
 }
 
-fn push(out: &mut String, shape: &Shape) {
+fn push(out: &mut String, shape: &Shape) -> Result<(), ChartError> {
     // Writing to a String cannot fail.
     let _ = match shape {
         Shape::Line { points, colour, width, dash } => {
@@ -72,10 +67,13 @@ fn push(out: &mut String, shape: &Shape) {
             hex(*edge),
             if hover.is_empty() { String::new() } else { format!("<title>{}</title>", escaped(hover)) }
         ),
-        // `image` writes it, because that can fail.
-        Shape::Picture { .. } => Ok(()),
+        Shape::Picture { area, picture } => return image(out, *area, picture),
         Shape::Text { position: (x, y), text, size, colour, anchor, is_upwards, width } => {
-            let anchor = anchor_word(*anchor);
+            let anchor = match anchor {
+                Anchor::Start => "start",
+                Anchor::Middle => "middle",
+                Anchor::End => "end",
+            };
             let rotation = is_upwards.then(|| format!(" transform=\"rotate(-90 {x:.1} {y:.1})\""));
             // `textLength` makes the browser stretch the text to the width that the layout assumed. Without it, another
             // font than DejaVu Sans would make labels cover each other.
@@ -89,14 +87,7 @@ fn push(out: &mut String, shape: &Shape) {
             )
         }
     };
-}
-
-fn anchor_word(anchor: Anchor) -> &'static str {
-    match anchor {
-        Anchor::Start => "start",
-        Anchor::Middle => "middle",
-        Anchor::End => "end",
-    }
+    Ok(())
 }
 
 fn coordinates(points: &[Position]) -> String {
