@@ -307,12 +307,10 @@ pub(crate) fn watch(child: &mut Child, mode: Mode) -> std::io::Result<(bool, f64
 /// Returns the process of the detector among the children of `launcher`.
 fn detector_of(launcher: u32) -> Option<u32> {
     let tasks = fs::read_dir(format!("/proc/{launcher}/task")).ok()?;
-    let children = tasks.flatten().filter_map(|task| fs::read_to_string(task.path().join("children")).ok());
-    let children: Vec<u32> = children
-        .flat_map(|text| text.split_whitespace().map(str::to_owned).collect::<Vec<_>>())
-        .filter_map(|pid| pid.parse().ok())
-        .collect();
-    children.into_iter().find(|pid| {
+    // A space follows each number.
+    let children: String =
+        tasks.flatten().filter_map(|task| fs::read_to_string(task.path().join("children")).ok()).collect();
+    children.split_whitespace().filter_map(|pid| pid.parse().ok()).find(|pid| {
         let arguments = fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
         arguments.split(|&byte| byte == 0).nth(2) == Some(b"detector")
     })

@@ -6,7 +6,7 @@ use modulo_core::Mosaic;
 use modulo_draw::ascending;
 use modulo_runtime::{Descriptor, ParameterSet as _, SensorModel, Value};
 
-use crate::results::{Cell, Point, Stream};
+use crate::results::{Cell, Device, Point, Stream};
 
 /// The parameters of the sensor that are named even where they have their default.
 const ALWAYS: [&str; 3] = ["alpha", "psf_sigma", "read_noise"];
@@ -19,7 +19,6 @@ const OF_STREAM: [&str; 7] =
 pub struct GridSetting(pub &'static str);
 
 impl GridSetting {
-    /// All of them.
     pub fn all() -> impl Iterator<Item = Self> {
         let is_number = |p: &Descriptor| matches!(p.default, Value::Double(_) | Value::Integer(_));
         let numbers = SensorModel::descriptors().into_iter().filter(is_number);
@@ -56,15 +55,14 @@ impl GridSetting {
 
     /// Name in the names of files.
     pub fn file(self) -> &'static str {
-        first_word(self.0)
+        // `psf_sigma` is the blur of the lens, whose file is `psf`.
+        self.0.split('_').next().unwrap_or(self.0)
     }
 
-    /// Label of its axis.
     pub fn axis(self) -> String {
         if self.0 == "alpha" { ALPHA.to_owned() } else { self.column() }
     }
 
-    /// Name of its column.
     pub fn column(self) -> String {
         let (name, unit) = words(self.0);
         if unit.is_empty() { name } else { format!("{name},{unit}") }
@@ -83,11 +81,6 @@ fn words(parameter: &str) -> (String, &'static str) {
         noise if noise.ends_with("_noise") => (noise.replace('_', " "), " code units"),
         name => (name.replace('_', " "), ""),
     }
-}
-
-/// `psf_sigma` is the blur of the lens, whose file is `psf`.
-fn first_word(parameter: &'static str) -> &'static str {
-    parameter.split('_').next().unwrap_or(parameter)
 }
 
 /// Name and value of a parameter, such as `lens blur 1.4 px`, `no read noise`, `mosaic rggb`.
@@ -160,10 +153,10 @@ pub fn sensor(sensor: &SensorModel, without: &[&str]) -> String {
 
 /// The same as part of a file name: `psf1.4_read0`.
 pub fn suffix(sensor: &SensorModel, without: &[&str]) -> String {
-    named(sensor, without, |parameter, value| format!("{}{}", first_word(parameter), value.plain())).join("_")
+    named(sensor, without, |parameter, value| format!("{}{}", GridSetting(parameter).file(), value.plain()))
+        .join("_")
 }
 
-/// Label of the conditions.
 pub fn conditions(conditions: &SensorModel) -> String {
     sensor(conditions, &["alpha"])
 }
@@ -188,7 +181,6 @@ pub fn conditions_of(point: &Point) -> SensorModel {
     GridSetting("alpha").others(point)
 }
 
-/// Whether a cell belongs to these conditions.
 pub fn belongs(point: &Point, conditions: &SensorModel) -> bool {
     is_at(point, conditions_of(point), conditions)
 }
@@ -238,6 +230,15 @@ pub fn frames(counts: impl Iterator<Item = usize> + Clone) -> String {
 /// The number of frames on which the times of cells were measured.
 pub fn timed_frames(cells: &[&Cell]) -> String {
     frames(cells.iter().filter_map(|cell| cell.frame_ms.as_ref()).map(|time| time.frames))
+}
+
+/// The engines and machines with which times were measured: `ort on Xeon, 4 threads an inference`.
+pub fn devices(cells: &[Cell]) -> Vec<String> {
+    let timed = cells.iter().filter(|cell| cell.frame_ms.is_some());
+    distinct(timed.map(|Cell { device: Device { engine, processor, threads }, .. }| {
+        let plural = if *threads == 1 { "" } else { "s" };
+        format!("{engine} on {processor}, {threads} thread{plural} an inference")
+    }))
 }
 
 /// Median time from the captured image to the boxes, ms. `None` if it was not measured.

@@ -224,6 +224,9 @@ pub struct Point {
 }
 
 impl Stream {
+    /// Those of the scripts of the paper, in the order of the paper.
+    pub const OF_PAPER: [Self; 4] = [Self::Ideal, Self::Saturated, Self::Modulo, Self::Recovered];
+
     /// Whether its images are unwrapped.
     pub fn is_unwrapped(self) -> bool {
         matches!(self, Self::Recovered | Self::Metered)

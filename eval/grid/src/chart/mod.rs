@@ -70,16 +70,10 @@ pub(crate) fn models(cells: &[&Cell]) -> Vec<String> {
 fn subtitle(results: &Results) -> String {
     let objects = results.cells.first().map(|cell| &cell.objects);
     let objects = objects.into_iter().flatten().map(|(group, n)| format!("{n} {group}")).collect::<Vec<_>>();
-    let timed = results.cells.iter().filter(|cell| cell.frame_ms.is_some());
-    let devices = distinct(timed.map(|cell| {
-        let device = &cell.device;
-        let threads = if device.threads == 1 { "thread" } else { "threads" };
-        format!("{} on {}, {} {threads} an inference", device.engine, device.processor, device.threads)
-    }));
     let busy = if labels::busy(&results.cells).is_empty() { vec![] } else { vec!["BUSY MACHINE".to_owned()] };
     let frames = format!("{} labelled frames of {}", results.input.labelled, results.setup.source);
     let objects = format!("objects that count: {}", objects.join(", "));
-    [vec![frames, objects], devices, busy].concat().join(" · ")
+    [vec![frames, objects], labels::devices(&results.cells), busy].concat().join(" · ")
 }
 
 /// A text as part of a file name, with its words separated by `_`.

@@ -64,9 +64,8 @@ pub fn selected(results: &Results) -> Vec<&Cell> {
         labels::model(point) == model && method && !point.deblur
     };
     let mut cells: Vec<&Cell> = cells.iter().filter(of).copied().collect();
-    let order = [Stream::Ideal, Stream::Saturated, Stream::Modulo, Stream::Recovered];
-    cells.retain(|cell| order.contains(&cell.point.stream));
-    cells.sort_by_key(|cell| order.iter().position(|stream| *stream == cell.point.stream));
+    cells.retain(|cell| Stream::OF_PAPER.contains(&cell.point.stream));
+    cells.sort_by_key(|cell| Stream::OF_PAPER.iter().position(|stream| *stream == cell.point.stream));
     cells.sort_by(|a, b| a.point.sensor.alpha.total_cmp(&b.point.sensor.alpha));
     cells
 }

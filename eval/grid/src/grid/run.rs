@@ -5,7 +5,7 @@ use modulo_runtime::Clock;
 use modulo_runtime::output::prepare_folder;
 
 use super::frames::Frames;
-use super::pipeline::{MakeDetector, RECOVERY_DEFINITION, auto_exposure, multi_exposure};
+use super::pipeline::{self, MakeDetector, RECOVERY_DEFINITION};
 use super::runner::CellRunner;
 use super::score::Scorer;
 use super::{GridEvent, GridOptions, Request, timing};
@@ -29,7 +29,7 @@ pub fn run(
     let (GridOptions { axes, protocol, fresh, .. }, start) = (&request.options, timer.ticks_ns());
     let warn = |line: &String| tell(GridEvent::Warning(line));
     let points = axes.points(*protocol)?;
-    multi_exposure::check(request, &points).and_then(|()| auto_exposure::check(request, &points))?;
+    pipeline::check(request, &points)?;
     axes.unused(*protocol, &points).iter().for_each(warn);
     let (map, groups) = (request.class_map()?, request.groups()?);
     let setup = request.setup(&map, &groups, &points)?;

@@ -27,7 +27,6 @@ pub struct Scorer {
     pub frames: Vec<ScoredFrame>,
     /// Mapping from the classes of the models to those of the labels.
     map: ClassMap,
-    /// Groups of classes.
     pub groups: ClassGroups,
     mapped: MappedClasses,
     /// The objects that are scored.
@@ -53,7 +52,7 @@ impl Scorer {
         frames.input.warnings.extend(groups.unnamed(frames.scored.iter().flat_map(|frame| &frame.truth)));
         let drives: Vec<_> = frames.scored.iter().map(|frame| frame.drive.clone()).collect();
         let units = bootstrap::Units::new(&drives, request.options.seed);
-        frames.input.drawn = Some(units.drawn());
+        frames.input.drawn = Some(units.drawn);
         let mapped = mapped_classes(request, &map, frames)?;
         let (frames, difficulty) = (frames.scored.clone(), request.difficulty());
         Ok(Self { frames, map, groups, mapped, difficulty, units })
@@ -165,24 +164,19 @@ impl Scorer {
                 intervals.insert(format!("ap50.{group}"), interval);
             }
         }
-        let nearest = |times: &[u64]| {
-            let all = nearest.iter().zip(times).filter_map(|(found, &n)| Some(((*found)?, n)));
-            let (found, all) =
-                all.fold((0, 0), |(found, all), (is_found, n)| (found + u64::from(is_found) * n, all + n));
-            (all > 0).then(|| found as f64 / all as f64)
-        };
-        intervals.extend(self.units.interval(nearest).map(|interval| ("nearest".to_owned(), interval)));
-        let figures = |paper: &Paper| [paper.iou, paper.f1, paper.accuracy];
-        for (index, name) in ["iou", "f1", "accuracy"].into_iter().enumerate() {
+        let mut add = |name: &str, figures: Vec<Option<f64>>| {
             let mean = |times: &[u64]| {
-                let weighted = papers.iter().zip(times).map(|(paper, n)| figures(paper)[index] * *n as f64);
-                let sum: f64 = weighted.sum();
-                Some(sum / times.iter().sum::<u64>().max(1) as f64)
+                let drawn = figures.iter().zip(times).filter_map(|(figure, &n)| Some(((*figure)?, n as f64)));
+                let (sum, all) =
+                    drawn.fold((0.0, 0.0), |(sum, all), (figure, n)| (sum + figure * n, all + n));
+                (all > 0.0).then(|| sum / all)
             };
-            if let Some(interval) = self.units.interval(mean) {
-                intervals.insert(format!("paper.{name}"), interval);
-            }
-        }
+            intervals.extend(self.units.interval(mean).map(|interval| (name.to_owned(), interval)));
+        };
+        add("nearest", nearest.iter().map(|found| found.map(|found| f64::from(u8::from(found)))).collect());
+        add("paper.iou", papers.iter().map(|paper| Some(paper.iou)).collect());
+        add("paper.f1", papers.iter().map(|paper| Some(paper.f1)).collect());
+        add("paper.accuracy", papers.iter().map(|paper| Some(paper.accuracy)).collect());
         intervals
     }
 }

@@ -209,17 +209,10 @@ pub(super) fn verdict(streams: &[(&str, &StreamScore)]) -> Option<String> {
         Some(_) => format!("with {objects} objects, the 95 % interval of the difference contains 0"),
         None => "a single frame gives no interval".to_owned(),
     };
-    let (name, is_one) = (best.0, below.is_empty() && equal.is_empty());
-    let text = match (below.is_empty(), equal.is_empty()) {
-        (false, true) => format!("it is above {}, by more than chance", list(below)),
-        (true, false) => format!("it cannot be ranked against {}: {chance}", list(equal)),
-        _ => format!(
-            "it is above {}, by more than chance, and cannot be ranked against {}: {chance}",
-            list(below),
-            list(equal)
-        ),
-    };
-    (!is_one).then(|| format!("{name} has the highest AP50; {text}"))
+    let above = (!below.is_empty()).then(|| format!("is above {}, by more than chance", list(below)));
+    let unranked = (!equal.is_empty()).then(|| format!("cannot be ranked against {}: {chance}", list(equal)));
+    let text: Vec<String> = above.into_iter().chain(unranked).collect();
+    (!text.is_empty()).then(|| format!("{} has the highest AP50; it {}", best.0, text.join(", and ")))
 }
 
 #[cfg(test)]

@@ -20,7 +20,8 @@ pub const DEFINITION: &str = "\
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Units {
     of_frame: Vec<usize>,
-    drawn: Drawn,
+    /// The kind and the number of the units.
+    pub drawn: Drawn,
     seed: u64,
 }
 
@@ -40,11 +41,6 @@ impl Units {
         let of_frame = drives.iter().enumerate().map(place).collect();
         let drawn = if known { Drawn::Drives(names.len()) } else { Drawn::Frames(drives.len()) };
         Self { of_frame, drawn, seed }
-    }
-
-    /// The kind and the number of the units.
-    pub fn drawn(&self) -> Drawn {
-        self.drawn
     }
 
     /// The interval of `figure`, which gets the number of times that each frame was drawn. `None` with fewer than two units.
@@ -101,7 +97,7 @@ mod tests {
     #[test]
     fn a_drive_is_drawn_as_a_whole() {
         let units = Units::new(&drives(&["a", "a", "b", "b"]), 1);
-        assert_eq!(units.drawn(), Drawn::Drives(2));
+        assert_eq!(units.drawn, Drawn::Drives(2));
         let [low, high] = units.interval(share(&[1.0, 1.0, 0.0, 0.0])).expect("two drives");
         assert_eq!((low, high), (0.0, 1.0));
         let same = units.interval(|weights| Some((weights[0] == weights[1]) as u8 as f64));
@@ -110,7 +106,7 @@ mod tests {
 
     #[test]
     fn one_drive_is_no_sample_so_frames_are_drawn() {
-        assert_eq!(Units::new(&drives(&["a", "a", "a"]), 1).drawn(), Drawn::Frames(3));
+        assert_eq!(Units::new(&drives(&["a", "a", "a"]), 1).drawn, Drawn::Frames(3));
         assert_eq!(Units::new(&[None], 1).interval(|_| Some(1.0)), None);
     }
 }

@@ -10,7 +10,7 @@ use modulo_draw::{ChartError, html_page, number};
 
 use crate::GridError;
 use crate::chart::{self, NamedChart, RenderedChart};
-use crate::labels::{self, distinct};
+use crate::labels;
 use crate::results::{Provenance, Results};
 use crate::store::replace;
 
@@ -61,11 +61,6 @@ fn setup(results: &Results) -> Markup {
     };
     let unmapped =
         input.without_twin.iter().map(|(whose, classes)| format!("{whose}: {}", classes.join(", ")));
-    let timed = results.cells.iter().filter(|cell| cell.frame_ms.is_some());
-    let devices = distinct(timed.map(|cell| {
-        let device = &cell.device;
-        format!("{} on {}, {} threads", device.engine, device.processor, device.threads)
-    }));
     let facts = [
         ("modulo", setup.version.clone()),
         ("source", setup.source.clone()),
@@ -75,7 +70,7 @@ fn setup(results: &Results) -> Markup {
         ("sensor", format!("{} bits, seed {}", setup.bits, setup.seed)),
         ("difficulty", format!("{:?}", setup.difficulty).to_lowercase()),
         ("requested engine", setup.engine.clone()),
-        ("measured with", devices.join("; ")),
+        ("measured with", labels::devices(&results.cells).join("; ")),
         ("models", pairs(&setup.models)),
         ("classes of the model to those of the labels", pairs(&setup.class_map)),
         ("classes of the labels to groups", pairs(&setup.groups)),

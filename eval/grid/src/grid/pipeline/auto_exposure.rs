@@ -4,19 +4,7 @@ use super::{DetectorInput, FramePipeline, PipelineConfig, Stages, timed, unstamp
 use crate::GridError;
 use crate::grid::Request;
 use crate::grid::frames::FrameWithNeighbours;
-use crate::results::{Point, Protocol};
-
-/// Refuses the stream under the protocol of the paper, which knows no exposure control.
-pub fn check(request: &Request, points: &[Point]) -> Result<(), GridError> {
-    if request.options.protocol == Protocol::Paper && points.iter().any(|point| point.stream.is_metered()) {
-        return Err(GridError::value(
-            "stream",
-            "auto_exposed or metered",
-            "one of the other streams under the protocol of the paper",
-        ));
-    }
-    Ok(())
-}
+use crate::results::Point;
 
 /// The camera of the cell at `point`. It needs all frames in their order. Each drive, and each image that belongs to no drive, starts with the
 /// exposure of a camera that has looked at its first frame for long.

@@ -64,6 +64,22 @@ pub struct PipelineConfig<'a> {
     pub compares: bool,
 }
 
+/// Refuses streams that the protocol of the paper does not know, and merged captures of moving scenes where the frames of the data are
+/// not consecutive.
+pub fn check(request: &Request, points: &[Point]) -> Result<(), GridError> {
+    let refuse = |stream: Stream, possible| Err(GridError::value("stream", stream.name(), possible));
+    for &Point { stream, .. } in points {
+        if request.options.protocol == Protocol::Paper && !Stream::OF_PAPER.contains(&stream) {
+            return refuse(stream, "one of the other streams under the protocol of the paper");
+        }
+        if stream == Stream::MultiExposure && request.data.is_still() {
+            let possible = "multi_exposure_still, because these frames are not consecutive; use --sequence or --source otherwise";
+            return refuse(stream, possible);
+        }
+    }
+    Ok(())
+}
+
 /// The pipeline of the cell at `point`. `compares`: see [`PipelineConfig::compares`].
 pub fn open<'a>(
     request: &Request,
@@ -139,7 +155,6 @@ impl Truth {
     }
 }
 
-/// The quality of one frame.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct RecoveryQuality {
     /// Number of samples with the true wrap count.

@@ -9,28 +9,10 @@ use ndarray::Array3;
 
 use super::{FramePipeline, FrameWithNeighbours, PipelineConfig, Stages, Truth, timed};
 use crate::GridError;
-use crate::grid::Request;
-use crate::results::{Point, Protocol, Stream};
+use crate::results::Point;
 
 /// Number of captures that are merged.
 pub const CAPTURES: usize = 3;
-
-/// Refuses merged captures under the protocol of the paper, and of moving scenes where the frames of the data are not
-/// consecutive.
-pub fn check(request: &Request, points: &[Point]) -> Result<(), GridError> {
-    let refuse = |possible| Err(GridError::value("stream", "multi_exposure", possible));
-    let has = |stream| points.iter().any(|point| point.stream == stream);
-    let moving = has(Stream::MultiExposure);
-    if (moving || has(Stream::MultiExposureStill)) && request.options.protocol == Protocol::Paper {
-        return refuse("one of the other streams under the protocol of the paper");
-    }
-    if moving && request.data.is_still() {
-        return refuse(
-            "multi_exposure_still, because these frames are not consecutive; use --sequence or --source otherwise",
-        );
-    }
-    Ok(())
-}
 
 /// The captures and the merging of the cell at `point`.
 pub fn pipeline<'a>(point: &Point, config: PipelineConfig<'a>) -> Result<FramePipeline<'a>, GridError> {

@@ -35,16 +35,10 @@ pub fn published_spud<'a>(point: &Point, config: PipelineConfig<'a>) -> Result<F
             let exposure = sensor.expose(frame.radiance.view(), seed)?;
             Ok::<_, GridError>(exposure.x().mapv(|x| x % range.peak()))
         })?;
-        let image = timed(timer, &mut stages, "unwrap", || bytes(&published(&mut spud, &y, range)?))?;
+        let image = timed(timer, &mut stages, "unwrap", || bytes(&stretched(&spud.solve(y.view(), range)?)))?;
         // The result has an arbitrary offset and scale, and therefore no wrap counts.
         truth.compared(config, (&frame.radiance, seed), image, stages)
     }))
-}
-
-/// Unwraps `y` (code units, not quantised) by SPUD, then maps minimum and maximum of the whole tensor to 0 and 255.
-fn published(spud: &mut Spud, y: &Array3<f32>, range: Range) -> Result<Array3<f32>, GridError> {
-    // The wrapped field is the gradient of x: phi is x without its mean, in code units.
-    Ok(stretched(&spud.solve(y.view(), range)?))
 }
 
 /// Truncates to bytes, as the scripts convert an image for the detector.
@@ -70,7 +64,6 @@ impl<'a> PaperPipeline<'a> {
         Ok(Self { stream: point.stream, as_published, range, spud, timer })
     }
 
-    /// Processes one frame.
     pub fn run(&mut self, frame: &SourceFrame) -> Result<DetectorInput, GridError> {
         let (mut stages, timer) = (Stages::new(), self.timer);
         let image = timed(timer, &mut stages, "sense", || match self.stream {
@@ -107,7 +100,8 @@ impl<'a> PaperPipeline<'a> {
         let peak = self.range.peak();
         let codes = y.mapv(|v| v * peak);
         if self.as_published {
-            return published(&mut self.spud, &codes, self.range);
+            // The wrapped field is the gradient of x: phi is x without its mean, in code units.
+            return Ok(stretched(&self.spud.solve(codes.view(), self.range)?));
         }
         // Q_b of eq. 1: whole codes, of which 2^b is 0.
         let y = Frame::from_u8(codes.mapv(|v| v as u32 as u8)).map_err(UnwrapError::from)?;
