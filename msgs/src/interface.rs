@@ -57,15 +57,12 @@ pub fn names() -> impl Iterator<Item = &'static str> {
 pub(crate) fn describe(name: &str) -> Result<Option<IndividualTypeDescription>, DefinitionError> {
     let fields = match (definition(name), name.contains("/srv/")) {
         // A service is a type with a hash of its own: a message that contains its request, response and event.
-        (Some(_), true) => service(name),
-        (Some(text), false) => parse_fields(name, text)?,
-        (None, true) => match service_message(name)? {
-            Some(fields) => fields,
-            None => return Ok(None),
-        },
-        (None, false) => return Ok(None),
+        (Some(_), true) => Some(service(name)),
+        (Some(text), false) => Some(parse_fields(name, text)?),
+        (None, true) => service_message(name)?,
+        (None, false) => None,
     };
-    Ok(Some(IndividualTypeDescription { type_name: name.to_owned(), fields }))
+    Ok(fields.map(|fields| IndividualTypeDescription { type_name: name.to_owned(), fields }))
 }
 
 /// Returns the three fields that describe a service.

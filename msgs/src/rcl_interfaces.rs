@@ -93,26 +93,18 @@ messages! {
     }
 }
 
+#[allow(missing_docs, reason = "the field of this name holds the value, such as `bool_value` for `BOOL`")]
 impl ParameterType {
     /// The parameter is not set, or is being deleted.
     pub const NOT_SET: u8 = 0;
-    /// `bool_value` holds the value.
     pub const BOOL: u8 = 1;
-    /// `integer_value` holds the value.
     pub const INTEGER: u8 = 2;
-    /// `double_value` holds the value.
     pub const DOUBLE: u8 = 3;
-    /// `string_value` holds the value.
     pub const STRING: u8 = 4;
-    /// `byte_array_value` holds the value.
     pub const BYTE_ARRAY: u8 = 5;
-    /// `bool_array_value` holds the value.
     pub const BOOL_ARRAY: u8 = 6;
-    /// `integer_array_value` holds the value.
     pub const INTEGER_ARRAY: u8 = 7;
-    /// `double_array_value` holds the value.
     pub const DOUBLE_ARRAY: u8 = 8;
-    /// `string_array_value` holds the value.
     pub const STRING_ARRAY: u8 = 9;
 }
 
