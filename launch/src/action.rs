@@ -16,7 +16,6 @@ use crate::{LaunchError, Mistakes, listed, refused};
 #[derive(Clone, Debug)]
 pub(crate) struct LaunchFile {
     pub path: PathBuf,
-    /// Its actions in order.
     pub actions: Vec<Action>,
 }
 
@@ -26,7 +25,6 @@ pub(crate) struct Action {
     pub line: usize,
     /// A condition, and the value of it with which the action is done; `None` for an action that is always done.
     pub condition: Option<(Text, bool)>,
-    /// What is done.
     pub kind: ActionKind,
 }
 
@@ -172,7 +170,6 @@ fn required_plain(attributes: &Attributes<'_>, key: &str) -> Result<(usize, Stri
     attributes.plain(key)?.ok_or_else(|| attributes.missing(key))
 }
 
-/// Reads an action with two texts.
 fn pair(
     attributes: &Attributes<'_>,
     keys: [&str; 2],

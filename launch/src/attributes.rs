@@ -14,7 +14,6 @@ pub(crate) struct Text {
     pub line: usize,
     /// The text as it is written.
     pub source: String,
-    /// The text, parsed.
     pub template: Template,
 }
 
@@ -51,7 +50,6 @@ impl<'a> Attributes<'a> {
         LaunchError::at(self.file, line, format!("{}: {}", self.of, message.as_ref()))
     }
 
-    /// The value of `key`.
     pub fn item(&self, key: &str) -> Option<&'a Item> {
         self.pairs.iter().find(|(k, _)| k.name == key).map(|(_, item)| item)
     }
@@ -83,7 +81,6 @@ impl<'a> Attributes<'a> {
         self.text(key)?.ok_or_else(|| self.missing(key))
     }
 
-    /// The error for a key that must be there.
     pub fn missing(&self, key: &str) -> LaunchError {
         self.refuse(self.line, format!("key '{key}' is missing"))
     }

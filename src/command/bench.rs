@@ -115,7 +115,6 @@ fn print_pipeline(rows: &[pipeline::PipelineRow]) {
     }
 }
 
-/// Returns the path of this program, which a benchmark runs.
 pub(super) fn this_program() -> Result<PathBuf, Failure> {
     Ok(std::env::current_exe().context("this program")?)
 }

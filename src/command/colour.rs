@@ -15,7 +15,6 @@ pub fn warning(text: &str) -> StyledObject<&str> {
     style(text).for_stderr().yellow().bold()
 }
 
-/// Prints the summary of a run.
 pub fn say_summary(summary: &Summary) {
     summary.to_string().trim_end().lines().for_each(|line| say!("{}", of_summary(line)));
 }

@@ -30,7 +30,6 @@ pub fn arguments() -> ArgValueCompleter {
     })
 }
 
-/// Completes the name of a topic.
 pub fn topics() -> ArgValueCompleter {
     completer(|| {
         let (_clock, transport) = open_session().ok()?;
@@ -39,7 +38,6 @@ pub fn topics() -> ArgValueCompleter {
     })
 }
 
-/// Completes the name of a node.
 pub fn nodes() -> ArgValueCompleter {
     completer(|| {
         let (_clock, transport) = open_session().ok()?;

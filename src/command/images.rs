@@ -34,7 +34,6 @@ pub fn simulate(args: Simulate) -> Result<Ended, Failure> {
     Ok(report(&request.run.out, &with_bar(tell, |tell| simulation::simulate(&request, tell))?))
 }
 
-/// Unwraps modulo images.
 pub fn unwrap(request: &UnwrapRequest) -> Result<Ended, Failure> {
     Ok(report(&request.run.out, &with_bar(tell, |tell| unwrap_files(request, tell))?))
 }

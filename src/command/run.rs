@@ -196,7 +196,6 @@ pub struct NodeKind {
     pub about: &'static str,
     declare: fn() -> Vec<Descriptor>,
     outputs: fn() -> Vec<Topic>,
-    /// Makes the node.
     pub make: fn(&Parameters) -> anyhow::Result<Box<dyn Node>>,
 }
 

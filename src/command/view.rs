@@ -46,7 +46,6 @@ fn token(text: &str) -> Result<String, String> {
     if valid { Ok(text.to_owned()) } else { Err("must be at least 8 letters and digits".to_owned()) }
 }
 
-/// Runs the command.
 pub fn view(args: &ViewCommand) -> Result<Ended, Failure> {
     let replay = |bag: &PathBuf| {
         BagReader::open(bag)?;

@@ -7,7 +7,6 @@ use super::light::{Light, Rgb, add};
 use super::view::{CameraView, NEAR, Point, clip_near};
 use modulo_core::BBox;
 
-/// The geometry of a part.
 #[derive(Clone, Debug)]
 pub(super) enum PartGeometry {
     /// A convex face, visible only from the side from which its corners run clockwise.

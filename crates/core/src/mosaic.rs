@@ -20,7 +20,6 @@ pub enum Mosaic {
     Gbrg,
 }
 
-/// The channel of green.
 pub(crate) const GREEN: usize = 1;
 
 /// The row and column of each pixel in the 2 x 2 pixels of a mosaic.

@@ -115,7 +115,6 @@ pub(crate) struct RowFilter<'a> {
     starts: Vec<usize>,
     /// Number of rows of the source that were read.
     read: usize,
-    /// Number of rows that were returned.
     returned: usize,
 }
 

@@ -24,7 +24,6 @@ pub enum Scale {
 /// Margin beyond the first and the last tick, as a share of the length.
 const PAD: f64 = 0.05;
 
-/// An axis that is fitted to its data.
 pub struct FittedAxis {
     from: f64,
     to: f64,

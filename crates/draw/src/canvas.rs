@@ -12,7 +12,6 @@ pub enum Anchor {
     End,
 }
 
-/// A shape.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
     /// An open line. `dash` is the length of its dashes; 0 draws a solid line.

@@ -253,7 +253,6 @@ impl Picture {
     }
 }
 
-/// A Huffman table.
 struct Huffman {
     /// For each length of codes: the first code, as the first of 16 bits, that is longer.
     ends: [u32; 16],

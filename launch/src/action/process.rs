@@ -25,7 +25,6 @@ pub(super) const PROCESS_KEYS: &[&str] = &[
     "sigkill_timeout",
 ];
 
-/// The keys of a parameter.
 const PARAMETER_KEYS: [&str; 5] = ["name", "value", "type", "param", "from"];
 /// The types that the value of a parameter may have in the file.
 const SCALARS: [ScalarType; 4] =

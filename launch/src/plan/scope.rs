@@ -84,7 +84,6 @@ impl View<'_> {
         self.locate(text, text.template.evaluate(&self.surroundings()))
     }
 
-    /// Evaluates `text` to a string, if there is one.
     pub fn optional(&self, text: &Option<Text>) -> Result<Option<String>, LaunchError> {
         text.as_ref().map(|text| self.string(text)).transpose()
     }

@@ -12,7 +12,6 @@ use crate::package;
 #[derive(Debug)]
 pub struct Function(&'static str, [usize; 2], fn(&[String], &Surroundings<'_>) -> Value);
 
-/// The value of a substitution.
 type Value = Result<String, SubstitutionError>;
 
 impl PartialEq for Function {

@@ -35,7 +35,6 @@ impl fmt::Display for LostInCrash {
 pub(super) struct Lives<'a>(Vec<&'a NodeReport>);
 
 impl<'a> Lives<'a> {
-    /// Returns the lives of each node, by its name.
     pub fn of_nodes(reports: &'a [NodeReport]) -> BTreeMap<&'a str, Self> {
         let mut nodes: BTreeMap<&str, Self> = BTreeMap::new();
         for report in reports {

@@ -124,12 +124,10 @@ impl Folders {
         Ok(Self { reports: in_memory()?, state: in_memory()?, traces: on_disk()? })
     }
 
-    /// Returns the folder of the reports.
     pub fn reports(&self) -> &Path {
         self.reports.folder.path()
     }
 
-    /// Returns the folder of the traces.
     pub fn traces(&self) -> &Path {
         self.traces.folder.path()
     }

@@ -12,7 +12,6 @@ const LEAST: usize = 128;
 /// Largest side: every client of the node may set the size, and the tensors of a network take several GB beyond this.
 const MOST: usize = 2048;
 
-/// The size of the model's input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InputSize {
     /// The image, padded right and below to multiples of 32; never resized.

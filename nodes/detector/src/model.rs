@@ -67,7 +67,6 @@ pub struct ModelLayout {
     pub output: String,
     /// (height, width) of the input where the model fixes them.
     pub size: Option<(usize, usize)>,
-    /// Names of the classes.
     pub names: ClassNames,
 }
 

@@ -114,15 +114,12 @@ pub enum StreamChoice {
 /// The settings that may change between two frames.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// The stream to read.
     pub input: StreamChoice,
     /// Smallest score, in [0, 1].
     pub score_threshold: f32,
     /// Largest number of detections of a frame, at least 1.
     pub max_det: usize,
-    /// Size of the model's input.
     pub input_size: InputSize,
-    /// Classes to publish.
     pub classes: Classes,
     /// Bits of the codes, 0 = those of the sensor, else of the encoding.
     pub bits: u8,

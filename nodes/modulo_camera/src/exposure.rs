@@ -19,7 +19,6 @@ const MEMORY: u32 = 100;
 /// The least alpha: nothing wraps.
 const LEAST: f64 = 1.0;
 
-/// The exposure control.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct TrustedExposure {
     /// The alpha of the next frame.

@@ -58,7 +58,6 @@ pub struct ModuloCamera {
     auto_exposure: AutoExposure,
     /// The sensor of the next frame, which is described to the nodes that read it: that of the parameters, but for its exposure.
     model: SensorModel,
-    /// The exposure control of the sensor, if it has one.
     control: Option<TrustedExposure>,
     parameters: CameraParameters,
     /// Frames taken from this source since the launch, those that could not be read included.

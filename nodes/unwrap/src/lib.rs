@@ -398,7 +398,6 @@ struct RecoveryCounts {
 }
 
 impl RecoveryCounts {
-    /// Counts one frame.
     fn count(&mut self, report: &Report) {
         *self.methods.entry(report.method).or_default() += 1;
         self.trusted += u64::from(report.trust == Trust::Trusted);

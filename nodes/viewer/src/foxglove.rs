@@ -74,7 +74,6 @@ impl FoxgloveServer {
         Ok(Self { context, parameters })
     }
 
-    /// Returns the port that is listened on.
     pub fn port(&self) -> u16 {
         self.parameters.server.get().expect("`start` sets it").port()
     }

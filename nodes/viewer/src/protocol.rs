@@ -71,7 +71,6 @@ pub enum Event {
 /// The part of the graph that the page shows.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct GraphView {
-    /// The ROS domain.
     pub domain: u32,
     /// Image topics that have a publisher, in the order in which they are listed.
     pub images: Vec<String>,
@@ -90,7 +89,6 @@ pub struct GraphView {
     pub twins: Vec<String>,
     /// The ways that images and boxes take.
     pub links: Vec<LinkView>,
-    /// The topics of statuses.
     #[serde(skip)]
     pub statuses: Vec<String>,
     /// Whether a bag is being replayed.

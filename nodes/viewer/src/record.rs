@@ -63,7 +63,6 @@ impl Recording {
         }
     }
 
-    /// Returns the page that shows the recording.
     pub fn page(&self) -> String {
         let lasting = self.lasting.values().map(|text| format!("[0,{text}]"));
         let passing = self.passing.iter().map(|(at_ms, text)| format!("[{at_ms:.3},{text}]"));

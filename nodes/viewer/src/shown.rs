@@ -7,14 +7,12 @@ use crate::watch::Audience;
 
 /// The least radiance of the histogram, in stops from the peak of the sensor.
 pub const LEAST_STOP: f64 = -8.0;
-/// Bins in a stop.
 pub const BINS_OF_A_STOP: f64 = 2.0;
 /// Bins of the histogram, up to 8 stops above the peak.
 const BINS: usize = 32;
 /// Pixels that the histogram looks at.
 const LOOKED_AT: usize = 20_000;
 
-/// An image of 8 bits.
 pub struct ShownImage {
     /// Codes of sRGB for images of radiance, else codes in proportion to the samples.
     pub frame: Frame,

@@ -20,7 +20,6 @@ pub(super) struct GridShape {
 /// The position of a run of sixteen samples in a row.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SampleRun {
-    /// The row, from 0.
     pub row: usize,
     /// The first sample in the interleaved row, a multiple of sixteen.
     pub sample: usize,

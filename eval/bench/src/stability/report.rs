@@ -7,7 +7,6 @@ use serde::Serialize;
 use super::case::Case;
 use super::expect::{Judgement, RECOVERED};
 
-/// All results of a run.
 #[derive(Serialize)]
 pub struct StabilityReport {
     pub outcome: StabilityOutcome,

@@ -22,7 +22,6 @@ pub struct VariedParameters;
 const FIXED: [&str; 3] = ["bits", "psf", "gain_ratio"];
 /// The parameters that vary fastest, but for the lens, which varies with the streams. The others vary before them.
 const FAST: [&str; 3] = ["alpha", "mosaic", "gains"];
-/// The parameter of the lens.
 const LENS: &str = "psf_sigma";
 
 impl SensorCommand for VariedParameters {

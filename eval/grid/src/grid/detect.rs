@@ -34,9 +34,7 @@ pub type DetectionCache = Mutex<HashMap<(usize, u64), Found>>;
 
 pub struct DetectorWorker<'a> {
     chain: Lockstep<'a>,
-    /// The engine in use.
     pub engine: String,
-    /// Threads of one inference.
     pub threads: usize,
 }
 

@@ -22,7 +22,6 @@ pub struct Frames {
     drives: Vec<Drive>,
     /// Number of each scored frame by its index over all drives.
     kept: BTreeMap<usize, usize>,
-    /// The frames that are scored.
     pub scored: Vec<ScoredFrame>,
     /// Description of the data for the results.
     pub input: Input,
@@ -35,7 +34,6 @@ pub struct Frames {
 pub struct ScoredFrame {
     pub name: String,
     pub truth: Vec<GroundTruth>,
-    /// Its drive, if it is known.
     pub drive: Option<String>,
     /// The change of the light around it.
     pub change: Option<LightChange>,

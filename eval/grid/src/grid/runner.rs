@@ -13,7 +13,6 @@ use crate::results::{Point, Stream};
 
 #[derive(Clone, Debug, Default)]
 pub struct FrameResult {
-    /// The detections.
     pub found: Found,
     pub recovery: Option<RecoveryQuality>,
 }

@@ -9,7 +9,6 @@ use modulo_runtime::lockstep::OnTopic;
 /// Moves the time stamps of several sources so that each frame is later than the one before it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Timeline {
-    /// Number of frames so far.
     pub frames: u64,
     /// Time stamp of the last frame, ns.
     last: Option<u64>,

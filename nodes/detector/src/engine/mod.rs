@@ -138,7 +138,6 @@ fn one_line(text: impl fmt::Display) -> String {
 
 /// An engine that runs, and how it came to be the one.
 pub struct OpenedEngine {
-    /// The engine.
     pub engine: Box<dyn Engine>,
     /// Name of the engine, as the parameter `engine` has it.
     pub name: &'static str,

@@ -24,7 +24,6 @@ pub const OPENVINO: &str = "openvino";
 /// The word for OpenVINO's kernels with 32 bits.
 pub const OPENVINO_F32: &str = "openvino_f32";
 
-/// A library that is loaded.
 #[derive(Clone)]
 pub struct Library {
     environment: Environment,
@@ -68,7 +67,6 @@ fn load(place: &Path) -> Result<Environment, String> {
     builder.with_name("modulo").with_telemetry(false).build().map_err(super::one_line)
 }
 
-/// A model in ONNX Runtime.
 pub struct OnnxRuntime {
     session: Session,
     engine: &'static str,

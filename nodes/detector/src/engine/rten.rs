@@ -13,7 +13,6 @@ use crate::model::{FLOAT32, ModelLayout, Signature, TensorSpec, embedded};
 /// The word for this engine.
 pub const NAME: &str = "rten";
 
-/// A model in rten.
 pub struct Rten {
     model: Model,
     input: NodeId,

@@ -12,7 +12,6 @@ pub(super) struct Settings {
     now: Arc<Mutex<Parameters>>,
     saved: Option<SavedState>,
     events: ParameterEvents,
-    /// Number of changes so far.
     pub changes: u64,
 }
 
@@ -22,7 +21,6 @@ impl Settings {
         Self { now: Arc::new(Mutex::new(parameters)), saved, events, changes: 0 }
     }
 
-    /// Returns the parameters as they are now.
     pub fn read(&self) -> Parameters {
         self.reader()()
     }
