@@ -89,8 +89,12 @@ pub fn replay(
         (serve(transport, &node_name, &events)?, serve_parameters(transport, &node_name, &**clock)?);
     let _node = transport.announce(&node_name)?;
     let clock = &**clock;
-    // After the announcement, because tools wait for the node before they subscribe.
-    wait_until_heard(&publishers, clock, stop);
+    // Readers that are there already get the first message. After the announcement, because tools wait for the node before they
+    // subscribe.
+    let latest = clock.ticks_ns() + 500_000_000;
+    while !publishers.wanted() && clock.ticks_ns() < latest && stop.urgency() == Urgency::None {
+        thread::sleep(GLANCE);
+    }
     let _acks =
         (pace.rate() == 0.0).then(|| listen_to_readers(transport, &node_name, &events)).transpose()?;
     let (pacing, ahead, stopped) = (Pacing::default(), None, false);
@@ -186,14 +190,6 @@ pub fn report(sent: &BTreeMap<String, u64>, player: &Player, options: &ReplayOpt
     let status = [("role", "source".to_owned()), ("frames", frames.to_string())];
     report.status.extend(status.map(|(key, value)| (key.to_owned(), value)));
     report
-}
-
-/// Waits until a topic has a reader, at most for half a second: readers that are there already get the first message.
-fn wait_until_heard(publishers: &Publishers, clock: &dyn Clock, stop: &Stop) {
-    let start = clock.ticks_ns();
-    while !publishers.wanted() && clock.ticks_ns() - start < 500_000_000 && stop.urgency() == Urgency::None {
-        thread::sleep(GLANCE);
-    }
 }
 
 struct Replay<'a> {

@@ -15,6 +15,7 @@ use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::sensor_info::{self, SensorHistory};
 use modulo_runtime::topic::camera_info_topic;
 use modulo_runtime::{MessageKind, SensorModel, StreamScale};
+use serde::de::DeserializeOwned;
 
 use super::{GroundTruth, Source, SourceError, SourceFrame, SourceOptions, from_detections};
 use crate::GROUND_TRUTH_TOPIC;
@@ -51,7 +52,8 @@ impl BagSource {
         let losses = bag.warnings().iter().filter(|warning| warning.is_loss_of_any_topic());
         let mut losses: Vec<_> = losses.map(ToString::to_string).collect();
         let labels = read_labels(&bag, &mut losses)?;
-        let camera_info = read_camera_info(&bag, &topic)?;
+        let camera_info = first(&bag, camera_info_topic(stream(&topic)), MessageKind::CameraInfo)?;
+        let camera_info = camera_info.map(|(_, info)| Arc::new(info));
         Ok(Self { bag, selection, messages, frames: topic.messages, white, labels, camera_info, losses })
     }
 
@@ -213,13 +215,6 @@ fn read_labels(
     Ok(labels)
 }
 
-/// Reads the first camera info beside the topic of the images.
-fn read_camera_info(bag: &BagReader, images: &TopicCount) -> Result<Option<Arc<CameraInfo>>, SourceError> {
-    let message = first(bag, camera_info_topic(stream(images)), MessageKind::CameraInfo)?;
-    let read = |message: RawMessage| cdr::from_slice(&message.data).map_err(|e| bad(&message, e));
-    Ok(message.map(read).transpose()?.map(Arc::new))
-}
-
 /// Returns what the samples of the images mean, if the first description of a sensor beside them tells it: a sensor of 6 bits has no
 /// code above 63.
 fn read_scale(bag: &BagReader, images: &TopicCount) -> Result<Option<StreamScale>, SourceError> {
@@ -229,15 +224,18 @@ fn read_scale(bag: &BagReader, images: &TopicCount) -> Result<Option<StreamScale
     if scale_of(&SensorModel::default()).is_none() {
         return Ok(None);
     }
-    let Some(message) = first(bag, topic, MessageKind::Diagnostics)? else { return Ok(None) };
-    let info = cdr::from_slice(&message.data).map_err(|e| bad(&message, e))?;
+    let Some((message, info)) = first(bag, topic, MessageKind::Diagnostics)? else { return Ok(None) };
     let mut sensors = SensorHistory::default();
     sensors.note(&info).map_err(|e| bad(&message, e))?;
     Ok(sensors.latest().and_then(scale_of))
 }
 
-/// Returns the first message of a topic that seldom changes: a bag is not read as a whole for it.
-fn first(bag: &BagReader, topic: String, wanted: MessageKind) -> Result<Option<RawMessage>, SourceError> {
+/// Reads the first message of a topic that seldom changes: a bag is not read as a whole for it.
+fn first<T: DeserializeOwned>(
+    bag: &BagReader,
+    topic: String,
+    wanted: MessageKind,
+) -> Result<Option<(RawMessage, T)>, SourceError> {
     let is_wanted = |t: &TopicCount| t.topic.name == topic && kind(t) == Some(wanted);
     if !bag.topics().iter().any(is_wanted) {
         return Ok(None);
@@ -245,7 +243,9 @@ fn first(bag: &BagReader, topic: String, wanted: MessageKind) -> Result<Option<R
     // One that is left out is followed by another.
     let mut messages =
         bag.messages(&Selection::of([topic])).filter(|m| !matches!(m, Err(BagError::LeftOut(_))));
-    Ok(messages.next().transpose()?)
+    let Some(message) = messages.next().transpose()? else { return Ok(None) };
+    let content = cdr::from_slice(&message.data).map_err(|e| bad(&message, e))?;
+    Ok(Some((message, content)))
 }
 
 /// Returns the name of the stream of the images: the files of NAME are on NAME/compressed.
