@@ -10,12 +10,10 @@ use super::view::{CameraView, Point};
 /// Linear red, green and blue.
 pub(super) type Rgb = [f32; 3];
 
-/// Returns `a + b` per channel.
 pub(super) fn add(a: Rgb, b: Rgb) -> Rgb {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
-/// Returns `s * a` per channel.
 pub(super) fn scaled(a: Rgb, s: f32) -> Rgb {
     [a[0] * s, a[1] * s, a[2] * s]
 }

@@ -50,10 +50,7 @@ pub(super) fn car(random: &mut Random, lamps: bool) -> Solid {
     };
     let axles = [-0.62 * long, 0.62 * long];
     let mut all = PartGroup::default();
-    // Painter's order: the tyres below the body, the body over them, and the sides of the wheels over both.
-    wheels(&mut all, half, &axles, 0.33);
-    shell(&mut all, &body, paint);
-    wheel_sides(&mut all, half, &axles, 0.33);
+    on_wheels(&mut all, &body, paint, (half, &axles, 0.33));
     for end in [REAR, FRONT] {
         fittings(&mut all, &body.panels()[end], end, [0.50, 0.90], lamps);
     }
@@ -87,15 +84,11 @@ pub(super) fn van(random: &mut Random, lamps: bool) -> Solid {
     };
     // Two groups, since no single order holds: from ahead the nose hides the hull, from behind the hull hides it.
     let (mut back, mut front) = (PartGroup::default(), PartGroup::default());
-    wheels(&mut back, half, &[-0.60 * long], 0.36);
-    shell(&mut back, &hull, paint);
-    wheel_sides(&mut back, half, &[-0.60 * long], 0.36);
+    on_wheels(&mut back, &hull, paint, (half, &[-0.60 * long], 0.36));
     van_hull(&mut back, &hull, paint);
     let rear = Block { height: [0.30, 1.15], ..hull };
     fittings(&mut back, &rear.panels()[REAR], REAR, [0.35, 0.95], lamps);
-    wheels(&mut front, half, &[0.66 * long], 0.36);
-    shell(&mut front, &nose, paint);
-    wheel_sides(&mut front, half, &[0.66 * long], 0.36);
+    on_wheels(&mut front, &nose, paint, (half, &[0.66 * long], 0.36));
     fittings(&mut front, &nose.panels()[FRONT], FRONT, [0.45, 0.85], lamps);
     Solid(vec![back, front])
 }
@@ -125,15 +118,11 @@ pub(super) fn truck(random: &mut Random, lamps: bool) -> Solid {
     // The frame ends where the cab begins, so that no gap shows below the cargo.
     let frame = Block { height: [0.50, 1.00], rear: [-4.1; 2], front: [2.2; 2], half: [1.05, 1.05] };
     let (mut back, mut front) = (PartGroup::default(), PartGroup::default());
-    wheels(&mut back, 1.18, &[-3.2, -2.0], 0.50);
-    shell(&mut back, &frame, CHASSIS);
-    wheel_sides(&mut back, 1.18, &[-3.2, -2.0], 0.50);
+    on_wheels(&mut back, &frame, CHASSIS, (1.18, &[-3.2, -2.0], 0.50));
     fittings(&mut back, &frame.panels()[REAR], REAR, [0.1, 0.8], lamps);
     shell(&mut back, &cargo, load);
     boxed(&mut back, &cargo, load);
-    wheels(&mut front, 1.18, &[2.9], 0.50);
-    shell(&mut front, &cab, paint);
-    wheel_sides(&mut front, 1.18, &[2.9], 0.50);
+    on_wheels(&mut front, &cab, paint, (1.18, &[2.9], 0.50));
     cabin(&mut front, &cab);
     let bumper = Block { height: [0.45, 1.05], ..cab };
     fittings(&mut front, &bumper.panels()[FRONT], FRONT, [0.25, 0.85], lamps);
@@ -194,8 +183,9 @@ fn fittings(body: &mut PartGroup, panel: &Quadrilateral, end: usize, band: [f32;
     }
 }
 
-/// Adds the ends of the tyres, below the body.
-fn wheels(body: &mut PartGroup, half: f32, axles: &[f32], radius: f32) {
+/// Adds the painted outside of a block on wheels of this radius in m at these axles, `half` m left and right of the middle.
+fn on_wheels(body: &mut PartGroup, block: &Block, paint: Rgb, (half, axles, radius): (f32, &[f32], f32)) {
+    // Painter's order: the tyres below the body, the body over them, and the sides of the wheels over both.
     for &axle in axles {
         for middle in [-half + 0.12, half - 0.12] {
             let tyre = Block {
@@ -210,10 +200,7 @@ fn wheels(body: &mut PartGroup, half: f32, axles: &[f32], radius: f32) {
             }
         }
     }
-}
-
-/// Adds the outer sides of the wheels, in front of the body.
-fn wheel_sides(body: &mut PartGroup, half: f32, axles: &[f32], radius: f32) {
+    shell(body, block, paint);
     for &axle in axles {
         for side in [-half - 0.01, half + 0.01] {
             body.parts.push(disc([side, radius, axle], radius, TYRE));
