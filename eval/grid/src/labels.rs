@@ -207,10 +207,10 @@ fn is_sharp_ideal(point: &Point) -> bool {
     point.stream == Stream::Ideal && point.sensor.psf_sigma == 0.0
 }
 
-/// Label of the accuracy of a group: `AP50 of vehicles, %, 20 frames`.
-pub fn ap50(group: &str, frames: &str) -> String {
+/// Label of the accuracy of a group in cells: `AP50 of vehicles, %, 20 frames`.
+pub fn ap50(group: &str, cells: &[&Cell]) -> String {
     let plural = if group.ends_with('s') { "" } else { "s" };
-    format!("AP50 of {group}{plural}, %, {frames}")
+    format!("AP50 of {group}{plural}, %, {}", frames(cells, |cell| Some(cell.frames)))
 }
 
 /// The bounds of an interval of fractions, in percent: `12.3 to 45.6`.
@@ -218,18 +218,14 @@ pub fn bounds(interval: [f64; 2]) -> String {
     interval.map(|bound| number(100.0 * bound, 1)).join(" to ")
 }
 
-/// The number of frames of cells: `20 frames`, or `10 to 20 frames` if it differs.
-pub fn frames(counts: impl Iterator<Item = usize> + Clone) -> String {
-    match (counts.clone().min().unwrap_or(0), counts.max().unwrap_or(0)) {
+/// The number of frames of cells, as `count` gives it: `20 frames`, or `10 to 20 frames` if it differs.
+pub fn frames(cells: &[&Cell], count: impl Fn(&Cell) -> Option<usize>) -> String {
+    let counts = || cells.iter().filter_map(|cell| count(cell));
+    match (counts().min().unwrap_or(0), counts().max().unwrap_or(0)) {
         (1, 1) => "1 frame".to_owned(),
         (least, most) if least == most => format!("{most} frames"),
         (least, most) => format!("{least} to {most} frames"),
     }
-}
-
-/// The number of frames on which the times of cells were measured.
-pub fn timed_frames(cells: &[&Cell]) -> String {
-    frames(cells.iter().filter_map(|cell| cell.frame_ms.as_ref()).map(|time| time.frames))
 }
 
 /// The engines and machines with which times were measured: `ort on Xeon, 4 threads an inference`.

@@ -62,12 +62,10 @@ fn frontier_panel(cells: &[&Cell], group: &str) -> ChartPanel {
         }
     }
     series.push(Series { name: FRONT.to_owned(), points: steps(&front), style: SeriesStyle::Line });
+    let timed = labels::frames(cells, |cell| cell.frame_ms.as_ref().map(|time| time.frames));
     ChartPanel {
-        x: Axis::new(Scale::Log, format!("median time of a frame, ms, {}", labels::timed_frames(cells))),
-        y: Axis::new(
-            Scale::Share,
-            labels::ap50(group, &labels::frames(cells.iter().map(|cell| cell.frames))),
-        ),
+        x: Axis::new(Scale::Log, format!("median time of a frame, ms, {timed}")),
+        y: Axis::new(Scale::Share, labels::ap50(group, cells)),
         series,
     }
 }

@@ -135,10 +135,9 @@ fn panel(cells: &[&Cell], group: &str, setting: GridSetting) -> ChartPanel {
         let points = own.filter_map(|cell| point(cell, group, setting)).collect();
         Series { name, points, style: SeriesStyle::LineAndMarkers }
     };
-    let frames = labels::frames(cells.iter().map(|cell| cell.frames));
     ChartPanel {
         x: Axis::new(Scale::Settings, setting.axis()),
-        y: Axis::new(Scale::Share, labels::ap50(group, &frames)),
+        y: Axis::new(Scale::Share, labels::ap50(group, cells)),
         series: names.into_iter().map(series).collect(),
     }
 }

@@ -66,7 +66,7 @@ fn chart(results: &Results, cells: &[&Cell], model: &str, group: &str) -> NamedC
                   see the other charts.";
     let chip =
         if mosaic == "none" { "all colours at each pixel".to_owned() } else { format!("mosaic {mosaic}") };
-    let frames = labels::frames(cells.iter().map(|cell| cell.frames));
+    let frames = labels::frames(cells, |cell| Some(cell.frames));
     let title = format!(
         "Which sensor for which scene: {group}, {frames}, {model}, {chip}, {}",
         labels::sensor(&sensor, &without)
