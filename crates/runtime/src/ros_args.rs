@@ -90,6 +90,8 @@ impl RosArgs {
     }
 
     fn flag<'a>(&mut self, flag: &str, rest: &mut impl Iterator<Item = &'a String>) -> Result<(), ArgsError> {
+        let wrong = |why| ArgsError::Argument(flag.to_owned(), why);
+        let mut value = || rest.next().ok_or(wrong("needs a value"));
         match flag {
             "--enable-rosout-logs" => self.no_rosout_logs = false,
             "--disable-rosout-logs" => self.no_rosout_logs = true,
@@ -97,15 +99,6 @@ impl RosArgs {
             "--disable-stdout-logs" => self.no_stdout_logs = true,
             // There is no such library here, and no log file.
             "--enable-external-lib-logs" | "--disable-external-lib-logs" => {}
-            _ => return self.option(flag, rest.next()),
-        }
-        Ok(())
-    }
-
-    fn option(&mut self, flag: &str, value: Option<&String>) -> Result<(), ArgsError> {
-        let wrong = |why| ArgsError::Argument(flag.to_owned(), why);
-        let value = || value.ok_or(wrong("needs a value"));
-        match flag {
             "-r" | "--remap" => self.remap(value()?)?,
             "-p" | "--param" => self.parameters.push(Setting::Value(Rule::parse(value()?)?)),
             "--params-file" => self.parameters.push(Setting::File(value()?.into())),

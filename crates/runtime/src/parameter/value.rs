@@ -191,15 +191,11 @@ impl Value {
                 Self::Strings(if v.is_empty() { Vec::new() } else { vec![v] })
             }
             (value, like) if value.type_name() == like.type_name() => value,
-            (value, like) if value.is_empty_array() && like.type_name().ends_with("_array") => {
+            (value, like) if value.to_yaml() == "[]" && like.type_name().ends_with("_array") => {
                 like.parse_like("[]")?
             }
             _ => return None,
         })
-    }
-
-    fn is_empty_array(&self) -> bool {
-        self.to_yaml() == "[]"
     }
 }
 

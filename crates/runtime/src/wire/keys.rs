@@ -34,10 +34,6 @@ impl EntityKind {
     fn code(self) -> &'static str {
         Self::ALL.iter().find(|(kind, _)| *kind == self).map_or("NN", |(_, code)| code)
     }
-
-    fn from_code(code: &str) -> Option<Self> {
-        Self::ALL.iter().find(|(_, c)| *c == code).map(|(kind, _)| *kind)
-    }
 }
 
 /// The topic or service of an endpoint token.
@@ -105,7 +101,7 @@ impl Token {
         else {
             return None;
         };
-        let kind = EntityKind::from_code(kind)?;
+        let (kind, _) = EntityKind::ALL.into_iter().find(|(_, code)| *code == kind)?;
         let endpoint = match (kind, rest) {
             // Tokens of nodes end with the name of the node.
             (EntityKind::Node, _) => None,
