@@ -288,11 +288,6 @@ pub(crate) fn merge_saturated_mosaic(codes: &Array3<f32>, gains: MosaicGains) ->
     Array3::from_shape_vec(codes.dim(), x).expect("every code has its radiance")
 }
 
-/// Returns whether an image has neighbours at this step: along a side of one pixel there are none.
-fn has_pair((down, right): (isize, isize), height: usize, width: usize) -> bool {
-    (down == 0 || height > 1) && (right == 0 || width > 1)
-}
-
 /// The prediction of one row after the other. Rows have one pixel more at both ends.
 #[derive(Default)]
 struct Prediction {
@@ -364,8 +359,9 @@ impl Prediction {
             sums.clear();
             sums.resize(samples, 0.0);
         }
-        for (step, differences) in PAIRS.into_iter().zip(&self.differences) {
-            if !has_pair(step, height, self.width) {
+        for (step @ (down, right), differences) in PAIRS.into_iter().zip(&self.differences) {
+            // Along a side of one pixel there are no neighbours.
+            if (down != 0 && height == 1) || (right != 0 && self.width == 1) {
                 continue;
             }
             let (a, b) = pair(&self.radiance, (row, height), step, (samples, channels));

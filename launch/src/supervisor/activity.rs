@@ -14,7 +14,6 @@ pub(super) struct Activity {
 }
 
 impl Activity {
-    /// Begins a look at the process `id`.
     pub fn of(id: i32) -> Self {
         Self { id, used: used(id) }
     }

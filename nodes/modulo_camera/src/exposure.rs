@@ -38,7 +38,6 @@ impl TrustedExposure {
         Self { alpha: alpha.min(most), most, lost: None, trusted: 0, since: None }
     }
 
-    /// Notes that the frame of `stamp` is exposed now.
     pub fn exposed(&mut self, stamp: Time) {
         self.since.get_or_insert(stamp);
     }

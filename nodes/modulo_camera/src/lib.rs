@@ -406,7 +406,6 @@ struct FrameReader {
 }
 
 impl CameraInput {
-    /// Opens the source that the parameter `source` names.
     fn open(parameters: &CameraParameters) -> Result<Self, ParameterError> {
         let (spec, coding) = (&parameters.source, parameters.coding()?);
         if let Some(name) = topic_of(spec)? {

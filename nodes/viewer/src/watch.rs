@@ -157,7 +157,10 @@ impl Watch {
             let mut inbox = self.inbox();
             let together = inbox.together;
             let next = inbox.streams.next(graph, together, now);
-            let with_sensor = |image| (inbox.sensor_of(&image), image);
+            let with_sensor = |image: NextImage| {
+                let described = inbox.sensors.get(namespace(&image.topic));
+                (described.and_then(|sensors| sensors.nearest(image.stamp)).cloned(), image)
+            };
             (next.into_iter().map(with_sensor).collect::<Vec<_>>(), together)
         };
         let camera = graph.camera(&next.first()?.1.topic).to_owned();
@@ -236,11 +239,6 @@ impl Inbox {
         let at_ms = watch.session.clock.now_ns() as f64 / 1e6;
         let (stamp, node) = ((stamp.sec, stamp.nanosec), origin.node.clone());
         self.notices.push_back(Notice { at_ms, stamp, node, step });
-    }
-
-    /// Returns the sensor of an image, if its camera has described it.
-    fn sensor_of(&self, image: &NextImage) -> Option<SensorModel> {
-        self.sensors.get(namespace(&image.topic))?.nearest(image.stamp).cloned()
     }
 }
 

@@ -49,7 +49,6 @@ impl<Out: Copy + Default + Send + Sync> ImageDct<Out> {
         (self.shape.height, self.shape.width, self.shape.channels)
     }
 
-    /// Returns the output for the samples of `run`.
     #[inline(always)]
     pub fn out(&self, SampleRun { row, sample }: SampleRun) -> &Out {
         &self.outs(sample)[row]

@@ -49,7 +49,6 @@ impl GridShape {
     }
 }
 
-/// A plan of the transforms of rows.
 pub(super) struct RowPlan {
     shape: GridShape,
     cosine: CosinePlan,

@@ -116,10 +116,12 @@ fn with_provider(
 ) -> Result<SessionBuilder, EngineError> {
     let registered = match (engine, device) {
         (EngineChoice::OpenVino | EngineChoice::OpenVinoF32, _) => {
+            let precision = if uses_bf16(engine) { "bf16" } else { "f32" };
+            let config = format!(r#"{{"CPU": {{"INFERENCE_PRECISION_HINT": "{precision}"}}}}"#);
             let openvino = ep::OpenVINO::default()
                 .with_device_type("CPU")
                 .with_num_threads(threads.get())
-                .with_arbitrary_config("load_config", openvino_config(uses_bf16(engine)));
+                .with_arbitrary_config("load_config", config);
             register(&openvino, &mut builder)
         }
         (_, EngineDevice::Cpu) => return Ok(builder),
@@ -145,12 +147,6 @@ fn register<P: ExecutionProvider>(provider: &P, builder: &mut SessionBuilder) ->
         return Err(format!("it was built without {}", P::NAME));
     }
     provider.register(builder).map_err(super::one_line)
-}
-
-/// OpenVINO's settings: 16 bits (bf16) or 32.
-fn openvino_config(bf16: bool) -> String {
-    let precision = if bf16 { "bf16" } else { "f32" };
-    format!(r#"{{"CPU": {{"INFERENCE_PRECISION_HINT": "{precision}"}}}}"#)
 }
 
 /// Returns whether `engine` computes with 16 bits (bf16): OpenVINO does where the processor multiplies such numbers.

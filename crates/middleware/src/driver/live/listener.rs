@@ -56,8 +56,9 @@ impl Live<'_> {
                     let now = self.time.ticks_ns();
                     // Counted from the first idle moment after a message or after the request to end.
                     let quiet = now - *quiet_since.get_or_insert(now);
-                    let alone =
-                        if self.has_upstream() { None } else { Some(*alone_since.get_or_insert(now)) };
+                    let mut topics = self.inputs.topics();
+                    let alone = topics.all(|topic| self.transport.publishers(topic).is_empty());
+                    let alone = alone.then(|| *alone_since.get_or_insert(now));
                     // A message may still be on its way after the token of its publisher has gone.
                     let settled =
                         alone.is_some_and(|since| now - since >= nanoseconds(self.transport.settling()));
@@ -82,11 +83,6 @@ impl Live<'_> {
         let late = drain.late.entry(input.address.topic.clone()).or_default();
         *late += 1;
         *late > LATE_MESSAGES
-    }
-
-    /// Returns whether more messages can come.
-    fn has_upstream(&self) -> bool {
-        self.inputs.topics().any(|topic| !self.transport.publishers(topic).is_empty())
     }
 
     pub(super) fn handle_message(&mut self, arrived: Arrived<Incoming>) -> Result<Flow, RunError> {

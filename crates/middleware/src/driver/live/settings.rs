@@ -31,7 +31,6 @@ impl Settings {
         move || now.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Publishes the parameters that the node starts with.
     pub fn started(&self, now_ns: u64) {
         self.events.started(now_ns, &self.read());
     }
