@@ -184,42 +184,27 @@ fn info(graph: &Graph, topic: &str, verbose: bool) {
     let types: Vec<String> = graph.topics().remove(topic).into_iter().flatten().collect();
     say!("Type: {}", types.join(", "));
     for (title, kind) in [("Publisher", EntityKind::Publisher), ("Subscription", EntityKind::Subscription)] {
-        let endpoints: Vec<&Token> = graph.endpoints(kind, topic).collect();
-        say!("{title} count: {}", endpoints.len());
-        if verbose {
-            for token in endpoints {
-                let Some(endpoint) = &token.endpoint else { continue };
-                say!(
-                    "  {}: {} {} qos {}",
-                    token.node_name(),
-                    ros_name(&endpoint.dds_type),
-                    endpoint.type_hash,
-                    endpoint.qos
-                );
-            }
+        say!("{title} count: {}", graph.endpoints(kind, topic).count());
+        for token in graph.endpoints(kind, topic).filter(|_| verbose) {
+            let Some(Endpoint { dds_type, type_hash, qos, .. }) = &token.endpoint else { continue };
+            say!("  {}: {} {type_hash} qos {qos}", token.node_name(), ros_name(dds_type));
         }
     }
-    for conflict in graph.conflicts_on(topic) {
-        say!("{conflict}");
-    }
+    graph.conflicts_on(topic).iter().for_each(|conflict| say!("{conflict}"));
 }
 
 fn info_json(graph: &Graph, topic: &str) -> serde_json::Value {
-    let endpoints = |kind| -> Vec<_> {
-        let described = |token: &Token| {
-            let endpoint = token.endpoint.as_ref()?;
-            let (kind, hash) = (ros_name(&endpoint.dds_type), endpoint.type_hash.to_string());
-            Some(
-                json!({"node": token.node_name(), "type": kind, "type_hash": hash, "qos": endpoint.qos.to_string()}),
-            )
-        };
-        graph.endpoints(kind, topic).filter_map(described).collect()
+    let described = |token: &Token| {
+        let Endpoint { dds_type, type_hash, qos, .. } = token.endpoint.as_ref()?;
+        let (node, kind) = (token.node_name(), ros_name(dds_type));
+        Some(json!({"node": node, "type": kind, "type_hash": type_hash, "qos": qos}))
     };
+    let endpoints = |kind| graph.endpoints(kind, topic).filter_map(described).collect::<Vec<_>>();
     json!({
         "topic": topic,
         "publishers": endpoints(EntityKind::Publisher),
         "subscriptions": endpoints(EntityKind::Subscription),
-        "conflicts": graph.conflicts_on(topic).iter().map(ToString::to_string).collect::<Vec<_>>(),
+        "conflicts": graph.conflicts_on(topic),
     })
 }
 

@@ -297,10 +297,7 @@ fn video() {
 fn transport() {
     let number = match domain() {
         Ok(number) => number,
-        Err(Failure::Usage(why) | Failure::Run(why)) => {
-            say!("domain   {why:#}");
-            return;
-        }
+        Err(Failure::Usage(why) | Failure::Run(why)) => return say!("domain   {why:#}"),
     };
     let is_set = std::env::var_os("ROS_DOMAIN_ID").is_some();
     let from = if is_set { "ROS_DOMAIN_ID" } else { "ROS_DOMAIN_ID is not set" };
