@@ -50,15 +50,13 @@ fn image(out: &mut String, (left, top, right, bottom): Area, picture: &Picture) 
 fn push(out: &mut String, shape: &Shape) -> Result<(), ChartError> {
     // Writing to a String cannot fail.
     let _ = match shape {
-        Shape::Line { points, colour, width, dash } => {
-            let dashes = if *dash > 0.0 { format!(" stroke-dasharray=\"{dash}\"") } else { String::new() };
-            writeln!(
-                out,
-                "<polyline points=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"{width}\"{dashes}/>",
-                coordinates(points),
-                hex(*colour)
-            )
-        }
+        Shape::Line { points, colour, width, dash } => writeln!(
+            out,
+            "<polyline points=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"{width}\"{}/>",
+            coordinates(points),
+            hex(*colour),
+            if *dash > 0.0 { format!(" stroke-dasharray=\"{dash}\"") } else { String::new() }
+        ),
         Shape::Area { points, fill, edge: (edge, width), hover } => writeln!(
             out,
             "<polygon points=\"{}\" fill=\"{}\" stroke=\"{}\" stroke-width=\"{width}\">{}</polygon>",

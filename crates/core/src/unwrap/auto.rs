@@ -328,7 +328,7 @@ impl Unwrap for Auto {
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
         self.budget = Budget::of_ms(self.work);
         // A defect that matters makes loops steep: an image without steep loops is not searched.
-        let rows = match self.lines.scan_to_steep(y, range)? {
+        let rows = match self.lines.scan(0, y, range, None)? {
             Scanned::Whole(quality) => return self.unwrap_scanned(y, quality, range, out),
             Scanned::ToSteep(rows) => rows,
         };

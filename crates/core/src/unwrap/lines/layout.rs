@@ -81,9 +81,13 @@ pub(super) fn tiled<W: Word>(pixel: [W; 3], channels: usize) -> Block<W> {
     block
 }
 
-/// Adds the counts of a block to the totals of the channels.
+/// Adds the counts of a block to the totals of the channels, and sets them to 0.
 #[inline(always)]
-pub(super) fn by_channel<W: Word>(counts: &Block<W>, channels: usize, total: &mut [usize; 3]) {
+pub(super) fn by_channel<W: Word>(counts: &mut Block<W>, channels: usize, total: &mut [usize; 3]) {
+    // In most rows nothing is counted.
+    if *counts == [W::default(); LANES] {
+        return;
+    }
     // Sums of lanes that are whole pixels apart leave few lanes to add one by one.
     let mut sums = [0u16; LANES / 4];
     for lanes in counts.as_chunks::<{ LANES / 4 }>().0 {
@@ -97,6 +101,7 @@ pub(super) fn by_channel<W: Word>(counts: &Block<W>, channels: usize, total: &mu
     for (lane, sum) in pixel.into_iter().enumerate() {
         total[lane % channels] += usize::from(sum);
     }
+    *counts = [W::default(); LANES];
 }
 
 /// The codes of an image in rows, interleaved, in standard layout.

@@ -1,13 +1,10 @@
 //! Finds the count that stands for k = 0.
 
-use super::layout::{Block, COUNTABLE, CodeRows, LANES, RowLayout, by_channel, tiled};
+use super::layout::{COUNTABLE, CodeRows, LANES, RowLayout, by_channel, tiled};
 use super::output::{Output, SecondDifferences};
 use super::rows::Rows;
 use crate::unwrap::wrapped::Word;
 use crate::unwrap::{Range, Recovered, congruence};
-
-/// Up to so many levels, comparing with each of them is faster than a histogram.
-const FEW_LEVELS: usize = 12;
 
 /// Half a block, of which the accumulators stay in registers.
 const HALF: usize = LANES / 2;
@@ -35,21 +32,15 @@ impl<W: Word> Levels<'_, W> {
         let (low, high) = self.extent();
         let levels = |channel: usize| usize::from(high[channel].minus(low[channel]).unsigned()) + 1;
         let RowLayout { height, width, channels } = self.layout;
-        let most_levels = (0..channels).map(levels).max().unwrap_or_default();
         let most = usize::from(range.max_wraps()) + 1;
+        let mut zero = Base { level: low, outside: 0 };
         // If all levels fit the range, the base level is the first one as soon as this has too many pixels for outliers.
         let share = (outliers * (height * width) as f64) as usize + height * self.layout.copies();
-        let enough = if most_levels <= most { share } else { usize::MAX };
-        let table = (most_levels <= FEW_LEVELS).then(|| self.table(most_levels, low, enough));
-        let mut zero = Base { level: low, outside: 0 };
+        if (0..channels).all(|channel| levels(channel) <= most) && self.has_more_at(low, share) {
+            return zero;
+        }
         for (channel, level) in zero.level[..channels].iter_mut().enumerate() {
-            match &table {
-                Some(table) => {
-                    counts.clear();
-                    counts.extend(table[..levels(channel)].iter().map(|of| of[channel]));
-                }
-                None => self.histogram(channel, low[channel], levels(channel), counts),
-            }
+            self.histogram(channel, low[channel], levels(channel), counts);
             let index = congruence::base_level_index(counts, range, outliers);
             let inside = counts[index..].iter().take(most);
             zero.outside += counts.iter().sum::<usize>() - inside.sum::<usize>();
@@ -83,43 +74,29 @@ impl<W: Word> Levels<'_, W> {
         (least, greatest)
     }
 
-    /// Returns the terms of all blocks, row by row: by pixel, and by column.
+    /// Returns whether in each channel more than `share` pixels, with the copies that fill up the rows, are at the level `low`.
     #[inline(always)]
-    fn blocks(&self) -> impl Iterator<Item = (&Block<W>, &Block<W>)> {
-        let k = (0..self.layout.height).flat_map(|i| self.rows.k(i).as_chunks::<LANES>().0);
-        k.zip(self.constants.as_chunks().0.iter().cycle())
-    }
-
-    /// Returns the number of pixels of each channel at each of the `levels` from `low` on, which are all; only of the first ones of the image
-    /// if in each channel more than `enough` of them are at the first level.
-    #[inline(always)]
-    fn table(&self, levels: usize, low: [W; 3], enough: usize) -> [[usize; 3]; FEW_LEVELS] {
-        let RowLayout { height, channels, .. } = self.layout;
-        let (first, mut totals) = (tiled(low, channels), [[0; 3]; FEW_LEVELS]);
-        let (mut blocks, all) = (self.blocks(), height * self.layout.lanes() / LANES);
-        // A counter of 8 bits holds 255 blocks; then it is added to the totals.
-        for _ in (0..all).step_by(COUNTABLE) {
-            let mut counts = [[W::default(); LANES]; FEW_LEVELS];
-            for (k, constants) in blocks.by_ref().take(COUNTABLE) {
-                let k = add(k, constants);
-                for (level, counts) in (0..).zip(&mut counts[..levels]) {
+    fn has_more_at(&self, low: [W; 3], share: usize) -> bool {
+        let channels = self.layout.channels;
+        let (low, mut totals) = (tiled(low, channels), [0; 3]);
+        for i in 0..self.layout.height {
+            // A counter of 8 bits holds 255 blocks.
+            let [k, constants] =
+                [self.rows.k(i), self.constants].map(|row| row.as_chunks::<LANES>().0.chunks(COUNTABLE));
+            for (k, constants) in k.zip(constants) {
+                let mut counts = [W::default(); LANES];
+                for (k, constants) in k.iter().zip(constants) {
                     for l in 0..LANES {
-                        counts[l] = counts[l].plus(W::one_if(k[l].minus(first[l]) == W::low(level)));
+                        counts[l] = counts[l].plus(W::one_if(k[l].plus(constants[l]) == low[l]));
                     }
                 }
+                by_channel(&mut counts, channels, &mut totals);
             }
-            counts.iter().zip(&mut totals).for_each(|(counts, total)| by_channel(counts, channels, total));
-            if totals[0][..channels].iter().all(|&count| count > enough) {
-                return totals;
+            if totals[..channels].iter().all(|&total| total > share) {
+                return true;
             }
         }
-        // The copies that fill up the rows were counted as well; all of them equal the last pixel.
-        for (i, channel) in (0..height).flat_map(|i| (0..channels).map(move |channel| (i, channel))) {
-            let lane = self.layout.last(channel);
-            let level = self.rows.k(i)[lane].plus(self.constants[lane]).minus(low[channel]);
-            totals[usize::from(level.unsigned())][channel] -= self.layout.copies();
-        }
-        totals
+        false
     }
 
     /// Counts the pixels of `channel` at each of the `levels` from `low` on.
@@ -143,10 +120,9 @@ impl<W: Word> Levels<'_, W> {
     ) -> SecondDifferences {
         let ((x, counts), most) = (out.buffers(), W::low(range.max_wraps().into()));
         let length = self.layout.samples();
-        let start = tiled(zero.level.map(|zero| W::default().minus(zero)), self.layout.channels);
-        sums.resize(self.layout.lanes(), W::default());
-        let blocks = sums.as_chunks_mut::<LANES>().0.iter_mut().zip(self.constants.as_chunks().0);
-        blocks.for_each(|(sums, constants)| *sums = add(constants, &start));
+        let term = |(lane, constant): (usize, &W)| constant.minus(zero.level[lane % self.layout.channels]);
+        sums.clear();
+        sums.extend(self.constants.iter().enumerate().map(term));
         let mut differences = SecondDifferences::default();
         let mut x = x.chunks_exact_mut(length);
         for (i, counts) in counts.chunks_exact_mut(length).enumerate() {
@@ -156,11 +132,4 @@ impl<W: Word> Levels<'_, W> {
         }
         differences
     }
-}
-
-#[inline(always)]
-fn add<W: Word>(a: &Block<W>, b: &Block<W>) -> Block<W> {
-    let mut sum = *a;
-    sum.iter_mut().zip(b).for_each(|(sum, &b)| *sum = sum.plus(b));
-    sum
 }

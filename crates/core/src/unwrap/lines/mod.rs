@@ -62,15 +62,7 @@ pub(super) enum Scanned {
 }
 
 impl Lines {
-    /// Takes the first steps, which need not the whole range: sums the rows of `y`, up to the first ones with a steep loop.
-    ///
-    /// # Errors
-    /// Those of [`Unwrap::unwrap`].
-    pub(super) fn scan_to_steep(&mut self, y: &Frame, range: Range) -> Result<Scanned, UnwrapError> {
-        self.scan(0, y, range, None)
-    }
-
-    /// Reads the rows of `y` from row `from` on; `scan_to_steep` has summed those before. Once more than the share `most` of the loops is
+    /// Reads the rows of `y` from row `from` on; [`Self::scan`] has summed those before. Once more than the share `most` of the loops is
     /// steep, rows are no longer summed, and [`Self::finish`] must not follow.
     ///
     /// # Errors
@@ -88,7 +80,12 @@ impl Lines {
         }
     }
 
-    fn scan(
+    /// Takes the first steps for the rows of `y` from row `from` on, which need not the whole range. Without the share `most`, it ends after the
+    /// first rows with a steep loop; with it, as [`Self::scan_from`].
+    ///
+    /// # Errors
+    /// Those of [`Unwrap::unwrap`].
+    pub(super) fn scan(
         &mut self,
         from: usize,
         y: &Frame,

@@ -17,6 +17,9 @@ pub(super) struct Rows<W> {
     votes: VoteCounter,
 }
 
+/// Numbers of columns by channel.
+type Counts = [usize; 3];
+
 /// A row of codes, the one above, and the one above that.
 pub(super) type Neighbours<'a, W> = [&'a [W]; 3];
 
@@ -69,21 +72,15 @@ impl<W: Word> Rows<W> {
     /// Writes k of row `i` as the vertical differences say, and adds the sums of the wraps of their differences if it `sums`. Returns by channel
     /// the number of columns in which these sums are 0, and of those whose vertical difference is steep.
     #[inline(always)]
-    fn sum(
-        &mut self,
-        i: usize,
-        [y, up]: [&[W]; 2],
-        gradient: &mut Gradient<W>,
-        sums: bool,
-    ) -> [[usize; 3]; 2] {
+    fn sum(&mut self, i: usize, [y, up]: [&[W]; 2], gradient: &mut Gradient<W>, sums: bool) -> [Counts; 2] {
         let (RowLayout { channels, width, .. }, lanes) = (self.layout, self.layout.lanes());
         let (above, here) = self.k[i * lanes..].split_at_mut(lanes);
         let k = above.as_chunks::<LANES>().0.iter().zip(here[..lanes].as_chunks_mut::<LANES>().0);
         let [up_left, up_right, left, right] =
             [up, &up[channels..], y, &y[channels..]].map(|row| row.as_chunks().0);
         let corners = up_left.iter().zip(up_right).zip(left.iter().zip(right));
-        let none = [W::default(); LANES];
-        let (mut steep, mut apart, mut totals) = (none, none, [[0; 3]; 2]);
+        let (mut steep, mut apart) = ([W::default(); LANES], [W::default(); LANES]);
+        let mut totals = [[0; 3]; 2];
         let mut carried = [W::default(); 3];
         for (at, ((above, here), ((up_left, up_right), (left, right)))) in k.zip(corners).enumerate() {
             let corners = [up_left, up_right, left, right];
@@ -92,24 +89,16 @@ impl<W: Word> Rows<W> {
             let wraps = i == 0 || (!is_smooth && gradient.follow(at, corners));
             if sums && (wraps || carried != [W::default(); 3]) {
                 let sums = if wraps {
-                    self::sums(corners, channels, &mut carried)
+                    sums_before(corners, channels, &mut carried)
                 } else {
                     tiled(carried, channels)
                 };
-                for l in 0..LANES {
-                    here[l] = here[l].plus(sums[l]);
-                    apart[l] = apart[l].plus(W::one_if(sums[l] != W::default()));
-                }
+                raise(here, &mut apart, &sums);
             }
             // A counter of 8 bits holds 255 blocks; then it is added to the totals.
             if (at + 1) % COUNTABLE == 0 || (at + 1) * LANES == lanes {
-                for (counts, total) in [&mut apart, &mut steep].into_iter().zip(&mut totals) {
-                    // In most rows nothing lies apart.
-                    if *counts != none {
-                        by_channel(counts, channels, total);
-                        *counts = none;
-                    }
-                }
+                by_channel(&mut apart, channels, &mut totals[0]);
+                by_channel(&mut steep, channels, &mut totals[1]);
             }
         }
         // The copies of the last pixel were counted as well.
@@ -178,6 +167,15 @@ impl<W: Word> Rows<W> {
     }
 }
 
+/// Adds `sums` to k of a block, and counts by lane those that are not 0.
+#[inline(always)]
+fn raise<W: Word>(k: &mut Block<W>, apart: &mut Block<W>, sums: &Block<W>) {
+    for l in 0..LANES {
+        k[l] = k[l].plus(sums[l]);
+        apart[l] = apart[l].plus(W::one_if(sums[l] != W::default()));
+    }
+}
+
 /// Writes k of a block as its vertical differences say, from that `above`, and counts by lane the steep differences along the row and down to it.
 /// Returns whether no mixed difference wraps, in one of both orders, or is above the limit.
 #[inline(always)]
@@ -207,7 +205,7 @@ fn step<W: Word>(
 /// Returns the sums of the wraps of the differences of vertical differences before each lane of a block, and `carried` from the block before,
 /// which becomes the sums behind the block.
 #[inline(always)]
-fn sums<W: Word>(
+fn sums_before<W: Word>(
     [up, up_right, left, right]: Corners<'_, W>,
     channels: usize,
     carried: &mut [W; 3],
