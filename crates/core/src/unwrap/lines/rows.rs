@@ -13,7 +13,6 @@ pub(super) struct Rows<W> {
     /// A row of zeros, then the rows of the image.
     k: Vec<W>,
     checks: Vec<MajorityCheck>,
-    line: Vec<W>,
     votes: VoteCounter,
 }
 
@@ -32,8 +31,6 @@ impl<W: Word> Rows<W> {
         self.k[..layout.lanes()].fill(W::default());
         self.checks.clear();
         self.checks.resize(layout.channels, MajorityCheck::new(range));
-        self.line.clear();
-        self.line.reserve(layout.width);
         self.votes.start::<W>();
     }
 
@@ -57,7 +54,7 @@ impl<W: Word> Rows<W> {
         if i > 0 {
             for channel in 0..channels {
                 let vote = Vote { value: W::default(), count: agree[channel] };
-                steps[channel] = self.join(i, codes, channel, vote, steep[channel]).value;
+                steps[channel] = self.join(i, codes, channel, vote, steep[channel]);
             }
         }
         if steps != [W::default(); 3] {
@@ -116,54 +113,34 @@ impl<W: Word> Rows<W> {
     fn join(
         &mut self,
         i: usize,
-        codes: Neighbours<'_, W>,
+        [y, up, upper]: Neighbours<'_, W>,
         channel: usize,
         guess: Vote<W>,
         steep: usize,
-    ) -> Vote<W> {
-        let width = self.layout.width;
-        let mut majority = guess;
+    ) -> W {
+        let Self { layout, k, checks, votes } = self;
+        let columns = (channel..layout.samples()).step_by(layout.channels);
+        let [above, here] = [i, i + 1].map(|row| &k[row * layout.lanes()..][..layout.lanes()]);
+        // What the row lacks in a column if `|d_y x|` is below half a peak.
+        let lacks = |l: usize| wrap_step(up[l], y[l]).plus(above[l]).minus(here[l]);
         // If more than half of the columns agree with the guess, it is the majority without a full count.
-        let counted = guess.count * 2 <= width;
-        if counted {
-            self.first_difference_votes(i, codes, channel);
-            majority = self.votes.count(self.line.iter().copied());
-        }
+        let is_counted = guess.count * 2 <= layout.width;
+        let majority = if is_counted { votes.count(columns.clone().map(lacks)) } else { guess };
         // Row 1 has only one row above it, and a second difference needs two.
-        if !self.checks[channel].needs_second_vote(majority.count, steep, width) || i == 1 {
-            return majority;
+        if !checks[channel].needs_second_vote(majority.count, steep, layout.width) || i == 1 {
+            return majority.value;
         }
-        if !counted {
-            self.first_difference_votes(i, codes, channel);
-        }
-        self.second_difference_votes(i, codes, channel);
-        let second = self.votes.count(self.line.iter().copied());
+        let two_above = &k[(i - 1) * layout.lanes()..][..layout.lanes()];
+        let second = votes.count(columns.map(|l| {
+            // The n of `d_y x = M_b(d_y y) + n * 2^b` if `|d_y d_y x|` is below half a peak: that one row above, and one more where the
+            // difference itself wraps.
+            let n_above = above[l].minus(two_above[l]).minus(wrap_step(upper[l], up[l]));
+            lacks(l).plus(n_above).plus(wrap_step(up[l].minus(upper[l]), y[l].minus(up[l])))
+        }));
         // Noise blurs second differences more than first ones.
         let chosen = if second.count * 10 > majority.count * 9 { second } else { majority };
-        self.checks[channel].record(chosen.value != majority.value);
-        chosen
-    }
-
-    /// Writes, by column, what row `i` lacks if `|d_y x|` is below half a peak.
-    fn first_difference_votes(&mut self, i: usize, [y, up, _]: Neighbours<'_, W>, channel: usize) {
-        let Self { layout, k, line, .. } = self;
-        let (above, here) = k[i * layout.lanes()..].split_at(layout.lanes());
-        let lanes = (channel..layout.samples()).step_by(layout.channels);
-        line.clear();
-        line.extend(lanes.map(|l| wrap_step(up[l], y[l]).plus(above[l]).minus(here[l])));
-    }
-
-    /// Adds, by column, the n of `d_y x = M_b(d_y y) + n * 2^b` if `|d_y d_y x|` is below half a peak: the n one
-    /// row above, and one more where the difference itself wraps.
-    fn second_difference_votes(&mut self, i: usize, [y, up, upper]: Neighbours<'_, W>, channel: usize) {
-        let Self { layout, k, line, .. } = self;
-        let (k_upper, k_up) = k[(i - 1) * layout.lanes()..].split_at(layout.lanes());
-        let lanes = (channel..layout.samples()).step_by(layout.channels);
-        for (value, l) in line.iter_mut().zip(lanes) {
-            let n_up = k_up[l].minus(k_upper[l]).minus(wrap_step(upper[l], up[l]));
-            let n = n_up.plus(wrap_step(up[l].minus(upper[l]), y[l].minus(up[l])));
-            *value = value.plus(n);
-        }
+        checks[channel].record(chosen.value != majority.value);
+        chosen.value
     }
 }
 
