@@ -37,7 +37,6 @@ struct Neighbours<W> {
 /// An image whose rows have been summed.
 pub(super) struct SummedImage<'a, S, W> {
     pub samples: &'a CodeRows<'a, S>,
-    pub layout: RowLayout,
     pub rows: &'a Rows<W>,
 }
 
@@ -50,12 +49,12 @@ impl<W: Word> ColumnConstants<W> {
         summed: &SummedImage<'_, S, W>,
         range: Range,
     ) {
-        let RowLayout { height, channels, .. } = summed.layout;
+        let RowLayout { height, channels, .. } = summed.samples.layout;
         self.near.start(height);
         self.votes.start::<W>();
         let mut checks = [MajorityCheck::new(range); 3];
         self.constants.clear();
-        for lane in 0..summed.layout.last(0) {
+        for lane in 0..summed.samples.layout.last(0) {
             let (agree, steep) = (gradient.zeros[lane] as usize, gradient.steep[lane] as usize);
             let (mut constant, mut count) = (W::default(), agree);
             // If more than half of the rows agree on 0, no other value can have the majority.
@@ -76,7 +75,7 @@ impl<W: Word> ColumnConstants<W> {
             }
             self.constants.push(constant);
         }
-        self.sum(summed.layout);
+        self.sum(summed.samples.layout);
     }
 
     fn sum(&mut self, layout: RowLayout) {
@@ -101,7 +100,7 @@ impl<W: Word> Neighbours<W> {
 
     /// Returns the place of a lane among the columns, which are read anew if it is not among them.
     fn reach<S: Copy + Into<u16>>(&mut self, lane: usize, summed: &SummedImage<'_, S, W>) -> usize {
-        let channels = summed.layout.channels;
+        let channels = summed.samples.layout.channels;
         // The left neighbour is read as well, where there is one.
         let first = lane.saturating_sub(channels);
         match self.first {
@@ -121,7 +120,7 @@ impl<S: Copy + Into<u16>, W: Word> SummedImage<'_, S, W> {
     /// Returns the votes of row `i`, as [`Neighbours`] has them, for the lanes from `first` on.
     #[inline(always)]
     fn votes(&self, i: usize, first: usize) -> ([W; INNER], [W; REACH]) {
-        let channels = self.layout.channels;
+        let channels = self.samples.layout.channels;
         let (samples, counts) = (&self.samples.row(i)[first..], &self.rows.k(i)[first..]);
         let (mut y, mut k) = ([W::default(); WINDOW], [W::default(); WINDOW]);
         match (samples.first_chunk::<WINDOW>(), counts.first_chunk()) {

@@ -97,14 +97,12 @@ impl Lines {
             Integers::U8(codes) => {
                 let samples = CodeRows::new(codes, layout, range);
                 if is_narrow(range) {
-                    self.bytes.scan(&samples, layout, range, from, most)
+                    self.bytes.scan(&samples, range, from, most)
                 } else {
-                    self.words.scan(&samples, layout, range, from, most)
+                    self.words.scan(&samples, range, from, most)
                 }
             }
-            Integers::U16(codes) => {
-                self.words.scan(&CodeRows::new(codes, layout, range), layout, range, from, most)
-            }
+            Integers::U16(codes) => self.words.scan(&CodeRows::new(codes, layout, range), range, from, most),
         })
     }
 
@@ -128,13 +126,13 @@ impl Lines {
             Integers::U8(codes) => {
                 let samples = CodeRows::new(codes, layout, range);
                 if is_narrow(range) {
-                    self.bytes.finish(&samples, layout, range, outliers, out);
+                    self.bytes.finish(&samples, range, outliers, out);
                 } else {
-                    self.words.finish(&samples, layout, range, outliers, out);
+                    self.words.finish(&samples, range, outliers, out);
                 }
             }
             Integers::U16(codes) => {
-                self.words.finish(&CodeRows::new(codes, layout, range), layout, range, outliers, out)
+                self.words.finish(&CodeRows::new(codes, layout, range), range, outliers, out)
             }
         }
         Ok(())
@@ -180,11 +178,11 @@ impl<W: Word> Buffers<W> {
     fn scan<S: Copy + Into<u16>>(
         &mut self,
         samples: &CodeRows<'_, S>,
-        layout: RowLayout,
         range: Range,
         from: usize,
         most: Option<f64>,
     ) -> Scanned {
+        let layout = samples.layout;
         if from == 0 {
             // Half a peak is above the first row: every code follows it without a wrap.
             self.codes[0].clear();
@@ -211,12 +209,12 @@ impl<W: Word> Buffers<W> {
     fn finish<S: Copy + Into<u16>>(
         &mut self,
         samples: &CodeRows<'_, S>,
-        layout: RowLayout,
         range: Range,
         outliers: f64,
         out: &mut Recovered,
     ) {
-        self.constants.find(&self.gradient, &SummedImage { samples, layout, rows: &self.rows }, range);
+        let layout = samples.layout;
+        self.constants.find(&self.gradient, &SummedImage { samples, rows: &self.rows }, range);
         let levels = Levels { layout, rows: &self.rows, constants: &self.constants.sums };
         let Self { offsets, counts, output, .. } = self;
         let (outside, differences) = widest!({
