@@ -13,19 +13,22 @@ const WINDOW: usize = 80;
 const INNER: usize = WINDOW - 16;
 const REACH: usize = INNER - 16;
 
+/// The codes of an image, and its k, whose rows have been summed.
+type Summed<'a, S, W> = (&'a CodeRows<'a, S>, &'a Rows<W>);
+
 /// The constants of the columns, with buffers.
 #[derive(Default)]
 pub(super) struct ColumnConstants<W> {
     constants: Vec<W>,
     /// The sum of the constants up to each lane, which is to be added to k of every row.
     pub sums: Vec<W>,
-    near: Neighbours<W>,
+    near: NearColumns<W>,
     votes: VoteCounter,
 }
 
 /// Some neighbouring columns.
 #[derive(Default)]
-struct Neighbours<W> {
+struct NearColumns<W> {
     /// The first lane, none before any was read.
     first: Option<usize>,
     /// By row and lane, n from the lane to its right neighbour.
@@ -34,27 +37,21 @@ struct Neighbours<W> {
     second: Vec<[W; REACH]>,
 }
 
-/// An image whose rows have been summed.
-pub(super) struct SummedImage<'a, S, W> {
-    pub samples: &'a CodeRows<'a, S>,
-    pub rows: &'a Rows<W>,
-}
-
 impl<W: Word> ColumnConstants<W> {
     /// Finds the constant of each column: the majority of its n, or, where the majority is in doubt, the value
     /// that follows from the column to the left and `d_x d_x x`.
     pub fn find<S: Copy + Into<u16>>(
         &mut self,
         gradient: &Gradient<W>,
-        summed: &SummedImage<'_, S, W>,
+        summed: Summed<'_, S, W>,
         range: Range,
     ) {
-        let RowLayout { height, channels, .. } = summed.samples.layout;
+        let RowLayout { height, channels, .. } = summed.0.layout;
         self.near.start(height);
         self.votes.start::<W>();
         let mut checks = [MajorityCheck::new(range); 3];
         self.constants.clear();
-        for lane in 0..summed.samples.layout.last(0) {
+        for lane in 0..summed.0.layout.last(0) {
             let (agree, steep) = (gradient.zeros[lane] as usize, gradient.steep[lane] as usize);
             let (mut constant, mut count) = (W::default(), agree);
             // If more than half of the rows agree on 0, no other value can have the majority.
@@ -75,7 +72,7 @@ impl<W: Word> ColumnConstants<W> {
             }
             self.constants.push(constant);
         }
-        self.sum(summed.samples.layout);
+        self.sum(summed.0.layout);
     }
 
     fn sum(&mut self, layout: RowLayout) {
@@ -90,7 +87,7 @@ impl<W: Word> ColumnConstants<W> {
     }
 }
 
-impl<W: Word> Neighbours<W> {
+impl<W: Word> NearColumns<W> {
     /// Starts an image.
     fn start(&mut self, height: usize) {
         self.first = None;
@@ -99,51 +96,53 @@ impl<W: Word> Neighbours<W> {
     }
 
     /// Returns the place of a lane among the columns, which are read anew if it is not among them.
-    fn reach<S: Copy + Into<u16>>(&mut self, lane: usize, summed: &SummedImage<'_, S, W>) -> usize {
-        let channels = summed.samples.layout.channels;
+    fn reach<S: Copy + Into<u16>>(&mut self, lane: usize, (samples, rows): Summed<'_, S, W>) -> usize {
+        let channels = samples.layout.channels;
         // The left neighbour is read as well, where there is one.
         let first = lane.saturating_sub(channels);
         match self.first {
             Some(first) if lane < first + REACH => lane - first,
             _ => {
                 self.first = Some(first);
-                for (i, (n, second)) in self.n.iter_mut().zip(&mut self.second).enumerate() {
-                    widest!((*n, *second) = summed.votes(i, first));
-                }
+                let rows_of_votes = self.n.iter_mut().zip(&mut self.second);
+                widest!(for (i, (n, second)) in rows_of_votes.enumerate() {
+                    let row = (&samples.row(i)[first..], &rows.k(i)[first..]);
+                    (*n, *second) = votes(row, |sample| samples.word(sample), channels);
+                });
                 lane - first
             }
         }
     }
 }
 
-impl<S: Copy + Into<u16>, W: Word> SummedImage<'_, S, W> {
-    /// Returns the votes of row `i`, as [`Neighbours`] has them, for the lanes from `first` on.
-    #[inline(always)]
-    fn votes(&self, i: usize, first: usize) -> ([W; INNER], [W; REACH]) {
-        let channels = self.samples.layout.channels;
-        let (samples, counts) = (&self.samples.row(i)[first..], &self.rows.k(i)[first..]);
-        let (mut y, mut k) = ([W::default(); WINDOW], [W::default(); WINDOW]);
-        match (samples.first_chunk::<WINDOW>(), counts.first_chunk()) {
-            (Some(samples), Some(counts)) => {
-                y.iter_mut().zip(samples).for_each(|(y, &sample)| *y = self.samples.word(sample));
-                k = *counts;
-            }
-            _ => {
-                y.iter_mut().zip(samples).for_each(|(y, &sample)| *y = self.samples.word(sample));
-                k.iter_mut().zip(counts).for_each(|(k, &count)| *k = count);
-            }
+/// Returns the votes of the first lanes of a row of samples and k, as [`NearColumns`] has them.
+#[inline(always)]
+fn votes<S: Copy, W: Word>(
+    (samples, counts): (&[S], &[W]),
+    word: impl Fn(S) -> W,
+    channels: usize,
+) -> ([W; INNER], [W; REACH]) {
+    let (mut y, mut k) = ([W::default(); WINDOW], [W::default(); WINDOW]);
+    match (samples.first_chunk::<WINDOW>(), counts.first_chunk()) {
+        (Some(samples), Some(counts)) => {
+            y.iter_mut().zip(samples).for_each(|(y, &sample)| *y = word(sample));
+            k = *counts;
         }
-        let (mut n, mut across, mut second) =
-            ([W::default(); INNER], [W::default(); INNER], [W::default(); REACH]);
-        let (y_right, k_right) = (&y[channels..][..INNER], &k[channels..][..INNER]);
-        for l in 0..INNER {
-            n[l] = k_right[l].minus(k[l]).minus(wrap_step(y[l], y_right[l]));
-            across[l] = y_right[l].minus(y[l]);
+        _ => {
+            y.iter_mut().zip(samples).for_each(|(y, &sample)| *y = word(sample));
+            k.iter_mut().zip(counts).for_each(|(k, &count)| *k = count);
         }
-        let (n_right, across_right) = (&n[channels..][..REACH], &across[channels..][..REACH]);
-        for l in 0..REACH {
-            second[l] = n_right[l].minus(n[l]).minus(wrap_step(across[l], across_right[l]));
-        }
-        (n, second)
     }
+    let (mut n, mut across, mut second) =
+        ([W::default(); INNER], [W::default(); INNER], [W::default(); REACH]);
+    let (y_right, k_right) = (&y[channels..][..INNER], &k[channels..][..INNER]);
+    for l in 0..INNER {
+        n[l] = k_right[l].minus(k[l]).minus(wrap_step(y[l], y_right[l]));
+        across[l] = y_right[l].minus(y[l]);
+    }
+    let (n_right, across_right) = (&n[channels..][..REACH], &across[channels..][..REACH]);
+    for l in 0..REACH {
+        second[l] = n_right[l].minus(n[l]).minus(wrap_step(across[l], across_right[l]));
+    }
+    (n, second)
 }

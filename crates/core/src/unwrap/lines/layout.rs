@@ -58,15 +58,6 @@ impl RowLayout {
         (self.lanes() - self.samples()) / self.channels
     }
 
-    /// Fills a row up with its last pixel, to one pixel more than there are lanes, since lanes read their neighbours.
-    #[inline(always)]
-    fn fill_up<T: Copy>(self, row: &mut Vec<T>) {
-        let length = self.lanes() + self.channels;
-        while row.len() < length {
-            row.extend_from_within(self.last(0)..row.len().min(self.last(0) + length - row.len()));
-        }
-    }
-
     /// Returns the lane of a `channel` of the last pixel.
     pub fn last(self, channel: usize) -> usize {
         self.samples() - self.channels + channel
@@ -142,6 +133,10 @@ impl<'a, S: Copy + Into<u16>> CodeRows<'a, S> {
             }
             _ => codes.for_each(|(word, &code)| *word = self.word(code)),
         }
-        self.layout.fill_up(words);
+        // One pixel more than there are lanes, since lanes read their neighbours.
+        let (last, length) = (self.layout.last(0), self.layout.lanes() + self.layout.channels);
+        while words.len() < length {
+            words.extend_from_within(last..words.len().min(last + length - words.len()));
+        }
     }
 }

@@ -26,7 +26,7 @@ mod majority;
 mod output;
 mod rows;
 
-use columns::{ColumnConstants, SummedImage};
+use columns::ColumnConstants;
 use gradient::Gradient;
 use layout::{CodeRows, RowLayout, share};
 use levels::Levels;
@@ -214,7 +214,7 @@ impl<W: Word> Buffers<W> {
         out: &mut Recovered,
     ) {
         let layout = samples.layout;
-        self.constants.find(&self.gradient, &SummedImage { samples, rows: &self.rows }, range);
+        self.constants.find(&self.gradient, (samples, &self.rows), range);
         let levels = Levels { layout, rows: &self.rows, constants: &self.constants.sums };
         let Self { offsets, counts, output, .. } = self;
         let (outside, differences) = widest!({
