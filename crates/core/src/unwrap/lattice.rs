@@ -49,30 +49,21 @@ impl Lattice {
             let (a, b) = (a << shift, b << shift);
             a.wrapping_add((b.wrapping_sub(a).cast_signed() >> 1).cast_unsigned()) >> shift
         };
-        let last = self.columns.cast_signed() - 1;
-        let mut pixels = vec![[0; 3]; self.rows * self.columns];
-        for (line, b) in pixels.chunks_exact_mut(self.columns).zip(self.first..) {
+        let mut pixels = Vec::with_capacity(3 * self.rows * self.columns);
+        for b in (self.first..).take(self.rows) {
             let (least, most) = self.inside(b);
-            // Only pixels at the border have neighbours beyond it.
-            let code = |a: isize, row: isize, column: isize| match least < a && a < most {
-                true => image.codes[(row * self.width + column).cast_unsigned()],
-                false => image.code(row, column),
-            };
-            let ends = [least - MARGIN, most + MARGIN].map(|a| a.clamp(0, last).cast_unsigned());
-            for (pixel, a) in line[ends[0]..=ends[1]].iter_mut().zip(ends[0].cast_signed()..) {
-                // The next pixel of a row is one row and one column further.
+            // The next pixel of a row is one row and one column further.
+            pixels.extend((0..self.columns.cast_signed()).flat_map(|a| {
+                let a = a.clamp(least - MARGIN, most + MARGIN);
                 let (row, column) = (a - b, a + b + self.parity);
-                let along = mean(code(a, row, column - 1), code(a, row, column + 1));
-                let across = mean(code(a, row - 1, column), code(a, row + 1, column));
-                let green = code(a, row, column);
+                let along = mean(image.code(row, column - 1), image.code(row, column + 1));
+                let across = mean(image.code(row - 1, column), image.code(row + 1, column));
+                let green = image.code(row, column);
                 // In a row with red pixels, red lies beside green, and blue above and below it.
-                *pixel = if row & 1 == red_row { [along, green, across] } else { [across, green, along] };
-            }
-            let outer = ends.map(|end| line[end]);
-            line[..ends[0]].fill(outer[0]);
-            line[ends[1] + 1..].fill(outer[1]);
+                if row & 1 == red_row { [along, green, across] } else { [across, green, along] }
+            }));
         }
-        let pixels = Array3::from_shape_vec((self.rows, self.columns, 3), pixels.into_flattened());
+        let pixels = Array3::from_shape_vec((self.rows, self.columns, 3), pixels);
         frame(pixels.expect("each row has its columns"), range)
     }
 
