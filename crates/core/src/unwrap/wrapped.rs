@@ -138,7 +138,7 @@ pub(super) fn wrap_step<W: Word>(from: W, to: W) -> W {
     W::one_if(to < from).minus(W::one_if(to.minus(from) < W::default()))
 }
 
-/// Returns whether the magnitude of a wrapped difference is above so many sixteenths of the peak, at most half of it.
+/// Returns whether the magnitude of a wrapped difference is above so many sixteenths of the peak, less than half of it.
 #[inline(always)]
 pub(super) fn exceeds<W: Word>(difference: W, sixteenths: u16) -> bool {
     let limit = W::sixteenths(sixteenths);

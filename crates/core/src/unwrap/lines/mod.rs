@@ -184,7 +184,7 @@ impl<W: Word> Buffers<W> {
     ) -> Scanned {
         let layout = samples.layout;
         if from == 0 {
-            // Half a peak is above the first row: every code follows it without a wrap.
+            // Half a peak, whose word is 0, is above the first row: every code follows it without a wrap.
             self.codes[0].clear();
             self.codes[0].resize(layout.lanes() + layout.channels, W::default());
             self.gradient.start(layout);
