@@ -114,6 +114,11 @@ impl<'a, S: Copy + Into<u16>> CodeRows<'a, S> {
         &self.samples[i * self.layout.samples()..][..self.layout.samples()]
     }
 
+    /// Returns the samples of each row from a lane on; others may follow.
+    pub fn rows_from(&self, lane: usize) -> impl Iterator<Item = &'a [S]> {
+        self.samples[lane..].chunks(self.layout.samples())
+    }
+
     /// Returns the sample as a word.
     #[inline(always)]
     pub fn word<W: Word>(&self, sample: S) -> W {

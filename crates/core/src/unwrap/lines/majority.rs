@@ -28,7 +28,18 @@ impl VoteCounter {
     }
 
     /// Returns the most frequent of `values`; of equally frequent ones, the value that reached the count first.
-    pub(super) fn count<W: Word>(&mut self, values: impl Iterator<Item = W> + Clone) -> Vote<W> {
+    #[inline(always)]
+    pub(super) fn count<W: Word>(&mut self, values: impl ExactSizeIterator<Item = W> + Clone) -> Vote<W> {
+        // What more than half are is the most frequent value. Nearly always it is also in the middle or beside it, and to count one value is
+        // faster than to count all of them.
+        let total = values.len();
+        for place in [2, 4].map(|part| total / part) {
+            let Some(value) = values.clone().nth(place) else { break };
+            let count = values.clone().filter(|&other| other == value).count();
+            if count * 2 > total {
+                return Vote { value, count };
+            }
+        }
         // The winner is known while counting, so the counters need no second pass.
         let mut best = Vote { value: W::default(), count: 0 };
         for value in values.clone() {

@@ -214,7 +214,7 @@ impl<W: Word> Buffers<W> {
         out: &mut Recovered,
     ) {
         let layout = samples.layout;
-        self.constants.find(&self.gradient, (samples, &self.rows), range);
+        self.constants.find(&self.gradient, samples, range);
         let levels = Levels { layout, rows: &self.rows, constants: &self.constants.sums };
         let Self { offsets, counts, output, .. } = self;
         let (outside, differences) = widest!({

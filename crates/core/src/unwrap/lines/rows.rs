@@ -83,7 +83,7 @@ impl<W: Word> Rows<W> {
             let corners = [up_left, up_right, left, right];
             let is_smooth = step(corners, above, here, gradient.steep(at), &mut steep);
             // In most blocks of most images, no n changes and nothing is to be summed. The first row has no loops above it.
-            let wraps = i == 0 || (!is_smooth && gradient.follow(at, corners));
+            let wraps = i == 0 || (!is_smooth && gradient.follow(i, at, corners));
             if sums && (wraps || carried != [W::default(); 3]) {
                 let sums = if wraps {
                     sums_before(corners, channels, &mut carried)
