@@ -43,11 +43,15 @@ impl<W: Word> ColumnConstants<W> {
                 agree = widest!(gradient.zeros(pixel / LANES, height));
             }
             for (lane, check) in (pixel..pixel + channels).zip(&mut checks) {
-                let agree = agree[lane % LANES] as usize;
-                self.constants[lane] = self.constant(lane, agree, check, gradient, samples);
+                self.constants[lane] =
+                    self.constant(lane, agree[lane % LANES] as usize, check, gradient, samples);
             }
         }
-        self.sum(samples.layout);
+        self.sums.clear();
+        self.sums.resize(channels, W::default());
+        for lane in channels..samples.layout.lanes() {
+            self.sums.push(self.sums[lane - channels].minus(self.constants[lane - channels]));
+        }
     }
 
     /// Returns the constant of a lane, in so many rows of which n is 0.
@@ -84,15 +88,6 @@ impl<W: Word> ColumnConstants<W> {
             self.votes.count(self.second.iter().copied()).value.plus(self.constants[lane - channels]);
         check.record(majority.value != predicted);
         predicted
-    }
-
-    fn sum(&mut self, layout: RowLayout) {
-        self.sums.clear();
-        self.sums.resize(layout.lanes(), W::default());
-        for lane in layout.channels..layout.lanes() {
-            let left = lane - layout.channels;
-            self.sums[lane] = self.sums[left].minus(self.constants[left]);
-        }
     }
 }
 
