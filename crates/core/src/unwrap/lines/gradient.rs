@@ -16,7 +16,7 @@ pub(super) type Corners<'a, W> = [&'a Block<W>; 4];
 #[derive(Default)]
 pub(super) struct Gradient<W> {
     columns: Vec<Columns<W>>,
-    /// The runs of rows of all blocks. The first one, in which all n are 0, is the first one of each block.
+    /// The runs of rows of all blocks. Each block begins with the first one, in which all n are 0.
     runs: Vec<Run>,
     /// The n of each run.
     n: Vec<Block<W>>,
@@ -33,7 +33,7 @@ pub(super) struct Gradient<W> {
 /// The state of a block of neighbouring columns.
 #[derive(Clone)]
 struct Columns<W> {
-    /// The place of the run of the current row.
+    /// The place of the current row's run among all runs.
     run: usize,
     steep: Block<W>,
 }
@@ -53,7 +53,7 @@ impl<W: Word> Gradient<W> {
         let blocks = layout.lanes() / LANES;
         self.runs.clear();
         self.n.clear();
-        // In the worst frame all n change in each row. What a frame does not use of it is never touched.
+        // In the worst frame some n of each block change in each row. Most frames use little of this memory, and never touch the rest.
         self.runs.reserve(layout.height * blocks + 1);
         self.n.reserve(layout.height * blocks + 1);
         // In the first row nothing has wrapped yet.

@@ -30,8 +30,8 @@ impl VoteCounter {
     /// Returns the most frequent of `values`; of equally frequent ones, the value that reached the count first.
     #[inline(always)]
     pub(super) fn count<W: Word>(&mut self, values: impl ExactSizeIterator<Item = W> + Clone) -> Vote<W> {
-        // What more than half are is the most frequent value. Nearly always it is also in the middle or beside it, and to count one value is
-        // faster than to count all of them.
+        // A value that more than half of the values have is the most frequent one. Nearly always the value in the middle or at a quarter of the
+        // line is that one, and to count one value is faster than to count all of them.
         let total = values.len();
         for place in [2, 4].map(|part| total / part) {
             let Some(value) = values.clone().nth(place) else { break };
