@@ -15,7 +15,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use modulo_runtime::stop::is_hangup_ignored;
-use tokio::signal::unix::{SignalKind, signal};
+use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::watch;
 use tokio::task::JoinSet;
 
@@ -176,13 +176,16 @@ pub(crate) fn start_error(process: &str, why: impl ToString) -> LaunchError {
     LaunchError::Other(format!("{process}: {}", why.to_string()))
 }
 
+fn open(kind: SignalKind) -> Result<Signal, LaunchError> {
+    signal(kind).map_err(|e| start_error("launcher", e))
+}
+
 /// Runs `plan` until all its processes have ended, one of them ends all, or the launcher gets SIGINT, SIGTERM or SIGHUP.
 ///
 /// # Errors
 /// [`LaunchError::Other`] when an executable is not found; nothing has been started then.
 pub async fn run(plan: Plan, how: &Supervision) -> Result<Outcome, LaunchError> {
     // The handlers come first: a signal would else end the launcher and leave processes running.
-    let open = |kind| signal(kind).map_err(|e| start_error("launcher", e));
     let (mut interrupt, mut terminate) = (open(SignalKind::interrupt())?, open(SignalKind::terminate())?);
     // Under nohup, a closed terminal does not end the run.
     let mut hangup = (!is_hangup_ignored()).then(|| open(SignalKind::hangup())).transpose()?;
@@ -205,6 +208,9 @@ pub async fn run_until(
     how: &Supervision,
     stop: impl Future<Output = ()>,
 ) -> Result<Outcome, LaunchError> {
+    // A process inherits the signals that its launcher ignores, as under nohup, but not those that it handles: an ignored
+    // SIGINT could end no process that does not handle it.
+    let _handled = [open(SignalKind::interrupt())?, open(SignalKind::terminate())?];
     let folders = Folders::new().map_err(|e| start_error("launcher", format!("temporary folder: {e}")))?;
     plan.messages.iter().for_each(|message| (how.print)(Channel::Out, &format!("[launch] {message}")));
     let jobs = job::all(&plan, how, &folders)?;
