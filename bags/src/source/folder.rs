@@ -167,7 +167,7 @@ pub(crate) fn list_images(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
     for entry in std::fs::read_dir(folder).map_err(io)? {
         let path = entry.map_err(io)?.path();
         if is_image(&path) && !is_hidden(&path) {
-            check_file(&path)?;
+            check_regular(&path).map_err(|why| FileError::new(&path, why))?;
             images.push(path);
         }
     }
@@ -195,7 +195,7 @@ pub(crate) fn stem(path: &Path) -> String {
 }
 
 fn one_image(path: &Path) -> Result<PathBuf, SourceError> {
-    check_file(path)?;
+    open_regular(path).map_err(|why| FileError::new(path, why))?;
     if is_image(path) {
         return Ok(path.to_owned());
     }
@@ -243,9 +243,4 @@ pub(super) fn read_lines<T>(
     // Numbered before blank lines are left out, so that errors name the line of the file.
     let lines = (1..).zip(text.lines()).filter(|(_, text)| !text.trim().is_empty());
     lines.map(|(line, text)| parse(text).map_err(|why| SourceError::label(path, line, &why))).collect()
-}
-
-/// Refuses a pipe or a device.
-fn check_file(path: &Path) -> Result<(), FileError> {
-    check_regular(path).map_err(|why| FileError::new(path, why))
 }

@@ -147,6 +147,19 @@ proptest! {
     }
 }
 
+/// A clone without git LFS has such a text in the place of each large file.
+#[test]
+fn a_pointer_of_git_lfs_is_named() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for name in ["a.png", "a.exr", "a.mcap", "a.db3"] {
+        let path = folder.path().join(name);
+        let text = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n";
+        std::fs::write(&path, text).expect("writable");
+        let why = error_of(&path);
+        assert!(why.contains(name) && why.contains("is a pointer of git LFS"), "{why}");
+    }
+}
+
 /// A pipe would be waited for, and a device has no end.
 #[test]
 fn only_regular_files_are_read() {

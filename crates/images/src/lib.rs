@@ -89,16 +89,28 @@ fn content(path: &Path) -> Result<Vec<u8>, ImageError> {
 /// Opens a regular file for reading. To open a pipe would wait for its writer, and a device may have no end.
 ///
 /// # Errors
-/// The error of the system, or one that says what the file is not.
+/// The error of the system, or one that says what the file is not: no regular file, or a pointer of git LFS.
 pub fn open_regular(path: &Path) -> io::Result<File> {
     check_regular(path)?;
-    File::open(path)
+    let mut file = File::open(path)?;
+    let mut start = Vec::new();
+    file.by_ref().take(POINTER.len() as u64).read_to_end(&mut start)?;
+    if start == POINTER {
+        let remedy = "run 'git lfs pull' in its repository";
+        let why = format!("is a pointer of git LFS, not the file itself: {remedy}");
+        return Err(io::Error::new(io::ErrorKind::InvalidData, why));
+    }
+    file.rewind()?;
+    Ok(file)
 }
 
-/// Checks that `path` is a regular file, as [`open_regular`] does.
+/// The first bytes of the text that git has in the place of a large file until git LFS fetches it.
+const POINTER: &[u8] = b"version https://git-lfs.github.com/spec/v1";
+
+/// Checks that `path` is a regular file, as [`open_regular`] does, without opening it.
 ///
 /// # Errors
-/// The same as those of [`open_regular`].
+/// The error of the system, or one that says what the file is not.
 pub fn check_regular(path: &Path) -> io::Result<()> {
     if std::fs::metadata(path)?.is_file() {
         return Ok(());

@@ -57,4 +57,19 @@ mod tests {
             assert!(why.contains("is not a regular file"), "{why}");
         }
     }
+
+    #[test]
+    fn a_pointer_of_git_lfs_is_named_with_the_remedy() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let file = folder.path().join("classes.txt");
+        let pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n";
+        std::fs::write(&file, pointer).expect("writable");
+        let why = read_text(&file, 1 << 10).expect_err("a pointer").to_string();
+        assert!(why.contains("is a pointer of git LFS") && why.contains("run 'git lfs pull'"), "{why}");
+        // What ends within the mark is another text, and a file is read from its start.
+        for text in ["", &pointer[..20], "version https://git-lfs.github.com/"] {
+            std::fs::write(&file, text).expect("writable");
+            assert_eq!(read_text(&file, 1 << 10).expect("a text"), text);
+        }
+    }
 }

@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use modulo_core::Frame;
-use modulo_images::check_regular;
+use modulo_images::open_regular;
 
 use crate::program::{COLOURS, Decoding, FrameInfo, Reports, TimeBase, command, needed_version};
 use crate::{Pixels, VideoError};
@@ -69,7 +69,7 @@ impl VideoFile {
     /// [`VideoError`] when ffmpeg is not there, and for a file that is no video, is empty, has no video stream, or is a playlist.
     pub fn open(path: &Path) -> Result<Self, VideoError> {
         let name = path.display();
-        check_regular(path).map_err(|why| VideoError::failed(&name, why))?;
+        open_regular(path).map_err(|why| VideoError::failed(&name, why))?;
         if path.metadata().is_ok_and(|file| file.len() == 0) {
             return Err(VideoError::failed(&name, "is empty; a video is needed"));
         }

@@ -179,6 +179,10 @@ fn what_is_no_video_says_so() {
             file("concat.mkv", format!("ffconcat version 1.0\nfile {}\n", secret.display()).as_bytes()),
             "is a playlist",
         ),
+        (
+            file("v.mp4", b"version https://git-lfs.github.com/spec/v1\noid sha256:4d\nsize 9\n"),
+            "git lfs pull",
+        ),
         (bench.path().to_owned(), "not a regular file"),
         (bench.path().join("absent.mp4"), "No such file"),
     ] {
