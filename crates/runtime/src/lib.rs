@@ -20,6 +20,7 @@ pub mod secret;
 pub mod stop;
 pub mod topic;
 pub mod trace;
+mod warning;
 pub mod yaml;
 
 /// The sensor behind the images: its parameters, and the description that a camera publishes with each frame.
@@ -52,3 +53,4 @@ pub use sensor::parameters::{SensorModel, SensorOverride};
 pub use sensor::scale::{LightScale, StreamScale};
 pub use stop::{Stop, Urgency};
 pub use topic::{Address, Qos, Topic};
+pub use warning::warn_once;

@@ -1,14 +1,9 @@
 //! Warns of a sensor whose alpha is too large for its lens.
 
-use std::sync::{Mutex, PoisonError};
-
 use modulo_core::unwrap::{Sharpness, fit_up_to};
 
 use super::parameters::{BlurShape, SensorModel};
-
-/// The sensors that were reported; more of them are not.
-static REPORTED: Mutex<Vec<String>> = Mutex::new(Vec::new());
-const MOST_REPORTED: usize = 16;
+use crate::warning::warn_once;
 
 impl SensorModel {
     /// Returns the largest alpha up to which such a sensor is fit, see [`fit_up_to`]; `None` if its lens is unknown.
@@ -33,11 +28,8 @@ impl SensorModel {
 
     /// Warns of an alpha that is too large for this sensor, once in a process. For those that unwrap its images.
     pub fn warn_if_unfit(&self) {
-        let Some(why) = self.unfit() else { return };
-        let mut reported = REPORTED.lock().unwrap_or_else(PoisonError::into_inner);
-        if reported.len() < MOST_REPORTED && !reported.contains(&why) {
-            tracing::warn!("{why}");
-            reported.push(why);
+        if let Some(why) = self.unfit() {
+            warn_once(why);
         }
     }
 }
