@@ -25,7 +25,7 @@ pub struct Detect {
     /// Arguments of suite.launch.yaml as name:=value, such as score_threshold:=0.5, or input:=recovered for modulo images
     #[arg(add = completion::arguments())]
     pub arguments: Vec<String>,
-    /// YOLOv10 model in ONNX format, or demo for the embedded one
+    /// YOLO model in ONNX format, or demo for the embedded one
     #[arg(long, default_value = "demo")]
     pub model: String,
     /// Folder for the pictures; without it a new one in runs

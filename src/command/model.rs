@@ -162,7 +162,7 @@ fn check(args: &ModelCheck) -> Result<Ended, Failure> {
         say!(
             "{}",
             json!({
-                "model": args.file, "input": info.input, "size": info.size, "output": info.output, "classes": info.classes,
+                "model": args.file, "input": info.input, "size": info.size, "output": info.output, "form": info.form, "classes": info.classes,
                 "engine": info.engine, "note": info.note, "threads": info.threads, "speed": speeds
             })
         );
@@ -182,7 +182,7 @@ fn print_info(file: &Path, info: &ModelInfo) {
     let more = if info.classes.len() > SHOWN { ", ..." } else { "" };
     say!("model    {}", file.display());
     say!("input    {} [1, 3, {height}, {width}]", info.input);
-    say!("output   {} [1, N, 6]: x1, y1, x2, y2, score, class", info.output);
+    say!("output   {} {}", info.output, info.form);
     say!("classes  {}: {names}{more}", info.classes.len());
     say!("engine   {} ({}), {} threads", info.engine, info.note, info.threads);
 }

@@ -217,7 +217,7 @@ pub const KINDS: [NodeKind; 3] = [
     },
     NodeKind {
         name: "detector",
-        about: "image in, bounding boxes out (YOLOv10, end to end)",
+        about: "image in, bounding boxes out (YOLO)",
         declare: DetectorParameters::descriptors,
         outputs: modulo_detector::outputs,
         make: |parameters| Ok(Box::new(Detector::new(&parameters.into())?)),

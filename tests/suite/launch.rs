@@ -199,7 +199,7 @@ fn bad_input_is_one_line_and_no_panic() {
     let deep = image::ImageBuffer::from_pixel(64, 48, image::Luma([4000_u16]));
     deep.save(bench.path("deep.png")).expect("writable");
 
-    let candidates = format!("source:=@/images model:={}", model().replace("rows", "candidates"));
+    let segments = format!("source:=@/images model:={}", model().replace("rows", "segments"));
     let cases: [(&str, &[&str]); 13] = [
         ("source:=/no/such/folder model:=%", &["/no/such/folder"]),
         ("source:=@/truncated model:=%", &["000000.png"]),
@@ -210,7 +210,7 @@ fn bad_input_is_one_line_and_no_panic() {
         ("source:=@/images model:=% alpha:=0", &["alpha", "0", "256"]),
         ("source:=@/images model:=% bits:=0", &["bits", "0", "to 16"]),
         ("source:=@/images model:=% bits:=17", &["bits", "17", "to 16"]),
-        (&candidates, &["candidates.onnx", "[1, N, 6]"]),
+        (&segments, &["segments.onnx", "for segmentation"]),
         ("source:=@/images model:=% colour:=red", &["colour", "alpha"]),
         ("/no/such.launch.yaml", &["/no/such.launch.yaml"]),
         ("launch/suite.launch.yaml source:=@/images input:=recoverd", &["input", "recoverd", "saturated"]),

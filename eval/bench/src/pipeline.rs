@@ -35,7 +35,7 @@ pub struct PipelineRequest {
     /// Source of the frames, as the parameter `source` of the camera takes it
     #[arg(long, value_name = "SOURCE", default_value = "scene://tunnel?seed=3&width=1242&height=375")]
     pub frames: String,
-    /// YOLOv10 model in ONNX format, or demo: the embedded demonstration
+    /// YOLO model in ONNX format, or demo: the embedded demonstration
     #[arg(long, default_value = "demo")]
     pub model: String,
     /// Saturation factor: brightest radiance divided by the peak of the sensor

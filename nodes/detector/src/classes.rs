@@ -7,7 +7,7 @@ use modulo_msgs::vision_msgs::VisionClass;
 use modulo_runtime::ParameterError;
 use modulo_runtime::input::read_text;
 
-use crate::model::ClassNames;
+use crate::names::ClassNames;
 
 /// Number of known names that an error lists.
 const SHOWN: usize = 12;

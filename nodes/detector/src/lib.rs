@@ -1,22 +1,27 @@
-//! The detector node: YOLOv10 end-to-end over ONNX Runtime or rten.
+//! The detector node: the detection models that ultralytics exports, over ONNX Runtime or rten.
 //!
 //! One image in, one array of boxes out, with the header of that image. Data flows one way: `pre` (pixels to tensor) ->
-//! `engine` (tensor to rows) -> `post` (rows to detections) -> `draw` (only while the annotated image has a reader).
+//! `engine` (tensor to output) -> `post` (output to detections, by `candidates` and `suppress`) -> `draw` (only while the annotated image has
+//! a reader). `head` has the forms that the output of a model may have.
 //!
-//! No transport, no thread of its own and no clock in it, and no non-maximum suppression: the model must be an
-//! end-to-end export that gives `[1, N, 6]` rows of x1, y1, x2, y2, score, class.
+//! No transport, no thread of its own and no clock in it.
 
+mod candidates;
 mod classes;
 mod code_range;
 mod draw;
 mod engine;
+mod head;
 mod input_size;
 mod measure;
 mod model;
+mod names;
 mod node;
 mod parameter;
+mod plausible;
 mod post;
 mod pre;
+mod suppress;
 mod trust;
 
 use modulo_runtime::ParameterError;
@@ -26,7 +31,7 @@ pub use engine::{
     EngineChoice, EngineDevice, EngineError, EngineOptions, model_parts, onnxruntime_library,
     onnxruntime_places,
 };
-pub use measure::{ModelInfo, Speed, describe, measure};
+pub use measure::{ModelInfo, Speed, class_names, describe, measure};
 pub use model::{DEMO, embedded};
 pub use node::{Detector, TRUSTED, outputs};
 pub use parameter::DetectorParameters;

@@ -20,8 +20,10 @@ pub struct ModelInfo {
     pub note: String,
     /// Name of the image input.
     pub input: String,
-    /// Name of the output with the rows.
+    /// Name of the output with the boxes.
     pub output: String,
+    /// The form of the output.
+    pub form: String,
     /// (height, width) of the input where the model fixes them.
     pub size: Option<(usize, usize)>,
     /// Class names by index; a gap is its number.
@@ -30,13 +32,27 @@ pub struct ModelInfo {
     pub threads: usize,
 }
 
-/// Loads `model` and describes it.
+/// (height, width) of the image of a first run where the model fixes none.
+pub const FIRST_RUN: (usize, usize) = (640, 640);
+
+/// Returns the names of the classes of `model` by index; a gap is its number.
+///
+/// # Errors
+/// [`DetectorError::Engine`] when the model does not load.
+pub fn class_names(model: &Path, options: EngineOptions) -> Result<Vec<String>, DetectorError> {
+    Ok(open(model, options)?.layout.names.all())
+}
+
+/// Loads `model`, runs it once and describes it.
 ///
 /// # Errors
 /// [`DetectorError::Engine`] as at the start of a detector.
 pub fn describe(model: &Path, options: EngineOptions) -> Result<ModelInfo, DetectorError> {
-    let OpenedEngine { name, threads, layout, note, .. } = open(model, options)?;
+    let mut opened = open(model, options)?;
+    let form = opened.first_run(model, opened.layout.size.unwrap_or(FIRST_RUN))?.to_string();
+    let OpenedEngine { name, threads, layout, note, .. } = opened;
     Ok(ModelInfo {
+        form,
         engine: name,
         note,
         input: layout.input,

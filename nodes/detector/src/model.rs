@@ -1,15 +1,14 @@
-//! The required shape of a model, and the names of its classes.
+//! The required inputs and outputs of a model, and the form of its output.
 //!
 //! No engine is named here: engines bring a [`Signature`], this judges it.
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::io::ErrorKind;
 use std::path::Path;
 
-use modulo_runtime::input::read_text;
-
 use crate::engine::EngineError;
+use crate::head::FORMS;
+use crate::names::ClassNames;
 
 /// Value of the parameter `model` for the embedded model; a file of that name is `./demo`.
 pub const DEMO: &str = "demo";
@@ -21,8 +20,7 @@ pub fn embedded(model: &Path) -> Option<&'static [u8]> {
 
 const INPUT: &str = "exactly one input [1, 3, H, W] of float32, H and W both fixed or both free";
 const NAMES: &str = "a text file with one name a line, or none";
-const OUTPUT: &str = "an output [1, N, 6] of float32 (x1, y1, x2, y2, score, class: \
-                      an end-to-end export such as YOLOv10's, without non-maximum suppression outside)";
+const TASK: &str = "a YOLO for the task detect";
 
 /// The type of the elements of a tensor that is read: 32-bit float.
 pub const FLOAT32: &str = "float32";
@@ -48,14 +46,53 @@ impl fmt::Display for TensorSpec {
     }
 }
 
-/// The inputs, outputs and class names of a model, as an engine reads them.
+/// The inputs, outputs and metadata of a model, as an engine reads them.
 pub struct Signature {
     /// Inputs without the initialisers.
     pub inputs: Vec<TensorSpec>,
     /// Outputs in the file's order.
     pub outputs: Vec<TensorSpec>,
-    /// Metadata property `names`, a Python dict as text.
-    pub names: Option<String>,
+    pub metadata: Metadata,
+}
+
+/// The properties of a model that ultralytics writes and this node reads.
+#[derive(Default)]
+pub struct Metadata(BTreeMap<&'static str, String>);
+
+impl Metadata {
+    const PROPERTIES: [&str; 5] = ["names", "task", "head", "end2end", "args"];
+
+    /// Reads the properties by `property`, which gives the value of a key.
+    pub fn read(property: impl Fn(&str) -> Option<String>) -> Self {
+        Self(Self::PROPERTIES.into_iter().filter_map(|key| Some((key, property(key)?))).collect())
+    }
+
+    fn get(&self, key: &str) -> Option<&str> {
+        self.0.get(key).map(|value| value.trim())
+    }
+
+    /// Returns what the model is where that is no YOLO for detection.
+    fn other_model(&self) -> Option<String> {
+        let task = self.get("task").filter(|task| !task.is_empty() && *task != "detect");
+        let task = task.map(|task| match task {
+            "segment" => "a model for segmentation".to_owned(),
+            "pose" => "a model for poses".to_owned(),
+            "obb" => "a model for oriented boxes (OBB)".to_owned(),
+            "classify" => "a model for classification".to_owned(),
+            other => format!("a model for the task {other}"),
+        });
+        let is_rt_detr = self.get("head").is_some_and(|head| head.starts_with("RTDETR"));
+        task.or_else(|| is_rt_detr.then(|| "an RT-DETR".to_owned()))
+    }
+
+    /// Returns whether the model says that it removes overlapping boxes itself, if it says anything about that.
+    fn is_end_to_end(&self) -> Option<bool> {
+        let args = self.get("args").unwrap_or_default().to_lowercase().replace([' ', '\'', '"'], "");
+        if args.split(['{', ',', '}']).any(|pair| pair == "nms:true") {
+            return Some(true);
+        }
+        self.get("end2end").and_then(|value| value.to_lowercase().parse().ok())
+    }
 }
 
 /// Names and sizes of a model that this node can read.
@@ -63,33 +100,36 @@ pub struct Signature {
 pub struct ModelLayout {
     /// Name of the image input.
     pub input: String,
-    /// Name of the output with the rows.
+    /// Name of the output with the boxes.
     pub output: String,
     /// (height, width) of the input where the model fixes them.
     pub size: Option<(usize, usize)>,
     pub names: ClassNames,
+    /// Whether the model says that it removes overlapping boxes itself.
+    pub end_to_end: Option<bool>,
 }
 
 impl ModelLayout {
     /// Judges `signature`, and reads the names: from the metadata, else from a file `<model>.names`, else there are no
     /// names.
     pub fn of(model: &Path, signature: &Signature) -> Result<Self, EngineError> {
+        let Signature { inputs, outputs, metadata } = signature;
         let refuse = |found: String, needed| {
             EngineError(format!("model '{}': {found}, needed is {needed}", model.display()))
         };
-        let (input, size) = image_input(&signature.inputs)
-            .ok_or_else(|| refuse(format!("input is {}", list(&signature.inputs)), INPUT))?;
-        let output = signature
-            .outputs
-            .iter()
-            .find(|port| gives_rows(port))
-            .ok_or_else(|| refuse(format!("output is {}", list(&signature.outputs)), OUTPUT))?;
+        if let Some(other) = metadata.other_model() {
+            return Err(refuse(format!("is {other}"), TASK));
+        }
+        let (input, size) =
+            image_input(inputs).ok_or_else(|| refuse(format!("input is {}", list(inputs)), INPUT))?;
+        let output = output(outputs).ok_or_else(|| refuse(format!("output is {}", list(outputs)), FORMS))?;
         Ok(Self {
             input: input.to_owned(),
             output: output.name.clone(),
             size,
-            names: ClassNames::of(model, signature.names.as_deref())
+            names: ClassNames::of(model, metadata.get("names"))
                 .map_err(|why| refuse(format!("file of class names {why}"), NAMES))?,
+            end_to_end: metadata.is_end_to_end(),
         })
     }
 }
@@ -107,15 +147,15 @@ fn image_input(inputs: &[TensorSpec]) -> Option<(&str, Option<(usize, usize)>)> 
     }
 }
 
-/// Returns whether the file allows this output to be rows; the warm-up looks at the real shape, which a file may leave
-/// open.
-fn gives_rows(port: &TensorSpec) -> bool {
-    let possible = match port.shape.as_deref() {
-        Some([batch, _, columns]) => batch.is_none_or(|n| n == 1) && columns.is_none_or(|n| n == 6),
-        Some(_) => false,
-        None => true,
-    };
-    possible && port.element == FLOAT32
+/// Returns the first output that may have boxes, or a later one whose rows are those of an end-to-end export. The first run looks at the
+/// real shape, which a file may leave open.
+fn output(outputs: &[TensorSpec]) -> Option<&TensorSpec> {
+    let mut possible = outputs.iter().filter(|port| {
+        let sides = port.shape.as_deref();
+        port.element == FLOAT32 && sides.is_none_or(|sides| matches!(sides, [None | Some(1), _, _]))
+    });
+    let has_rows = |port: &&TensorSpec| matches!(port.shape.as_deref(), Some([_, _, Some(6)]));
+    possible.clone().find(has_rows).or_else(|| possible.next())
 }
 
 fn list(ports: &[TensorSpec]) -> String {
@@ -123,127 +163,4 @@ fn list(ports: &[TensorSpec]) -> String {
         return "missing".to_owned();
     }
     ports.iter().map(TensorSpec::to_string).collect::<Vec<_>>().join(" and ")
-}
-
-/// Size of the largest file with names, bytes.
-const MAX_NAMES: u64 = 1 << 20;
-
-/// Largest valid class index; a broken file must not cost gigabytes of memory.
-const MOST: usize = 65_535;
-
-/// Class names by index.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct ClassNames(BTreeMap<usize, String>);
-
-impl ClassNames {
-    /// Reads the names from the metadata, or else from `<model>.names` (one name a line) beside the model. There may be no names.
-    pub fn of(model: &Path, metadata: Option<&str>) -> Result<Self, String> {
-        if let Some(names) = metadata.and_then(python_dict).filter(|names| !names.is_empty()) {
-            return Ok(Self(names));
-        }
-        let file = model.with_extension("names");
-        match read_text(&file, MAX_NAMES) {
-            Ok(text) => {
-                let lines = text.trim_start_matches('\u{feff}').lines().map(|line| line.trim().to_owned());
-                Ok(Self(lines.enumerate().take(MOST + 1).collect()))
-            }
-            Err(why) if why.kind() == ErrorKind::NotFound => Ok(Self::default()),
-            Err(why) => Err(format!("{} {why}", file.display())),
-        }
-    }
-
-    /// Returns the name of `class`; its number when the model has no name for it.
-    pub fn name(&self, class: usize) -> String {
-        match self.0.get(&class) {
-            Some(name) if !name.is_empty() => name.clone(),
-            _ => class.to_string(),
-        }
-    }
-
-    /// Returns all names by index, gaps filled with their number.
-    pub fn all(&self) -> Vec<String> {
-        let count = self.0.last_key_value().map_or(0, |(&last, _)| last + 1);
-        (0..count).map(|class| self.name(class)).collect()
-    }
-}
-
-/// Reads `{0: 'person', 1: "driver's seat"}`, as Python writes a dict, or the same as JSON (`{"0": "person"}`). `None`
-/// when it is anything else.
-fn python_dict(text: &str) -> Option<BTreeMap<usize, String>> {
-    let mut rest = text.trim().strip_prefix('{')?.strip_suffix('}')?.trim();
-    let mut names = BTreeMap::new();
-    while !rest.is_empty() {
-        let (key, after) = rest.split_once(':')?;
-        let key: usize = key.trim().trim_matches(['\'', '"']).parse().ok().filter(|&key| key <= MOST)?;
-        let (name, after) = quoted(after.trim_start())?;
-        names.insert(key, name);
-        let after = after.trim_start();
-        rest = match after.strip_prefix(',') {
-            Some(more) => more.trim_start(),
-            None if after.is_empty() => after,
-            None => return None,
-        };
-    }
-    Some(names)
-}
-
-/// Returns a quoted string and the text after it. A backslash takes the next character literally.
-fn quoted(text: &str) -> Option<(String, &str)> {
-    let quote = text.chars().next().filter(|quote| matches!(quote, '\'' | '"'))?;
-    let mut name = String::new();
-    let mut letters = text.char_indices().skip(1);
-    while let Some((at, letter)) = letters.next() {
-        match letter {
-            '\\' => name.push(letters.next()?.1),
-            letter if letter == quote => return Some((name, &text[at + quote.len_utf8()..])),
-            letter => name.push(letter),
-        }
-    }
-    None
-}
-
-#[cfg(test)]
-mod tests {
-    use proptest::prelude::*;
-
-    use super::*;
-
-    /// A dict as Python writes it.
-    fn written(names: &BTreeMap<usize, String>) -> String {
-        let escaped = |name: &String| name.replace('\\', "\\\\").replace('\'', "\\'");
-        let items: Vec<_> = names.iter().map(|(i, n)| format!("{i}: '{}'", escaped(n))).collect();
-        format!("{{{}}}", items.join(", "))
-    }
-
-    #[test]
-    fn reads_what_python_writes() {
-        let names = python_dict(r#"{0: 'person', 2: "driver's seat", 3: 'a\'b', 4: 'x: y, z'}"#);
-        let names = ClassNames(names.expect("a dict"));
-        assert_eq!(names.all(), ["person", "1", "driver's seat", "a'b", "x: y, z"]);
-        assert_eq!(names.name(99), "99");
-        assert_eq!(python_dict("{}"), Some(BTreeMap::new()));
-        for bad in ["", "{", "['a']", "{0 'a'}", "{0: a}", "{0: 'a' 1: 'b'}", "{0: 'a}", "{99999999: 'a'}"] {
-            assert_eq!(python_dict(bad), None, "{bad}");
-        }
-    }
-
-    proptest! {
-        #[test]
-        fn any_list_written_as_python_does_is_read_back(list in prop::collection::vec("[^\\x00]{1,8}", 0..9)) {
-            let names: BTreeMap<usize, String> = list.iter().cloned().enumerate().collect();
-            prop_assert_eq!(python_dict(&written(&names)).map(|names| ClassNames(names).all()), Some(list));
-        }
-
-        /// Only a dict has names, and those have indices that are possible. They are written and read back as the same.
-        #[test]
-        fn names_come_from_a_whole_dict(
-            text in "\\{?([0-9]{1,5} ?: ?'[a-z\\\\\"]{0,4}',? ?){0,3}\\}?|\\{?.{0,40}\\}?",
-        ) {
-            if let Some(names) = python_dict(&text) {
-                prop_assert!(text.trim().starts_with('{') && text.trim().ends_with('}'), "{text}");
-                prop_assert!(names.keys().all(|&index| index <= MOST));
-                prop_assert_eq!(python_dict(&written(&names)), Some(names));
-            }
-        }
-    }
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use modulo_core::{Detection, Frame};
+use modulo_core::{Detection, Frame, Letterbox};
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_msgs::vision_msgs::{Detection2D, Detection2DArray, LabelInfo, VisionInfo};
@@ -11,18 +11,21 @@ use modulo_runtime::sensor_info::{self, SensorHistory};
 use modulo_runtime::topic::RECOVERY_TOPIC;
 use modulo_runtime::{
     Context, Flow, Job, Message, MessageKind, Node, ParameterError, Parameters, Part, PlannedInputs,
-    StampedFrame, StepError, StreamScale, Topic, Trigger, stream_of,
+    StampedFrame, StepError, StreamScale, Topic, Trigger, stream_of, warn_once,
 };
-use ndarray::Array4;
+use ndarray::{Array2, ArrayView4};
 
 use crate::DetectorError;
 use crate::classes::ClassMap;
 use crate::code_range::CodeRange;
 use crate::draw::annotated;
 use crate::engine::{self, OpenedEngine};
+use crate::head::Head;
 use crate::input_size::InputSize;
+use crate::measure::FIRST_RUN;
 use crate::parameter::{DetectorParameters, Settings, StreamChoice};
-use crate::post::detections;
+use crate::plausible::EXPORT;
+use crate::post::{are_shares, detections};
 use crate::pre::Preprocessor;
 use crate::trust::TrustFollower;
 
@@ -155,18 +158,48 @@ struct Loaded {
     parameters: DetectorParameters,
     settings: Settings,
     engine: OpenedEngine,
+    /// The form of the output of the model.
+    head: Head,
+    /// Whether boxes of this model were looked at, which should not be shares of its input.
+    boxes_checked: bool,
 }
 
 impl Loaded {
     /// Loads the model and runs it once at (height, width) of an image, so that the first frame is as fast as all others.
     fn new(parameters: &DetectorParameters, (height, width): (usize, usize)) -> Result<Self, DetectorError> {
-        let mut engine = engine::open(parameters.model()?, parameters.engine_options()?)?;
+        let model = parameters.model()?;
+        let mut engine = engine::open(model, parameters.engine_options()?)?;
         let map = ClassMap::read(&parameters.class_map, &engine.layout.names)?;
         let settings = Settings::new(parameters, &engine.layout, map)?;
-        let (height, width) = settings.input_size.tensor(height, width);
-        engine.engine.run(Array4::zeros((1, 3, height, width)).view())?;
-        tracing::info!("model {} runs on {} ({})", parameters.model, engine.name, engine.note);
-        Ok(Self { parameters: parameters.clone(), settings, engine })
+        let head = engine.first_run(model, settings.input_size.tensor(height, width))?;
+        tracing::info!("model {} runs on {} ({}); output {head}", parameters.model, engine.name, engine.note);
+        Ok(Self { parameters: parameters.clone(), settings, engine, head, boxes_checked: false })
+    }
+
+    fn infer(&mut self, tensor: ArrayView4<'_, f32>) -> Result<Array2<f32>, String> {
+        let output = self.engine.engine.run(tensor).map_err(|why| why.to_string())?;
+        if self.head.fits(output.dim()) {
+            return Ok(output);
+        }
+        Err(format!(
+            "output is [1, {}, {}], and that of the first run was {}",
+            output.nrows(),
+            output.ncols(),
+            self.head
+        ))
+    }
+
+    /// Returns the boxes in an output of the model for an image at the place `letterbox`.
+    fn detections(&mut self, output: &Array2<f32>, letterbox: &Letterbox) -> Vec<Detection> {
+        let found = detections(output, self.head, letterbox, &self.settings);
+        if !self.boxes_checked && !found.is_empty() {
+            self.boxes_checked = true;
+            if are_shares(&found, letterbox) {
+                let why = "no box is larger than one pixel: its boxes seem to be shares of its input, and pixels are needed";
+                warn_once(format!("model '{}': {why}; {EXPORT}", self.parameters.model));
+            }
+        }
+        found
     }
 
     /// Loads the model of `next` in place of that of `last`.
@@ -187,9 +220,6 @@ impl Loaded {
         model.file_name().unwrap_or(model.as_os_str()).to_string_lossy().into_owned()
     }
 }
-
-/// (height, width) of the image of a first run.
-const FIRST_RUN: (usize, usize) = (640, 640);
 
 impl Detector {
     /// Loads the model and runs it once, so that the first frame is as fast as all others and a model that cannot work
@@ -214,10 +244,10 @@ impl Detector {
     /// # Errors
     /// A text for a picture that is too large, or on which the model does not run.
     pub fn find(&mut self, picture: &Frame) -> Result<Vec<Detection>, String> {
-        let Self { loaded: Loaded { settings, engine, .. }, pre, .. } = self;
-        let letterbox = pre.fill(picture, 255.0, settings.input_size)?;
-        let rows = engine.engine.run(pre.tensor().expect("it was filled")).map_err(|why| why.to_string())?;
-        Ok(detections(&rows, &letterbox, settings))
+        let Self { loaded, pre, .. } = self;
+        let letterbox = pre.fill(picture, 255.0, loaded.settings.input_size)?;
+        let output = loaded.infer(pre.tensor().expect("it was filled"))?;
+        Ok(loaded.detections(&output, &letterbox))
     }
 
     /// Takes the parameters with another model, if there is one, and the class `map` that they name.
@@ -239,8 +269,8 @@ impl Detector {
         }
         let settings = Settings::new(&parameters, &now.engine.layout, map)?;
         self.change(|loaded| {
-            if let Some(Loaded { engine, .. }) = model {
-                loaded.engine = engine;
+            if let Some(model) = model {
+                *loaded = model;
             }
             (loaded.parameters, loaded.settings) = (parameters, settings);
         });
@@ -303,15 +333,15 @@ impl Detector {
     ) -> Result<(), String> {
         let scale = self.scale((camera, stream), image)?;
         let [boxes_out, annotated_out] = outputs_at(camera);
-        let Self { loaded: Loaded { settings, engine, .. }, pre, cameras, .. } = self;
+        let Self { loaded, pre, cameras, .. } = self;
         let (frame, letterbox) = cx.stage("pre", || {
             let frame = image.frame.demosaiced();
-            pre.fill(&frame, scale.most, settings.input_size).map(|letterbox| (frame, letterbox))
+            pre.fill(&frame, scale.most, loaded.settings.input_size).map(|letterbox| (frame, letterbox))
         })?;
         (cameras[camera].bits, cameras[camera].size) = (scale.bits(), pre.size());
         let tensor = pre.tensor().expect("it was filled");
-        let rows = cx.stage("infer", || engine.engine.run(tensor)).map_err(|error| error.to_string())?;
-        let found = cx.stage("post", || detections(&rows, &letterbox, settings));
+        let output = cx.stage("infer", || loaded.infer(tensor))?;
+        let found = cx.stage("post", || loaded.detections(&output, &letterbox));
         if cx.wanted(annotated_out) {
             let frame = cx.stage("draw", || annotated(&frame, scale, &found))?;
             cx.emit(annotated_out, StampedFrame { header: image.header.clone(), frame });
@@ -499,7 +529,7 @@ impl Node for Detector {
     }
 
     fn state(&self) -> Vec<(&'static str, String)> {
-        let Loaded { parameters, settings, engine } = &self.loaded;
+        let Loaded { parameters, settings, engine, .. } = &self.loaded;
         vec![
             ("engine", engine.name.to_owned()),
             ("engine_from", engine.note.clone()),

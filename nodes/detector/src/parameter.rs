@@ -37,6 +37,9 @@ modulo_runtime::parameters! {
         score_threshold: f64 = 0.25 => 0.0..=1.0,
         /// Largest number of detections of a frame. Those with the best scores are kept.
         max_det: usize = 300 => 1..=1000,
+        /// Of two boxes of a class whose intersection over union is larger, the one with the lower score is removed. It counts for
+        /// models that do not remove overlapping boxes themselves.
+        nms_iou: f64 = 0.7 => 0.0..=1.0,
         /// Size of the model's input in px: auto (padded to multiples of 32, never resized) or WIDTHxHEIGHT (centred,
         /// never enlarged).
         input_size: String = "auto".to_owned(),
@@ -119,6 +122,8 @@ pub struct Settings {
     pub score_threshold: f32,
     /// Largest number of detections of a frame, at least 1.
     pub max_det: usize,
+    /// Largest intersection over union of two boxes of a class, in [0, 1].
+    pub nms_iou: f32,
     pub input_size: InputSize,
     pub classes: Classes,
     /// Bits of the codes, 0 = those of the sensor, else of the encoding.
@@ -139,6 +144,7 @@ impl Settings {
             input: parameters.streams()?.0,
             score_threshold: parameters.score_threshold as f32,
             max_det: parameters.max_det,
+            nms_iou: parameters.nms_iou as f32,
             input_size: InputSize::parse(size, layout.size)
                 .map_err(|why| ParameterError::new("input_size", size, why))?,
             classes: Classes::new(&layout.names, map, &parameters.classes)?,

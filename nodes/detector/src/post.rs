@@ -1,37 +1,51 @@
-//! Rows of the model to detections in the original image.
+//! The output of the model to detections in the original image.
 //!
-//! Only the parameters and the geometry remove a row.
+//! Only the parameters, better boxes of the same class and the geometry remove a box.
 
 use modulo_core::{BBox, Detection, Letterbox};
-use ndarray::{Array2, ArrayView1};
+use ndarray::Array2;
 
+use crate::candidates::Candidate;
+use crate::head::Head;
 use crate::parameter::Settings;
+use crate::suppress::suppress;
 
-/// Largest valid class index.
-const MOST_CLASSES: f32 = 65_535.0;
-
-/// Returns the rows (N x 6: x1, y1, x2, y2 in input px, score, class) that are worth publishing: score of at least the
-/// threshold, a class that is published and a box with an area inside the image; best first, at most `max_det`.
-pub fn detections(rows: &Array2<f32>, letterbox: &Letterbox, settings: &Settings) -> Vec<Detection> {
-    let mut found: Vec<_> =
-        rows.rows().into_iter().filter_map(|row| detection(row, letterbox, settings)).collect();
+/// Returns the boxes of an `output` of the form `head` that are worth publishing: score of at least the threshold, a class that is published,
+/// an area inside the image, and no better box of the same class in the same place; best first, at most `max_det`.
+pub fn detections(
+    output: &Array2<f32>,
+    head: Head,
+    letterbox: &Letterbox,
+    settings: &Settings,
+) -> Vec<Detection> {
+    let mut candidates = head.candidates(output, settings.score_threshold);
+    if let Some(classes) = head.classes_to_suppress() {
+        let is_published: Vec<_> =
+            (0..classes).map(|class| settings.classes.publish(class).is_some()).collect();
+        candidates.retain(|one| is_published[one.class]);
+        candidates = suppress(candidates, settings.nms_iou, settings.max_det);
+    }
+    let mut found: Vec<_> = candidates.iter().filter_map(|one| detection(one, letterbox, settings)).collect();
     found.sort_by(|a, b| b.score.total_cmp(&a.score));
     found.truncate(settings.max_det);
     found
 }
 
-fn detection(row: ArrayView1<'_, f32>, letterbox: &Letterbox, settings: &Settings) -> Option<Detection> {
-    let &[x1, y1, x2, y2, score, class] = row.as_slice()? else { return None };
-    if ![x1, y1, x2, y2, score].iter().all(|value| value.is_finite()) || score < settings.score_threshold {
-        return None;
-    }
-    let class = Some(class.round()).filter(|class| (0.0..=MOST_CLASSES).contains(class))?;
-    let bbox = letterbox.inverse(BBox { x1, y1, x2, y2 });
+fn detection(one: &Candidate, letterbox: &Letterbox, settings: &Settings) -> Option<Detection> {
+    let bbox = letterbox.inverse(one.bbox);
     if bbox.x2 <= bbox.x1 || bbox.y2 <= bbox.y1 {
         return None;
     }
-    let class = settings.classes.publish(class as usize)?;
-    Some(Detection { bbox, score: score.min(1.0), class })
+    let class = settings.classes.publish(one.class)?;
+    Some(Detection { bbox, score: one.score.min(1.0), class })
+}
+
+/// Returns whether no box is larger than a pixel of the input of the model, as where a model gives shares of its input.
+pub fn are_shares(found: &[Detection], letterbox: &Letterbox) -> bool {
+    let (vertical, horizontal) = letterbox.scale();
+    let is_share =
+        |BBox { x1, y1, x2, y2 }: BBox| (x2 - x1) * horizontal <= 1.0 && (y2 - y1) * vertical <= 1.0;
+    !found.is_empty() && found.iter().all(|one| is_share(one.bbox))
 }
 
 #[cfg(test)]
@@ -43,21 +57,32 @@ mod tests {
 
     use super::*;
     use crate::classes::ClassMap;
-    use crate::model::{ClassNames, ModelLayout};
+    use crate::model::ModelLayout;
+    use crate::names::ClassNames;
     use crate::parameter::DetectorParameters;
 
     fn settings(changes: &[(&str, &str)]) -> Settings {
         let names = Some("{0: 'person', 1: 'bicycle', 2: 'car'}");
         let names = ClassNames::of(Path::new("none"), names).expect("names");
-        let layout = ModelLayout { input: "images".into(), output: "output0".into(), size: None, names };
+        let layout = ModelLayout {
+            input: "images".into(),
+            output: "output0".into(),
+            size: None,
+            names,
+            end_to_end: None,
+        };
         let parameters = DetectorParameters::from_text(changes).expect("possible");
         Settings::new(&parameters, &layout, ClassMap::default()).expect("readable")
     }
 
     fn found(rows: &[[f32; 6]], changes: &[(&str, &str)]) -> Vec<Detection> {
+        found_in(Array2::from(rows.to_vec()), Head::EndToEnd, changes)
+    }
+
+    fn found_in(output: Array2<f32>, head: Head, changes: &[(&str, &str)]) -> Vec<Detection> {
         let settings = settings(changes);
         let letterbox = settings.input_size.place(100, 200).expect("placed");
-        detections(&Array2::from(rows.to_vec()), &letterbox, &settings)
+        detections(&output, head, &letterbox, &settings)
     }
 
     #[test]

@@ -7,7 +7,7 @@ use modulo_ap::average::{self, Membership, image_boxes};
 use modulo_ap::difficulty::DONT_CARE;
 use modulo_ap::matching::ImageBoxes;
 use modulo_core::Detection;
-use modulo_detector::{EngineDevice, EngineOptions, describe};
+use modulo_detector::{EngineDevice, EngineOptions, class_names};
 
 use super::around;
 use super::frames::{Frames, ScoredFrame};
@@ -193,7 +193,7 @@ fn mapped_classes(
     let options = EngineOptions { engine: request.options.engine, device: EngineDevice::Cpu, threads: 1 };
     for model in &request.options.axes.model {
         let name = Axes::model_name(model);
-        let own = describe(model, options)?.classes;
+        let own = class_names(model, options)?;
         let found: BTreeSet<String> =
             own.iter().filter_map(|class| map.mapped(class)).map(str::to_owned).collect();
         // A model without class names may find every class.

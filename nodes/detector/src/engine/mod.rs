@@ -11,15 +11,18 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use ndarray::{Array2, ArrayView4};
+use modulo_runtime::warn_once;
+use ndarray::{Array2, Array4, ArrayView4};
 
+use crate::head::Head;
 use crate::model::{ModelLayout, embedded};
+use crate::plausible::{contradiction, unnamed_classes};
 pub use onnxruntime::places_here as onnxruntime_places;
+use weights::ModelFile;
 
 /// A loaded model, ready to run.
 pub trait Engine: Send {
-    /// Runs the model on `input`, `1 x 3 x H x W`, RGB in `[0, 1]`, contiguous. Gives N x 6 rows of x1, y1, x2, y2,
-    /// score, class in input pixels.
+    /// Runs the model on `input`, `1 x 3 x H x W`, RGB in `[0, 1]`, contiguous. Gives its output without the first side, which is 1.
     fn run(&mut self, input: ArrayView4<'_, f32>) -> Result<Array2<f32>, EngineError>;
 }
 
@@ -149,6 +152,28 @@ pub struct OpenedEngine {
     pub note: String,
 }
 
+impl OpenedEngine {
+    /// Runs `model`, from which this engine was made, on a black image of (height, width), so that the next run is as fast as all others.
+    /// Returns the form of its output.
+    ///
+    /// # Errors
+    /// [`EngineError`] where the model does not run, and where its output has no known form or cannot be boxes.
+    pub fn first_run(&mut self, model: &Path, size: (usize, usize)) -> Result<Head, EngineError> {
+        let output = self.engine.run(Array4::zeros((1, 3, size.0, size.1)).view())?;
+        let refuse = |why| EngineError::read(model, why);
+        let (names, end_to_end) = (&self.layout.names, self.layout.end_to_end);
+        let head = Head::of(output.dim(), size, (end_to_end, names.count())).map_err(refuse)?;
+        if let Some(why) = contradiction(head, &output, size) {
+            return Err(refuse(format!("its output cannot be {head}: {why}")));
+        }
+        let doubts = [head.doubt(output.dim(), end_to_end), unnamed_classes(head, &output, names.count())];
+        for doubt in doubts.into_iter().flatten() {
+            warn_once(format!("model '{}': {doubt}", model.display()));
+        }
+        Ok(head)
+    }
+}
+
 /// Returns the path of the ONNX Runtime library that `auto` takes.
 ///
 /// # Errors
@@ -163,23 +188,30 @@ pub fn onnxruntime_library() -> Result<String, EngineError> {
 /// # Errors
 /// [`EngineError`] when one of them cannot be read.
 pub fn model_parts(model: &Path) -> Result<Vec<(PathBuf, Vec<u8>)>, EngineError> {
-    match embedded(model) {
-        Some(bytes) => Ok(vec![(model.to_owned(), bytes.to_vec())]),
-        None => weights::read(model).map(|file| file.parts).map_err(|why| EngineError::read(model, why)),
-    }
+    file(model).map(|file| file.parts)
 }
+
+/// Reads `model` with its weights.
+fn file(model: &Path) -> Result<ModelFile, EngineError> {
+    if let Some(bytes) = embedded(model) {
+        return Ok(ModelFile { whole: bytes.to_vec(), parts: vec![(model.to_owned(), bytes.to_vec())] });
+    }
+    let file = weights::read(model).map_err(|why| EngineError::read(model, why))?;
+    let is_named = |extension: &&str| model.extension().is_some_and(|own| own == *extension);
+    if file.whole.starts_with(ZIP) || ["pt", "pth"].iter().any(|extension| is_named(&extension)) {
+        let model_pt = model.with_extension("pt");
+        let remedy = format!("export it: yolo export model={} format=onnx", model_pt.display());
+        return Err(EngineError::read(model, format!("is a PyTorch file; {remedy}")));
+    }
+    Ok(file)
+}
+
+/// The first bytes of a ZIP archive, which PyTorch writes.
+const ZIP: &[u8] = b"PK\x03\x04";
 
 /// Loads `model` with the engine asked for, on the device asked for. `auto` takes ONNX Runtime where its library is found, else
 /// rten: never another one because a model does not load, and never the processor in place of a GPU.
 pub fn open(model: &Path, options: EngineOptions) -> Result<OpenedEngine, EngineError> {
-    // A missing file is the most common mistake, and both engines describe it at length.
-    if embedded(model).is_none() {
-        let file = std::fs::metadata(model).map_err(|error| EngineError::read(model, error))?;
-        // A pipe or a device could keep its reader for ever.
-        if !file.is_file() {
-            return Err(EngineError::read(model, "is not a regular file"));
-        }
-    }
     let (EngineOptions { device, .. }, threads) = (options, options.cores());
     let (engine, reason) = match (options.engine, device) {
         (EngineChoice::Auto, EngineDevice::Cpu) if onnxruntime::library().is_err() => {
@@ -194,12 +226,13 @@ pub fn open(model: &Path, options: EngineOptions) -> Result<OpenedEngine, Engine
         return Err(EngineError(format!("{why}; set engine to ort, or device to cpu")));
     }
     if engine == EngineChoice::Rten {
-        let (opened, layout) = self::rten::Rten::load(model, threads)?;
+        let (opened, layout) = self::rten::Rten::load(model, file(model)?, threads)?;
         let note = reason.to_owned();
         return Ok(OpenedEngine { engine: Box::new(opened), name, threads, layout, note });
     }
     let library = onnxruntime::library()?;
-    let (opened, layout) = onnxruntime::OnnxRuntime::load(model, (engine, device), threads, &library)?;
+    let (opened, layout) =
+        onnxruntime::OnnxRuntime::load((model, file(model)?), (engine, device), threads, &library)?;
     let bf16 = onnxruntime::uses_bf16(engine);
     let note = if bf16 { format!("{}, bf16", library.place) } else { library.place };
     Ok(OpenedEngine { engine: Box::new(opened), name, threads, layout, note })

@@ -6,16 +6,17 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use ndarray::{Array2, ArrayView4, Ix3};
+use ndarray::{Array2, ArrayView4};
 use ort::environment::Environment;
 use ort::ep::{self, ArbitrarilyConfigurableExecutionProvider as _, ExecutionProvider};
 use ort::session::Session;
 use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
 use ort::value::{Outlet, TensorElementType, TensorRef, ValueType};
 
-use super::weights::{self, ModelFile};
+use super::weights::ModelFile;
 use super::{Engine, EngineChoice, EngineDevice, EngineError};
-use crate::model::{FLOAT32, ModelLayout, Signature, TensorSpec, embedded};
+use crate::head::FORMS;
+use crate::model::{FLOAT32, Metadata, ModelLayout, Signature, TensorSpec, embedded};
 
 /// The word for this engine.
 pub const NAME: &str = "ort";
@@ -74,10 +75,10 @@ pub struct OnnxRuntime {
 }
 
 impl OnnxRuntime {
-    /// Loads `model` with all graph optimisations for `engine` on `device`.
+    /// Loads the model that was read from a file with all graph optimisations for `engine` on `device`.
     /// It fails where `library` has no provider for them or the machine no such device.
     pub fn load(
-        model: &Path,
+        (model, file): (&Path, ModelFile),
         (engine, device): (EngineChoice, EngineDevice),
         threads: NonZeroUsize,
         library: &Library,
@@ -91,14 +92,12 @@ impl OnnxRuntime {
             .and_then(|builder| Ok(builder.with_memory_pattern(false)?))
             .map_err(failed)?;
         let mut builder = with_provider(builder, (engine, device), threads, library)?;
-        let session = match embedded(model) {
-            Some(bytes) => builder.commit_from_memory(bytes),
-            None => {
-                match weights::read(model).map_err(|why| EngineError::load(model, engine.word(), why))? {
-                    ModelFile { parts, .. } if parts.len() == 1 => builder.commit_from_file(model),
-                    ModelFile { whole, .. } => builder.commit_from_memory(&whole),
-                }
+        let session = match file {
+            // Mapped into the memory rather than copied.
+            ModelFile { parts, .. } if parts.len() == 1 && embedded(model).is_none() => {
+                builder.commit_from_file(model)
             }
+            ModelFile { whole, .. } => builder.commit_from_memory(&whole),
         };
         let session = session.map_err(failed)?;
         let layout = ModelLayout::of(model, &signature(&session))?;
@@ -161,7 +160,9 @@ fn signature(session: &Session) -> Signature {
     Signature {
         inputs: session.inputs().iter().map(port).collect(),
         outputs: session.outputs().iter().map(port).collect(),
-        names: session.metadata().ok().and_then(|metadata| metadata.custom("names")),
+        metadata: session
+            .metadata()
+            .map_or_else(|_| Metadata::default(), |metadata| Metadata::read(|key| metadata.custom(key))),
     }
 }
 
@@ -186,17 +187,17 @@ impl Engine for OnnxRuntime {
         let failed = |why: String| EngineError::run(engine, input, why);
         let tensor = TensorRef::from_array_view(input).map_err(|error| failed(error.to_string()))?;
         let outputs = self.session.run(ort::inputs![tensor]).map_err(|error| failed(error.to_string()))?;
-        let rows = outputs
+        let output = outputs
             .get(&self.output)
             .ok_or_else(|| failed(format!("no output '{}'", self.output)))?
             .try_extract_array::<f32>()
             .map_err(|error| failed(error.to_string()))?;
-        let shape = rows.shape().to_vec();
-        match rows.into_dimensionality::<Ix3>() {
-            Ok(rows) if rows.dim().0 == 1 && rows.dim().2 == 6 => {
-                Ok(rows.index_axis(ndarray::Axis(0), 0).to_owned())
+        match *output.shape() {
+            [1, rows, columns] => {
+                let matrix = output.to_shape((rows, columns)).map_err(|error| failed(error.to_string()))?;
+                Ok(matrix.into_owned())
             }
-            _ => Err(failed(format!("output is {shape:?}, needed is [1, N, 6]"))),
+            ref shape => Err(failed(format!("output is {shape:?}, needed is {FORMS}"))),
         }
     }
 }

@@ -7,8 +7,10 @@ use std::sync::Arc;
 use ndarray::{Array2, ArrayView4};
 use rten::{DataType, Dimension, Model, NodeId, RunOptions, ThreadPool, ValueType, ValueView};
 
-use super::{Engine, EngineError, weights};
-use crate::model::{FLOAT32, ModelLayout, Signature, TensorSpec, embedded};
+use super::weights::ModelFile;
+use super::{Engine, EngineError};
+use crate::head::FORMS;
+use crate::model::{FLOAT32, Metadata, ModelLayout, Signature, TensorSpec};
 
 /// The word for this engine.
 pub const NAME: &str = "rten";
@@ -21,14 +23,14 @@ pub struct Rten {
 }
 
 impl Rten {
-    /// Loads `model`, an ONNX file.
-    pub fn load(path: &Path, threads: NonZeroUsize) -> Result<(Self, ModelLayout), EngineError> {
+    /// Loads the ONNX model that was read from `path`.
+    pub fn load(
+        path: &Path,
+        file: ModelFile,
+        threads: NonZeroUsize,
+    ) -> Result<(Self, ModelLayout), EngineError> {
         let failed = |why: String| EngineError::load(path, NAME, why);
-        let bytes = match embedded(path) {
-            Some(bytes) => bytes.to_vec(),
-            None => weights::read(path).map_err(failed)?.whole,
-        };
-        let model = Model::load(bytes).map_err(|error| failed(error.to_string()))?;
+        let model = Model::load(file.whole).map_err(|error| failed(error.to_string()))?;
         let layout = ModelLayout::of(path, &signature(&model))?;
         let input = model.node_id(&layout.input).map_err(|error| failed(error.to_string()))?;
         let output = model.node_id(&layout.output).map_err(|error| failed(error.to_string()))?;
@@ -43,7 +45,7 @@ fn signature(model: &Model) -> Signature {
     Signature {
         inputs: ports(model.input_ids()),
         outputs: ports(model.output_ids()),
-        names: model.metadata().get("names").map(str::to_owned),
+        metadata: Metadata::read(|key| model.metadata().get(key).map(str::to_owned)),
     }
 }
 
@@ -70,15 +72,16 @@ impl Engine for Rten {
         let pixels = input.to_slice().ok_or_else(|| failed("input is not contiguous".to_owned()))?;
         let tensor =
             ValueView::from_shape(input.shape(), pixels).map_err(|error| failed(error.to_string()))?;
-        let [rows] = self
+        let [output] = self
             .model
             .run_n(vec![(self.input, tensor.into())], [self.output], Some(self.options.clone()))
             .map_err(|error| failed(error.to_string()))?;
-        let (shape, rows) =
-            rows.into_shape_vec::<f32, 3>().map_err(|error| failed(format!("output: {error}")))?;
-        let [1, count, 6] = shape else {
-            return Err(failed(format!("output is {shape:?}, needed is [1, N, 6]")));
+        let (shape, values) = output
+            .into_shape_vec::<f32, 3>()
+            .map_err(|error| failed(format!("output: {error}, needed is {FORMS}")))?;
+        let [1, rows, columns] = shape else {
+            return Err(failed(format!("output is {shape:?}, needed is {FORMS}")));
         };
-        Array2::from_shape_vec((count, 6), rows).map_err(|error| failed(error.to_string()))
+        Array2::from_shape_vec((rows, columns), values).map_err(|error| failed(error.to_string()))
     }
 }

@@ -27,7 +27,8 @@ pub struct ModelFile {
 pub fn read(path: &Path) -> Result<ModelFile, String> {
     let file = read_bytes(path, MOST).map_err(|why| why.to_string())?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let mut weights = Weights { folder, files: Vec::new(), read: file.len() as u64, fault: None };
+    let size = file.len() as u64;
+    let mut weights = Weights { folder, files: Vec::new(), read: size, whole: size, fault: None };
     let whole = weights.embed(&file, Kind::Model, 0);
     if let Some(why) = weights.fault {
         return Err(why);
@@ -74,7 +75,10 @@ struct Weights<'a> {
     folder: &'a Path,
     /// The files that were read, by the name in the model.
     files: Vec<(String, Vec<u8>)>,
+    /// Bytes of the model and these files.
     read: u64,
+    /// Bytes of the model with all weights in it, which may have one place of a file several times.
+    whole: u64,
     fault: Option<String>,
 }
 
@@ -125,14 +129,21 @@ impl Weights<'_> {
         let start = usize::try_from(place.offset).unwrap_or(usize::MAX);
         let length = place.length.map(|length| usize::try_from(length).unwrap_or(usize::MAX));
         let end = length.map_or(Some(file.len()), |length| start.checked_add(length));
-        let bytes = end.and_then(|end| file.get(start..end));
-        bytes.map(<[u8]>::to_vec).ok_or_else(|| {
+        let bytes = end.and_then(|end| file.get(start..end)).ok_or_else(|| {
             let length = length.map_or("the rest".to_owned(), |length| format!("{length} bytes"));
             format!(
                 "its weights in '{name}' are cut off: {length} from byte {start} on are needed, of {}",
                 file.len()
             )
-        })
+        })?;
+        self.whole += bytes.len() as u64;
+        // Some tensors may share their bytes, but a small file must not ask for the memory of a large model.
+        if self.whole > MOST.min(2 * self.read) {
+            return Err(format!(
+                "its weights name the bytes in '{name}' again and again; save it as one file"
+            ));
+        }
+        Ok(bytes.to_vec())
     }
 }
 
@@ -282,13 +293,37 @@ mod tests {
         let alone = folder.path().join("alone.onnx");
         std::fs::write(&alone, MODEL).expect("writable");
         let run = |path: &Path| {
-            let (mut engine, _) = Rten::load(path, NonZeroUsize::MIN).expect("a model");
+            let file = read(path).expect("readable");
+            let (mut engine, _) = Rten::load(path, file, NonZeroUsize::MIN).expect("a model");
             engine.run(Array4::from_elem((1, 3, 32, 32), 0.25).view()).expect("it runs")
         };
         assert_eq!(run(&path), run(&alone));
         let parts = read(&path).expect("readable").parts;
         assert_eq!(parts.iter().map(|(_, bytes)| bytes.len()).collect::<Vec<_>>()[1..], [data.len()]);
         assert_eq!(read(&alone).expect("readable").whole, MODEL);
+    }
+
+    /// A file of 100 MB that 60 tensors name would ask for 6 GB.
+    #[test]
+    fn a_file_that_many_tensors_name_is_refused() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("model.onnx");
+        std::fs::File::create(folder.path().join("weights"))
+            .and_then(|file| file.set_len(1 << 20))
+            .expect("sparse");
+        let read_with = |tensors: usize| {
+            let (mut tensor, mut entry) = (vec![(DATA_LOCATION << 3) as u8, 1], Vec::new());
+            put(&mut entry, 1, b"location");
+            put(&mut entry, 2, b"weights");
+            put(&mut tensor, EXTERNAL_DATA, &entry);
+            let (mut graph, mut model) = (Vec::new(), Vec::new());
+            (0..tensors).for_each(|_| put(&mut graph, 5, &tensor));
+            put(&mut model, 7, &graph);
+            std::fs::write(&path, model).expect("writable");
+            read(&path)
+        };
+        assert!(read_with(2).expect("shared weights").whole.len() > 2 << 20);
+        assert!(read_with(60).err().expect("too much").contains("again and again"));
     }
 
     #[test]

@@ -151,9 +151,9 @@ fn the_model_is_exchanged_or_refused() {
     assert!(node.state().contains(&("model", "nameless.onnx".to_owned())), "{:?}", node.state());
 
     // A model that does not load, and one that has no such class.
-    let broken = parameters(&data("candidates.onnx"), &[]);
+    let broken = parameters(&data("segments.onnx"), &[]);
     let why = node.prepare(&next, &broken).expect("another model")().expect_err("no detector").to_string();
-    assert!(why.contains("'model' = ") && why.contains("[1, N, 6]"), "{why}");
+    assert!(why.contains("'model' = ") && why.contains("for segmentation"), "{why}");
     let wrong = parameters(&data("rows.onnx"), &[("classes", "zebra")]);
     let why = node.prepare(&next, &wrong).expect("another model")().expect_err("no such class").to_string();
     assert!(why.contains("person, bicycle, car"), "{why}");
@@ -387,19 +387,105 @@ fn facts_name_what_runs() {
 fn models_that_cannot_work_say_what_is_needed() {
     let folder = tempfile::tempdir().expect("a folder");
     let text = folder.path().join("text.onnx");
-    std::fs::write(&text, "not a model").expect("written");
+    for (name, content) in [
+        ("text.onnx", "not a model"),
+        ("best.pt", "PK\u{3}\u{4} and more"),
+        ("renamed.onnx", "PK\u{3}\u{4} and more"),
+        ("pointer.onnx", "version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 9\n"),
+    ] {
+        std::fs::write(folder.path().join(name), content).expect("written");
+    }
     for (model, parts) in [
         (PathBuf::new(), &["model", "ONNX", "model:="][..]),
         (folder.path().join("none.onnx"), &["none.onnx", "No such file"]),
         (text, &["text.onnx", "cannot load"]),
         (folder.path().to_owned(), &["is not a regular file"]),
-        (data("candidates.onnx"), &["'output0' [1, 7, 9]", "[1, N, 6]"]),
-        (data("open_output.onnx"), &["[1, 7, 9]", "[1, N, 6]"]),
+        (data("segments.onnx"), &["is a model for segmentation", "the task detect"]),
+        (folder.path().join("best.pt"), &["is a PyTorch file", "yolo export model=", "best.pt format=onnx"]),
+        (folder.path().join("renamed.onnx"), &["is a PyTorch file", "renamed.pt format=onnx"]),
+        (folder.path().join("pointer.onnx"), &["is a pointer of git LFS", "git lfs pull"]),
         (data("mono.onnx"), &["'images' [1, 1, ?, ?]", "[1, 3, H, W]"]),
     ] {
         let why = refusal(&model, &[]);
         assert!(parts.iter().all(|part| why.contains(part)) && !why.contains('\n'), "{why}");
     }
+}
+
+/// A car with a worse copy of it, a person in the same place, and a bicycle.
+#[test]
+fn raw_heads_give_one_box_an_object() {
+    let of = |file: &str, changes: &[(&str, &str)]| {
+        classes(&detections(&mut detector(file, changes), grey(96, 160, 0)))
+    };
+    let scored =
+        |all: &[(&str, f32)]| all.iter().map(|&(class, score)| (class.to_owned(), score)).collect::<Vec<_>>();
+    for file in ["columns.onnx", "rows_of_anchors.onnx"] {
+        let rounded = |changes: &[(&str, &str)]| {
+            let round = |(class, score): (String, f32)| (class, (score * 1e4).round() / 1e4);
+            of(file, changes).into_iter().map(round).collect::<Vec<_>>()
+        };
+        let best = scored(&[("car", 0.8), ("person", 0.7), ("bicycle", 0.4)]);
+        assert_eq!(rounded(&[]), best, "{file}");
+        let all = scored(&[("car", 0.8), ("person", 0.7), ("car", 0.6), ("bicycle", 0.4)]);
+        assert_eq!(rounded(&[("nms_iou", "0.95")]), all, "{file}");
+        assert_eq!(rounded(&[("max_det", "2")]), best[..2], "{file}");
+        assert_eq!(rounded(&[("classes", "bicycle"), ("max_det", "1")]), best[2..], "{file}");
+        assert_eq!(rounded(&[("score_threshold", "0.45")]), best[..2], "{file}");
+        let first = detections(&mut detector(file, &[]), grey(96, 160, 0)).detections[0]
+            .to_detection()
+            .expect("a box");
+        let bbox = first.bbox;
+        assert_eq!((bbox.x1, bbox.y1, bbox.x2, bbox.y2), (8.0, 4.0, 40.0, 20.0), "{file}");
+    }
+    // As many rows of 6 as three anchors for each cell of the input.
+    let reported = of("one_class.onnx", &[]);
+    assert!(
+        matches!(&reported[..], [(class, score)] if class == "car" && (score - 0.45).abs() < 1e-4),
+        "{reported:?}"
+    );
+}
+
+/// Writes the model whose three rows and whose names are given.
+fn with_rows(folder: &Path, rows: [[f32; 6]; 3], names: &str) -> PathBuf {
+    let mut model = std::fs::read(data("rows.onnx")).expect("the model");
+    let mut put = |after: &[u8], bytes: &[u8]| {
+        let at =
+            model.windows(after.len()).position(|window| window == after).expect("it is in it") + after.len();
+        model[at..at + bytes.len()].copy_from_slice(bytes);
+    };
+    put(b"boxesJH", &rows.iter().flatten().flat_map(|value| value.to_le_bytes()).collect::<Vec<_>>());
+    put(b"names\x12\x25", format!("{names:<37}").as_bytes());
+    let path = folder.join("made.onnx");
+    std::fs::write(&path, model).expect("written");
+    path
+}
+
+#[test]
+fn what_cannot_be_boxes_is_refused_at_the_start() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let names = "['person', 'bicycle', 'car']";
+    let good = [10.0, 20.0, 30.0, 40.0, 0.5, 2.0];
+    let made = |rows| with_rows(folder.path(), rows, names);
+    for (rows, part) in [
+        ([[f32::NAN; 6], [f32::NAN; 6], good], "2 of 3 boxes have values that are no finite numbers"),
+        ([[0.25, 0.25, 0.6, 0.75, 0.9, 2.0]; 3], "all boxes lie between 0 and 1"),
+        (
+            [[20.0, 15.0, 2.0, 2.0, 0.1, 0.0], [9.0, 9.0, 2.0, 2.0, 0.1, 1.0], good],
+            "2 of 3 boxes have x2 < x1",
+        ),
+        ([[20.0, 15.0, 22.0, 22.0, 0.1, 0.93], [9.0, 9.0, 12.0, 12.0, 0.1, 0.25], good], "no whole number"),
+        ([good, good, [10.0, 20.0, 30.0, 40.0, 7.0, 1.0]], "a score is 7"),
+    ] {
+        let why = refusal(&made(rows), &[]);
+        assert!(why.contains(part) && why.contains("made.onnx") && why.contains("[1, N, 6]"), "{why}");
+    }
+    // Rows without a score fill up the output, and one box of several that is none is left out.
+    for rows in
+        [[[0.0; 6]; 3], [[0.0, 0.0, 0.0, 0.0, 0.0, -1.0], [0.0; 6], good], [good, good, [f32::NAN; 6]]]
+    {
+        detections(&mut opened(&made(rows), &[]).expect("a detector"), grey(64, 64, 0));
+    }
+    assert_eq!(describe(&made([good; 3]), RTEN).expect("a model").classes, ["person", "bicycle", "car"]);
 }
 
 #[test]
