@@ -22,6 +22,7 @@ pub mod process {
     pub mod memory;
     pub mod node_files;
     pub mod signals;
+    pub mod sockets;
 }
 
 #[cfg(test)]

@@ -2,8 +2,6 @@
 //!
 //! The allocator of glibc gives freed memory back to the system as soon as more than twice the size of the largest image is free. A node
 //! frees more with each frame: the pages would be unmapped, and mapped and cleared again for the next frame.
-//!
-//! This is the only module outside `modulo-core` with `unsafe`.
 
 /// The most freed memory that each arena of the allocator keeps, in bytes: that of several images of 1920 x 1080 px as floats.
 #[cfg(target_env = "gnu")]

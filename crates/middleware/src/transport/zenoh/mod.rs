@@ -31,6 +31,7 @@ use super::{Deliver, Enable, Guard, Incoming, NodeId, ParameterPort, Publisher, 
 
 use crate::graph::Graph;
 use crate::graph::discovery::Twins;
+use crate::process::sockets;
 
 /// A zenoh session in one ROS domain. Dropping it ends the session after everything sent has left.
 pub struct ZenohTransport {
@@ -54,7 +55,7 @@ impl ZenohTransport {
         let session = session::open_session(domain, &shared_memory)?;
         let graph = Arc::new(Mutex::new(Graph::default()));
         let watch = watch_graph(&session, domain, &graph)?;
-        warn_of_twins(&graph, session.zid().to_string())?;
+        look_each_second(&graph, session.zid().to_string())?;
         Ok(Self {
             session,
             shared_memory,
@@ -259,18 +260,21 @@ fn watch_graph(
         .map_err(|why| TransportError::new(format!("watch of domain {domain}"), why))
 }
 
-/// Time between two looks for twins.
-const TWINS_LOOK: Duration = Duration::from_secs(1);
+/// Time between two looks at the graph and the sockets.
+const LOOK: Duration = Duration::from_secs(1);
 
-/// Warns once of the nodes of `graph` that take each other's place, if that concerns the session `own`, until the graph is
-/// dropped. They count when two looks find them: the token of a node that was killed may outlive it for a moment.
-fn warn_of_twins(graph: &Arc<Mutex<Graph>>, own: String) -> Result<(), TransportError> {
+/// Until the graph is dropped, keeps links from waiting when they are closed, and warns once of the nodes of `graph` that take
+/// each other's place, if that concerns the session `own`. They count when two looks find them: the token of a node that was
+/// killed may outlive it for a moment.
+fn look_each_second(graph: &Arc<Mutex<Graph>>, own: String) -> Result<(), TransportError> {
     let graph = Arc::downgrade(graph);
     let look = move || {
         let (mut seen, mut warned) = (Vec::new(), BTreeSet::new());
         loop {
-            std::thread::sleep(TWINS_LOOK);
+            std::thread::sleep(LOOK);
             let Some(graph) = graph.upgrade() else { return };
+            // A link is closed after it has been silent for much longer than this.
+            sockets::close_without_waiting();
             let now = lock(&graph).twins_of(&own);
             for twins in now.iter().filter(|twins| seen.contains(*twins)) {
                 if warned.insert(twins.nodes.clone()) {
@@ -280,8 +284,8 @@ fn warn_of_twins(graph: &Arc<Mutex<Graph>>, own: String) -> Result<(), Transport
             seen = now;
         }
     };
-    let thread = std::thread::Builder::new().name("twins".into()).spawn(look);
-    thread.map(drop).map_err(|why| TransportError::new("thread that looks for twins", why))
+    let thread = std::thread::Builder::new().name("look".into()).spawn(look);
+    thread.map(drop).map_err(|why| TransportError::new("thread that looks at the graph", why))
 }
 
 /// Adds a token to the graph. Returns its conflicts with the endpoints of session `own` in words.
