@@ -12,6 +12,7 @@ use modulo_runtime::wire::attachment::Attachment;
 use modulo_runtime::wire::keys::{self, Endpoint, EntityKind};
 use modulo_runtime::{Clock, NodeName};
 use zenoh::Wait;
+use zenoh::qos::Priority;
 use zenoh::query::{ConsolidationMode, Query, QueryTarget};
 
 use super::{ZenohTransport, stamp};
@@ -43,6 +44,8 @@ impl ZenohTransport {
             // Service servers declare themselves complete; without consolidation, the first answer comes at once.
             .target(QueryTarget::AllComplete)
             .consolidation(ConsolidationMode::None)
+            // The call and its answer, which takes its priority, do not wait behind images.
+            .priority(Priority::InteractiveHigh)
             .timeout(patience)
             .wait()
             .map_err(|why| failed(&why))?;

@@ -148,10 +148,24 @@ fn defaults(domain: u32, is_host: bool) -> Vec<(&'static str, String)> {
         ("transport/shared_memory/enabled", "false".into()),
         // In bytes. Smaller payloads gain nothing, and a node that sends only such needs no pool of 16 MiB.
         ("transport/shared_memory/transport_optimization/message_size_threshold", "65536".into()),
+        // As in rmw_zenoh: a session may stand still for a minute before the others close their links to it.
+        ("transport/link/tx/lease", "60000".into()),
+        ("transport/link/tx/keep_alive", "24".into()),
+        // In bytes; a larger message is dropped where it arrives.
+        ("transport/link/rx/max_message_size", "134217728".into()),
+        // What announces sessions and endpoints waits for every reader, so that there must be room for it.
+        ("transport/link/tx/queue/size/control", "16".into()),
         ("transport/link/tx/queue/size/data", "16".into()),
         ("transport/link/tx/queue/congestion_control/drop/wait_before_drop", "20000".into()),
         ("transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments", "200000".into()),
     ]
+}
+
+/// Returns a domain, with a number above those of ROS 2, in which no test of another process meets.
+#[cfg(test)]
+pub(super) fn free_domain() -> u32 {
+    let is_free = |domain: &u32| std::net::TcpListener::bind(("127.0.0.1", meeting_port(*domain))).is_ok();
+    (1000 + std::process::id() % 20_000..).find(is_free).expect("a free port")
 }
 
 #[cfg(test)]

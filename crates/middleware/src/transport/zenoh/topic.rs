@@ -106,7 +106,8 @@ impl ZenohTransport {
                 if !reliable {
                     return publisher.wait();
                 }
-                let misses = MissDetectionConfig::default().sporadic_heartbeat(HEARTBEAT);
+                // The sporadic one waits for a reader that stands still, and zenoh closes the link of such a reader.
+                let misses = MissDetectionConfig::default().heartbeat(HEARTBEAT);
                 publisher.sample_miss_detection(misses).wait()
             }
         }
@@ -187,5 +188,55 @@ impl Publisher for RawPublisher {
             .encode()
             .map_err(|why| TransportError::new(format!("message for {}", self.publisher.key_expr()), why))?;
         self.put(payload)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc;
+
+    use modulo_runtime::SystemClock;
+    use modulo_runtime::wire::keys::Hashes;
+
+    use super::super::session::free_domain;
+    use super::*;
+
+    /// zenoh closes the link of a reader that takes no message which must not be dropped for 5 s.
+    #[test]
+    fn no_message_of_a_publisher_waits_for_a_reader() {
+        let domain = free_domain();
+        let open = || {
+            ZenohTransport::open(domain, Hashes::Rihs01, Arc::new(SystemClock::default())).expect("a session")
+        };
+        let (sender, reader) = (open(), open());
+        let node = NodeName::new("camera", "/", &[]).expect("a name");
+        let endpoint = Endpoint {
+            topic: "/sensor_info".into(),
+            dds_type: "std_msgs::msg::dds_::String_".into(),
+            type_hash: keys::NO_HASH.into(),
+            qos: ":1:,1:,:,:,,".into(),
+        };
+        let (told, heard) = mpsc::channel();
+        let take = move |sample: Sample| {
+            let is_heartbeat = sample.key_expr().as_str().contains("/@adv/");
+            // The test may have ended.
+            let _ = told.send((is_heartbeat, sample.congestion_control()));
+        };
+        // The heartbeat has a key of its own, which `**` does not match.
+        let subscriptions = ["/**", "/@adv/**"].map(|rest| {
+            let key = format!("{}{rest}", sender.key(&endpoint));
+            reader.session.declare_subscriber(key).callback(take.clone()).wait().expect("a subscriber")
+        });
+        let publisher = sender.advertise_raw(&node, &endpoint).expect("a publisher");
+        let mut missing = [true, true];
+        while missing != [false, false] {
+            publisher.put(vec![0; 8]).expect("an open session");
+            let Ok((is_heartbeat, control)) = heard.recv_timeout(Duration::from_secs(60)) else {
+                panic!("{missing:?}")
+            };
+            assert_eq!(control, CongestionControl::Drop, "heartbeat: {is_heartbeat}");
+            missing[usize::from(is_heartbeat)] = false;
+        }
+        drop(subscriptions);
     }
 }
