@@ -225,6 +225,9 @@ impl CaptureLoop<'_> {
         let mut lost = BTreeMap::new();
         for (lane, topic) in &self.lanes {
             let counts = self.queue.close(*lane);
+            if let Some(warning) = counts.warning(&topic.name) {
+                tracing::warn!("{warning}");
+            }
             // Topics without losses are left out, so that the report is empty for a complete recording.
             if counts.lost() + counts.unread > 0 {
                 *lost.entry(topic.name.clone()).or_default() += counts.lost() + counts.unread;

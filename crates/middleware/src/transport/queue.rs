@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use modulo_runtime::Clock;
 use modulo_runtime::stop::Wake;
-use modulo_runtime::wire::attachment::{Attachment, Gaps};
+use modulo_runtime::wire::attachment::{Attachment, Gaps, Step};
 
 /// The number of messages that a lane holds, and the message that it drops when it is full.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,14 +45,27 @@ pub struct LaneCounts {
     pub overflowed: u64,
     /// Messages that wait now, or that still waited when the lane was closed.
     pub unread: u64,
-    /// Messages that never arrived: gaps in the sequence numbers of the publishers.
+    /// Messages that never arrived: gaps in the sequence numbers of the publishers. A jump of the numbers counts as one.
     pub missing: u64,
+    /// How often the numbers of a publisher have jumped, so that nobody knows how many messages are missing.
+    pub jumps: u64,
 }
 
 impl LaneCounts {
     /// Messages that were sent and should have been read, but were not.
     pub fn lost(&self) -> u64 {
         self.overflowed + self.missing
+    }
+
+    /// Returns what is not known of the losses on `topic`, if anything, in words.
+    pub fn warning(&self, topic: &str) -> Option<String> {
+        let jumps = self.jumps;
+        (jumps > 0).then(|| {
+            format!(
+                "the sequence numbers on {topic} jumped by more than a million, {jumps} times: a publisher has started them anew, or \
+                 is not one of ROS 2; how many messages are lost is not known, and each jump counts as one"
+            )
+        })
     }
 }
 
@@ -150,7 +163,13 @@ impl<T: Queued> Queue<T> {
         let Some(waiting) = state.lanes.get_mut(&lane).filter(|_| !state.ended) else { return Some(item) };
         waiting.counts.received += 1;
         if let Some(attachment) = item.attachment() {
-            waiting.counts.missing += waiting.gaps.step(attachment);
+            match waiting.gaps.step(attachment) {
+                Step::Missing(missing) => waiting.counts.missing += missing,
+                Step::Jumped => {
+                    waiting.counts.jumps += 1;
+                    waiting.counts.missing += 1;
+                }
+            }
         }
         let arrival = state.arrivals;
         let displaced = match waiting.keep {
@@ -299,6 +318,30 @@ mod tests {
         assert_eq!(queue.take(NOW), Some(Arrived { lane, stamp_ns: 9, item: 2 }));
         assert_eq!(queue.take(NOW), None);
         assert_eq!(queue.counts(lane), LaneCounts { received: 2, replaced: 1, ..LaneCounts::default() });
+    }
+
+    impl Queued for Attachment {
+        fn attachment(&self) -> Option<&Attachment> {
+            Some(self)
+        }
+    }
+
+    #[test]
+    fn a_jump_of_the_numbers_is_told_and_counts_as_one_loss() {
+        let limit = Limit { messages: 9, bytes: 9 };
+        let queue = Queue::new(Arc::new(ManualClock::at(9)), limit);
+        let lane = queue.open(Keep::All);
+        for sequence in [1, 2, 4, i64::MAX, 1, 2] {
+            queue.push(lane, Attachment { sequence, stamp_ns: 0, gid: [1; 16], numbers: 1 });
+        }
+        let counts = queue.close(lane);
+        assert_eq!((counts.received, counts.missing, counts.jumps, counts.lost()), (6, 3, 2, 3));
+        assert!(
+            counts
+                .warning("/modulo")
+                .is_some_and(|warning| warning.contains("/modulo jumped by more than a million, 2 times"))
+        );
+        assert_eq!(LaneCounts { jumps: 0, ..counts }.warning("/modulo"), None);
     }
 
     #[test]

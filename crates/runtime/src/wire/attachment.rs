@@ -48,6 +48,8 @@ impl Attachment {
 
 /// Publishers of one topic that are remembered; more only come from restarts.
 const PUBLISHERS: usize = 1024;
+/// Samples that cannot be missing at once: those of 14 hours at 20 Hz.
+const JUMP: u64 = 1 << 20;
 
 /// Counts the holes in the sequence numbers of each publisher.
 #[derive(Debug, Default)]
@@ -56,11 +58,20 @@ pub struct Gaps {
     greatest: BTreeMap<[u8; 16], (i64, i64)>,
 }
 
+/// What the number of a sample says of those before it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// So many are missing.
+    Missing(u64),
+    /// The numbers have jumped, and the count starts anew: whether any is missing is not known.
+    Jumped,
+}
+
 impl Gaps {
-    /// Returns the number of samples that are missing before this one. The first sample of a publisher starts its
+    /// Returns how many samples are missing before this one. The first sample of a publisher starts its
     /// count: earlier ones were not for this reader. A number below the greatest one is a sample that came late or
     /// twice, and counts as no gap. A publisher that restarts has another gid.
-    pub fn step(&mut self, attachment: &Attachment) -> u64 {
+    pub fn step(&mut self, attachment: &Attachment) -> Step {
         let Attachment { gid, sequence, numbers, .. } = *attachment;
         if self.greatest.len() >= PUBLISHERS && !self.greatest.contains_key(&gid) {
             // Any entry may go: a publisher that still sends starts its count anew.
@@ -70,9 +81,13 @@ impl Gaps {
         let greatest = self.greatest.entry(gid).or_insert((sequence, used));
         // The numbers come from the wire and may be anything. A reader that comes is known here a little earlier or later than
         // the publisher begins to count it.
-        let missing = (sequence.saturating_sub(greatest.0) / greatest.1.max(used)).saturating_sub(1);
+        let step = sequence.saturating_sub(greatest.0) / greatest.1.max(used);
+        if step.unsigned_abs() > JUMP {
+            *greatest = (sequence, used);
+            return Step::Jumped;
+        }
         *greatest = (sequence, used).max(*greatest);
-        u64::try_from(missing).unwrap_or(0)
+        Step::Missing(u64::try_from(step.saturating_sub(1)).unwrap_or(0))
     }
 }
 
@@ -170,11 +185,23 @@ mod tests {
         };
         assert_eq!(
             [step(1, 40), step(1, 41), step(1, 44), step(2, 7), step(1, 45), step(2, 9)],
-            [0, 0, 2, 0, 0, 1]
+            [0, 0, 2, 0, 0, 1].map(Step::Missing)
         );
-        // A late sample, the one after the greatest, and the extremes.
-        assert_eq!([step(1, 3), step(1, 46), step(1, i64::MIN), step(1, 47)], [0, 0, 0, 0]);
-        assert_eq!(step(1, i64::MAX), i64::MAX as u64 - 48);
+        // A late sample, and the one after the greatest.
+        assert_eq!([step(1, 3), step(1, 46)], [0, 0].map(Step::Missing));
+    }
+
+    /// A peer, or a driver that starts its count at random, had made 9,223,372,036,854,775,805 lost messages of two.
+    #[test]
+    fn numbers_that_jump_start_the_count_anew() {
+        let mut gaps = Gaps::default();
+        let mut step = |sequence| gaps.step(&Attachment { sequence, stamp_ns: 0, gid: [1; 16], numbers: 1 });
+        let jump = i64::try_from(JUMP).expect("small");
+        assert_eq!([step(1), step(1 + jump)], [Step::Missing(0), Step::Missing(JUMP - 1)]);
+        for far in [2 + 2 * jump, i64::MAX, 5, i64::MIN, 0] {
+            assert_eq!([step(far), step(far.saturating_add(3))][0], Step::Jumped, "{far}");
+        }
+        assert_eq!([step(4), step(3 + jump)], [Step::Missing(0), Step::Missing(JUMP - 2)]);
     }
 
     /// A publisher of Lyrical uses one number more for each message from the moment on at which a reader with a buffer of its
@@ -186,14 +213,13 @@ mod tests {
             |sequence, numbers| gaps.step(&Attachment { sequence, stamp_ns: 0, gid: [1; 16], numbers });
         assert_eq!(
             [(1, 1), (2, 1), (4, 2), (6, 2), (8, 2), (12, 2)].map(|(n, numbers)| step(n, numbers)),
-            [0, 0, 0, 0, 0, 1]
+            [0, 0, 0, 0, 0, 1].map(Step::Missing)
         );
         // The reader is known here two messages late, and later all readers are served on the base key.
         assert_eq!(
             [(15, 3), (18, 3), (19, 1), (20, 1), (22, 1)].map(|(n, numbers)| step(n, numbers)),
-            [0, 0, 0, 0, 1]
+            [0, 0, 0, 0, 1].map(Step::Missing)
         );
-        assert_eq!(step(i64::MAX, u32::MAX), (i64::MAX - 22) as u64 / u64::from(u32::MAX) - 1);
     }
 
     #[test]
@@ -225,7 +251,10 @@ mod tests {
         let mut gaps = Gaps::default();
         for publisher in 0..2 * PUBLISHERS as u128 {
             let gid = publisher.to_be_bytes();
-            assert_eq!(gaps.step(&Attachment { sequence: 9, stamp_ns: 0, gid, numbers: 1 }), 0);
+            assert_eq!(
+                gaps.step(&Attachment { sequence: 9, stamp_ns: 0, gid, numbers: 1 }),
+                Step::Missing(0)
+            );
         }
         assert_eq!(gaps.greatest.len(), PUBLISHERS);
     }

@@ -42,7 +42,11 @@ impl SlotInput {
     /// Ends the subscription and adds its counts to `report`.
     pub fn close(self, queue: &EventQueue, report: &mut NodeReport) {
         drop(self.subscription);
-        book(report, &self.address, queue.close(self.lane));
+        let counts = queue.close(self.lane);
+        if let Some(warning) = counts.warning(&self.address.topic) {
+            tracing::warn!("{warning}");
+        }
+        book(report, &self.address, counts);
     }
 }
 
