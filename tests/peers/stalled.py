@@ -1,11 +1,12 @@
 """Readers that are suspended must not hold up the suite: camera and unwrap go on for all others, and each frame is in a count.
 
-    venv/bin/python tests/peers/stalled.py target/debug/modulo [raw|recorder [READERS [SECONDS [RATE]]]]
+    venv/bin/python tests/peers/stalled.py target/debug/modulo [raw|recorder|ending [READERS [SECONDS [RATE]]]]
 
 The readers are raw zenoh peers (eclipse-zenoh) or `modulo bag record`, of the image topics. They read for a while (the control), are
 suspended for so many seconds, and are killed. An own session hears the camera and unwrap all the time. Fails where unwrap answers less
 than 80 % as many of the camera's frames as in the control in any four seconds, where a frame is in no count, or where a thread
-of the suite waits in close().
+of the suite waits in close(). With `ending` the readers are raw peers that outlive the suite, and it fails where a node does not end
+in time.
 """
 
 import contextlib
@@ -28,7 +29,7 @@ CLOSE = "3" if os.uname().machine == "x86_64" else "57"  # the number of the sys
 CONTROL_S = 8
 WINDOW_S = 4
 # A raw peer announces this lease: after it, the suite closes its links to the peer. zenoh's own is 10 s.
-LEASE_MS = int(os.environ.get("LEASE_MS", "3000"))
+LEASE_MS = 60_000 if "ending" in sys.argv else 3000
 
 
 def session():
@@ -107,7 +108,8 @@ def suite(modulo, rate, hears, folder):
 def readers(modulo, kind, count, folder):
     """The commands of the readers."""
     recorder = lambda n: [modulo, "bag", "record", "-o", f"{folder}/bag{n}", *(f"/{topic}" for topic in TOPICS)]
-    commands = {"raw": lambda _: [sys.executable, __file__, "read"], "recorder": recorder}
+    raw = lambda _: [sys.executable, __file__, "read", *sys.argv[2:3]]
+    commands = {"raw": raw, "ending": raw, "recorder": recorder}
     return [commands[kind](n) for n in range(count)]
 
 
@@ -125,12 +127,15 @@ def run(modulo, kind, count, seconds, rate, folder):
         while time.monotonic() < stopped + seconds:
             threads.look()
             time.sleep(0.25)
+        if kind == "ending":
+            launch.send_signal(signal.SIGINT)
+            launch.wait(60)
         stack.close()
         time.sleep(3.0)
     return times, stopped, threads.seen
 
 
-def check(times, stopped, seen, seconds, summary):
+def check(times, stopped, seen, seconds, summary, log):
     """Says what went on while the readers stood still, and returns whether it was right."""
     share = lambda start, end: tuple(sum(start <= t < end for t in times[topic]) for topic in ("recovery", "sensor_info"))
     answered, sent = share(stopped - CONTROL_S, stopped)
@@ -147,6 +152,7 @@ def check(times, stopped, seen, seconds, summary):
             print(line)
     if seen:
         bad.append(f"threads in close(), looks of 0.25 s: {seen}")
+    bad += [line for line in log.splitlines() if "still runs" in line]
     topic = summary["topics"]["/modulo"]
     if topic["out"] != topic["in"] + topic["lost"]:
         bad.append("frames of /modulo in no count")
@@ -161,13 +167,14 @@ def main():
         heard = run(modulo, kind, int(count), float(seconds), rate, folder)
         summary = json.loads(Path(f"{folder}/summary").read_text(encoding="utf-8"))
         print(f"{kind}, {count} suspended for {seconds} s, {rate} Hz")
-        if check(*heard, float(seconds), summary):
+        log = Path(f"{folder}/log").read_text(encoding="utf-8")
+        if check(*heard, float(seconds), summary, log):
             return 0
-        print(Path(f"{folder}/log").read_text(encoding="utf-8")[-3000:])
+        print(log[-3000:])
         return 1
 
 
 if __name__ == "__main__":
-    if sys.argv[1:] == ["read"]:
+    if sys.argv[1] == "read":
         read_raw()
     sys.exit(main())

@@ -1,7 +1,8 @@
 //! The sockets of the process, which zenoh opens.
 //!
 //! zenoh 1.10 sets `SO_LINGER` to 10 s on each link. To close a link whose reader stands still then blocks a thread for that time, and
-//! the one thread `net-0` also serves all links that this process has dialled: they stand still as well.
+//! the one thread `net-0` also serves all links that this process has dialled: they stand still as well
+//! (`tests/peers/linger.py`).
 
 use std::fs;
 

@@ -33,7 +33,8 @@ use crate::graph::Graph;
 use crate::graph::discovery::Twins;
 use crate::process::sockets;
 
-/// A zenoh session in one ROS domain. Dropping it ends the session after everything sent has left.
+/// A zenoh session in one ROS domain. Dropping it ends the session after everything sent has left, in some seconds at
+/// most.
 pub struct ZenohTransport {
     session: Session,
     /// Each connection holds it while shared memory is enabled.
@@ -146,9 +147,7 @@ impl ZenohTransport {
 
 impl Drop for ZenohTransport {
     fn drop(&mut self) {
-        if let Err(why) = self.session.close().wait() {
-            tracing::warn!("zenoh session did not close: {why}");
-        }
+        session::close(&self.session);
         // Where a peer closes at the same moment, a task of zenoh outlives the closing, and may be the last to hold the pool of
         // shared memory. To free it while the process ends panics, and aborts the process where two images are in it.
         session::wait_for_connections(&self.shared_memory);

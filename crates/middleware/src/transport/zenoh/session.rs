@@ -3,7 +3,7 @@
 use std::fs::{self, DirBuilder, File};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, mpsc};
 use std::thread::sleep;
 use std::time::Duration;
 
@@ -17,6 +17,9 @@ const MEETING_PORT: u16 = 7450;
 
 /// A session waits at most this long for the lock: the lock only avoids a warning of zenoh, and its holder may hang.
 const PORT_LOCK: Duration = Duration::from_secs(3);
+/// Longest wait until everything sent has left: longer than the 2.5 s that zenoh gives a link whose reader stands still, and with
+/// [`LINGERING`] shorter than a launcher waits for the end of a node.
+const CLOSING: Duration = Duration::from_secs(3);
 /// Longest wait for the connections of a closed session.
 const LINGERING: Duration = Duration::from_secs(1);
 const GLANCE: Duration = Duration::from_millis(10);
@@ -36,6 +39,24 @@ pub(super) fn open_session(domain: u32, shared: &Arc<ShmClientStorage>) -> Resul
     }
     drop(lock);
     open(false)
+}
+
+/// Closes `session`, in at most [`CLOSING`]: zenoh closes the links one after the other, and may wait for each. What is not sent by then
+/// is for readers that stand still.
+pub(super) fn close(session: &Session) {
+    let (session, (closed, is_closed)) = (session.clone(), mpsc::channel());
+    let close = move || {
+        if let Err(why) = session.close().wait() {
+            tracing::warn!("zenoh session did not close: {why}");
+        }
+        // Nobody waits any more where this took longer.
+        let _ = closed.send(());
+    };
+    match std::thread::Builder::new().name("close".into()).spawn(close) {
+        // Also ends where the thread has ended without a word.
+        Ok(_) => drop(is_closed.recv_timeout(CLOSING)),
+        Err(why) => tracing::warn!("thread that closes the zenoh session: {why}"),
+    }
 }
 
 /// Waits until no connection of a closed session holds `shared` any more, at most for [`LINGERING`].
