@@ -3,11 +3,12 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
+use clap::error::ErrorKind;
 use clap::{CommandFactory, FromArgMatches, Parser};
 use clap_complete::CompleteEnv;
 
 use crate::LONG_VERSION;
-use crate::command::{bag, bench, demo, detect, eval, graph, images, launch, model, param, run, view};
+use crate::command::{bag, bench, demo, detect, eval, graph, images, launch, model, param, run, terminal, view};
 
 /// Simulate a modulo camera, unwrap its images to high dynamic range and detect objects in them, as ROS 2 nodes
 #[derive(Parser)]
@@ -66,10 +67,22 @@ pub enum Cli {
 }
 
 /// Reads the command line. A link named after a node runs that node. Every option takes a negative number, so that its
-/// refusal names the possible range.
-pub fn parse() -> Cli {
-    // Prints what a shell asks for, and ends, where the environment says so.
-    CompleteEnv::with_factory(Cli::command).complete();
+/// refusal names the possible range. `None` where the environment has asked for words for a shell, which have been printed.
+///
+/// # Errors
+/// The refusal of the command line, or the help that it asks for.
+pub fn parse() -> Result<Option<Cli>, clap::Error> {
+    let folder = std::env::current_dir().ok();
+    match CompleteEnv::with_factory(Cli::command).try_complete(std::env::args_os(), folder.as_deref()) {
+        Ok(false) => {}
+        Ok(true) => return Ok(None),
+        Err(why) if why.kind() == ErrorKind::Io => {
+            // The library does not tell which error it was: a line more meets it again.
+            terminal::say(format_args!(""));
+            return Ok(None);
+        }
+        Err(why) => return Err(why),
+    }
     let mut arguments: Vec<OsString> = std::env::args_os().collect();
     let called = arguments.first().map(PathBuf::from).unwrap_or_default();
     let called = called.file_stem().and_then(|name| name.to_str()).unwrap_or_default();
@@ -79,8 +92,8 @@ pub fn parse() -> Cli {
     }
     // The long version replaces only the text of --version; -V stays one line.
     let command = with_short_help(with_negative_numbers(Cli::command()));
-    let matches = command.long_version(LONG_VERSION).get_matches_from(arguments);
-    Cli::from_arg_matches(&matches).unwrap_or_else(|why| why.exit())
+    let matches = command.long_version(LONG_VERSION).try_get_matches_from(arguments)?;
+    Cli::from_arg_matches(&matches).map(Some)
 }
 
 pub fn help_of(name: &str) -> String {

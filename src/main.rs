@@ -8,6 +8,8 @@ mod command;
 
 use std::process::ExitCode;
 
+use anyhow::anyhow;
+use command::terminal;
 use modulo_middleware::process::memory::keep_freed_memory;
 use modulo_runtime::secret::without_secrets;
 
@@ -54,7 +56,27 @@ impl<E: Into<anyhow::Error>> From<E> for Failure {
 
 fn main() -> ExitCode {
     keep_freed_memory();
-    match command::dispatch(cli::parse()) {
+    let ended = match cli::parse() {
+        Ok(Some(cli)) => command::dispatch(cli),
+        Ok(None) => Ok(Ended::Done),
+        Err(why) if why.use_stderr() => {
+            // Where the reason cannot be printed, the code remains.
+            let _ = why.print();
+            return ExitCode::from(2);
+        }
+        Err(help) => {
+            terminal::keep(help.print());
+            Ok(Ended::Done)
+        }
+    };
+    match (ended, terminal::failure()) {
+        (Ok(_), Some(why)) => fail(1, &anyhow!("standard output takes no more, and a part of the result is missing: {why}")),
+        (ended, _) => exit_code(ended),
+    }
+}
+
+fn exit_code(ended: Result<Ended, Failure>) -> ExitCode {
+    match ended {
         Ok(Ended::Done) => ExitCode::SUCCESS,
         Ok(Ended::WithLoss) => ExitCode::from(3),
         // A file that is not there is a wrong word of the command line, whichever part of the program has looked for it.
@@ -69,7 +91,7 @@ fn is_missing_file(why: &anyhow::Error) -> bool {
 }
 
 fn fail(code: u8, why: &anyhow::Error) -> ExitCode {
-    eprintln!("{} {}", command::colour::error("modulo:"), without_secrets(&message_of(why)));
+    terminal::note(format_args!("{} {}", command::colour::error("modulo:"), without_secrets(&message_of(why))));
     ExitCode::from(code)
 }
 

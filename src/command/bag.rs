@@ -159,7 +159,7 @@ fn copy(reader: &BagReader, args: &BagCopy) -> Result<Ended, Failure> {
     }
     let lost = loss(reader.warnings().iter().chain(&copied.left_out));
     // What came before the break is in the new bag: the command has done its work, but not without a loss.
-    copied.broke.iter().for_each(|why| eprintln!("modulo: {why}"));
+    copied.broke.iter().for_each(|why| note!("modulo: {why}"));
     Ok(Ended::of(lost || copied.broke.is_some()))
 }
 
@@ -181,7 +181,7 @@ fn write_options(form: &Form) -> WriteOptions {
 fn loss<'a>(warnings: impl IntoIterator<Item = &'a BagWarning>) -> bool {
     let mut lost = false;
     for warning in warnings {
-        eprintln!("modulo: {warning}");
+        note!("modulo: {warning}");
         lost |= warning.is_loss();
     }
     lost
@@ -209,7 +209,7 @@ fn record(args: &BagRecord) -> Result<Ended, Failure> {
     let missing: Vec<&str> = args.topics.iter().filter(|name| !is_there(name)).map(String::as_str).collect();
     if !missing.is_empty() {
         let missing = missing.join(", ");
-        eprintln!("modulo: no node has published {missing}; modulo topic list shows the topics of the graph");
+        note!("modulo: no node has published {missing}; modulo topic list shows the topics of the graph");
     }
     Ok(Ended::of(!captured.lost.is_empty() || !missing.is_empty()))
 }
@@ -253,12 +253,12 @@ fn play(args: &BagPlay) -> Result<Ended, Failure> {
 /// Tells what a replay has left out, and returns whether it is anything. What the bag lacks is told again, because a launcher gives the last
 /// line as the reason.
 fn left_out(player: &Player, unheard: &[String]) -> bool {
-    player.bag().warnings().iter().filter(|w| w.is_loss()).for_each(|why| eprintln!("modulo: {why}"));
+    player.bag().warnings().iter().filter(|w| w.is_loss()).for_each(|why| note!("modulo: {why}"));
     if !unheard.is_empty() {
-        eprintln!("modulo: no reader gets {}", unheard.join(", "));
+        note!("modulo: no reader gets {}", unheard.join(", "));
     }
     if player.left_out() > 0 {
-        eprintln!("modulo: {} messages that cannot be read were left out", player.left_out());
+        note!("modulo: {} messages that cannot be read were left out", player.left_out());
     }
     !unheard.is_empty() || player.left_out() > 0
 }

@@ -248,7 +248,7 @@ fn tell_long(bar: &ProgressBar, event: BenchEvent<'_>) {
         && bar.is_hidden()
         && done % total.div_ceil(20) == 0
     {
-        eprintln!("modulo: {done} of {total} done, next: {next}");
+        note!("modulo: {done} of {total} done, next: {next}");
     }
     tell(bar, event);
 }
@@ -263,6 +263,6 @@ pub fn tell(bar: &ProgressBar, event: BenchEvent<'_>) {
         }
         // A line that is printed while a bar is drawn would tear it apart, so the bar is taken away
         // meanwhile.
-        BenchEvent::Warning(warning) => bar.suspend(|| eprintln!("modulo: {warning}")),
+        BenchEvent::Warning(warning) => bar.suspend(|| note!("modulo: {warning}")),
     }
 }

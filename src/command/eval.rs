@@ -143,7 +143,7 @@ fn finish(
     let pictured = recordings.pictured();
     if summary.stopped {
         let frames = evaluation.frames();
-        eprintln!("[eval] stopped by a signal: the results are those of the {frames} frames before it");
+        note!("[eval] stopped by a signal: the results are those of the {frames} frames before it");
     }
     let files = [
         recordings.finish().err().map(|why| anyhow!(why)),
@@ -158,9 +158,9 @@ fn finish(
     }
     tell_slower_engine(&summary);
     if let Some(number) = pictured {
-        eprintln!("frame {number} with the boxes of all streams: {}", out.join(GRID).display());
+        note!("frame {number} with the boxes of all streams: {}", out.join(GRID).display());
     }
-    eprintln!("report: {}", out.join(PAGE).display());
+    note!("report: {}", out.join(PAGE).display());
     let lost = summary.lost(false) || summary.stopped || results.values().any(StreamResult::lost);
     Ok(Ended::of(lost))
 }
@@ -209,9 +209,9 @@ fn add(
     reports: &mut Vec<NodeReport>,
 ) -> Result<(), Failure> {
     let names: Vec<&str> = made.iter().map(|(_, node_name)| node_name.name.as_str()).collect();
-    eprintln!("[eval] {} in lockstep: every frame once, none dropped", names.join(", "));
+    note!("[eval] {} in lockstep: every frame once, none dropped", names.join(", "));
     for camera in plan.cameras.iter().filter(|camera| camera.streams.is_empty()) {
-        eprintln!("[eval] no detector reads the images of {}", camera.name);
+        note!("[eval] no detector reads the images of {}", camera.name);
     }
     let timer = SystemClock::default();
     let mut chain = Lockstep::new(&timer, recordings.topics(plan));

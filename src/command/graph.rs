@@ -1,7 +1,6 @@
 //! `modulo topic` and `modulo node`: the nodes, topics and messages of the graph. No ROS installation is needed.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
-use std::io::Write as _;
 use std::time::Duration;
 
 use anyhow::{Context as _, anyhow};
@@ -16,7 +15,7 @@ use modulo_runtime::wire::keys::{Endpoint, EntityKind, Token};
 use serde::Serialize;
 use serde_json::json;
 
-use super::{colour, completion, domain, open_session, stop_on_signals};
+use super::{colour, completion, domain, open_session, stop_on_signals, terminal};
 use crate::{Ended, Failure};
 
 #[derive(Subcommand)]
@@ -124,7 +123,7 @@ pub fn node(args: &NodeCommand) -> Result<Ended, Failure> {
             let shown: Vec<_> = nodes.iter().filter(|node| *all || !is_hidden_node(node)).collect();
             if shown.windows(2).any(|pair| pair[0] == pair[1]) {
                 // The words of `ros2 node list`.
-                eprintln!(
+                note!(
                     "{} Be aware that there are nodes in the graph that share an exact name, which can have unintended side effects.",
                     colour::warning("WARNING:")
                 );
@@ -163,7 +162,7 @@ fn missing(node: &str, nodes: &[String]) -> Failure {
 /// Says on standard error that the domain has nothing to list, which may mean that its nodes speak DDS.
 pub fn tell_empty(what: &str, empty: bool) -> Result<(), Failure> {
     if empty {
-        eprintln!("there is no {what} in domain {}; {NOT_OVER_ZENOH}", domain()?);
+        note!("there is no {what} in domain {}; {NOT_OVER_ZENOH}", domain()?);
     }
     Ok(())
 }
@@ -172,7 +171,7 @@ pub fn tell_empty(what: &str, empty: bool) -> Result<(), Failure> {
 pub fn tell_namesakes(graph: &Graph, node: &str, means: &str) {
     let count = graph.nodes().iter().filter(|name| *name == node).count();
     if count > 1 {
-        eprintln!("{} {count} nodes are called {node}: {means}", colour::warning("WARNING:"));
+        note!("{} {count} nodes are called {node}: {means}", colour::warning("WARNING:"));
     }
 }
 
@@ -259,14 +258,13 @@ fn echo(transport: &ZenohTransport, topic: &str, once: bool) -> Result<(), Failu
         // Nothing comes when the command was asked to end meanwhile.
         let Some(sample) = listening.next(None) else { continue };
         let value = dynamic::from_slice(&description, &sample.item.payload)?;
-        if !print(&format!("{value}---")) || once {
+        // The reader ends this command by closing the pipe.
+        if !terminal::say(format_args!("{value}---")) || once {
             break;
         }
     }
     if listening.lost() > 0 {
-        // A reader that has left, such as `head`, may have read these lines, too.
-        let _ = writeln!(
-            std::io::stderr(),
+        note!(
             "{} messages are not shown: they came faster than they could be printed",
             listening.lost()
         );
@@ -278,14 +276,9 @@ fn echo(transport: &ZenohTransport, topic: &str, once: bool) -> Result<(), Failu
 fn tell_twins(transport: &ZenohTransport, reported: &mut Vec<Twins>) {
     let now = transport.twins();
     if *reported != now {
-        now.iter().for_each(|twins| eprintln!("{} {twins}", colour::warning("WARNING:")));
+        now.iter().for_each(|twins| note!("{} {twins}", colour::warning("WARNING:")));
         *reported = now;
     }
-}
-
-/// Prints a line of a command without an end of its own. Returns whether a reader is there, who ends it by closing the pipe.
-fn print(line: &str) -> bool {
-    writeln!(std::io::stdout(), "{line}").is_ok()
 }
 
 /// Prints the rate of the messages, and its spread, once a second.
@@ -306,7 +299,7 @@ fn hz(transport: &ZenohTransport, clock: &dyn Clock, topic: &str, window: usize)
         if now() >= due {
             // The next line is due one second after this one was due, so that delays do not add up.
             due += 1.0;
-            if !print(&rate(arrived.make_contiguous(), listening.lost())) {
+            if !terminal::say(format_args!("{}", rate(arrived.make_contiguous(), listening.lost()))) {
                 break;
             }
         }

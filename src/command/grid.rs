@@ -97,7 +97,7 @@ pub fn grid(args: &Grid, source: &[String], out: &Path) -> Result<Ended, Failure
     let results = match run(&request, &detector, &timer, &|event| progress.tell(event)) {
         // All frames are left out, each for its reason.
         Err(why @ GridError::Nothing(_, 1.., _)) => {
-            eprintln!("modulo: {why}");
+            note!("modulo: {why}");
             return Ok(Ended::WithLoss);
         }
         results => results.map_err(failure)?,
@@ -141,10 +141,10 @@ impl GridProgress {
                 if bar.is_hidden() {
                     let (done, all) = (bar.position(), bar.length().unwrap_or_default());
                     let line = self.with_lines(|lines, now| lines.line(now, done, all));
-                    line.iter().for_each(|line| eprintln!("modulo: {line}"));
+                    line.iter().for_each(|line| note!("modulo: {line}"));
                 }
             }
-            GridEvent::Warning(warning) => bar.suspend(|| eprintln!("modulo: {warning}")),
+            GridEvent::Warning(warning) => bar.suspend(|| note!("modulo: {warning}")),
         }
     }
 
@@ -159,7 +159,7 @@ impl GridProgress {
 /// Prints a line if there is a cell without an AP.
 fn tell_unscored(results: &Results) {
     if results.cells.iter().any(Cell::is_unscored) {
-        eprintln!(
+        note!(
             "modulo: no labelled object is scored, so that there is no AP; --groups names the classes that are scored, and \
              --difficulty the objects"
         );

@@ -48,7 +48,7 @@ fn report(out: &Path, outcome: &RunOutcome) -> Ended {
         .for_each(|(file, white)| say!("white is {white}, the {WHITE_PERCENTILE}th percentile of {file}"));
     print_rows(&outcome.rows);
     print_methods(&outcome.rows);
-    eprintln!("results: {}", out.display());
+    note!("results: {}", out.display());
     Ended::of(!outcome.skipped.is_empty())
 }
 

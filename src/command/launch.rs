@@ -24,8 +24,9 @@ use modulo_runtime::{Clock, NodeName, NodeReport, Parameters, Stop, SystemClock,
 
 use super::colour::say_summary;
 use super::eval::evaluable;
-use super::progress::{self, ProgressLine};
+use super::progress::ProgressLine;
 use super::run::{NodeKind, kind_of};
+use super::terminal::Lines;
 use super::{completion, pairs, start_log, usage};
 use crate::{Ended, Failure};
 
@@ -108,18 +109,18 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
     let evaluable = evaluable(&plan).is_ok();
     let LaunchResult { summary, failure, completed } =
         if args.compose { run_composed(&plan)? } else { run_processes(plan, args)? };
-    // Where a node has refused its arguments, the reason stands alone. Printed first, so that a full disk does not take it.
+    // The file does not wait for a terminal, nor does a full disk take the printed summary.
+    let written = args.summary.as_ref().map(|file| summary.write(file)).transpose();
+    // Where a node has refused its arguments, the reason stands alone.
     if !matches!(failure, Some(Failure::Usage(_))) {
         say_summary(&summary);
         tell_slower_engine(&summary);
     }
-    if let Some(file) = &args.summary {
-        summary.write(file)?;
-    }
+    written?;
     if evaluable && completed && failure.is_none() && summary.frames > 0 && !summary.detections.is_empty() {
         tell_pictures(named, &args.arguments);
     }
-    summary.with_loss.iter().for_each(|why| eprintln!("[launch] {why}"));
+    summary.with_loss.iter().for_each(|why| note!("[launch] {why}"));
     failure.map_or_else(|| Ok(Ended::of(summary.lost(args.strict))), Err)
 }
 
@@ -127,7 +128,7 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
 fn tell_pictures(file: &Path, arguments: &[String]) {
     let words = [file.display().to_string()].into_iter().chain(arguments.iter().cloned());
     let words: Vec<String> = words.map(|word| quoted(&word)).collect();
-    eprintln!("pictures with boxes: modulo eval {} -o out", words.join(" "));
+    note!("pictures with boxes: modulo eval {} -o out", words.join(" "));
 }
 
 fn hang_timeout(text: &str) -> Result<Duration, String> {
@@ -139,7 +140,7 @@ fn hang_timeout(text: &str) -> Result<Duration, String> {
 /// Prints how to get the faster engine when a detector did not find it.
 pub fn tell_slower_engine(summary: &Summary) {
     if summary.slower_engine {
-        eprintln!(
+        note!(
             "hint: rten ran, since no ONNX Runtime library was found; ONNX Runtime is faster, see modulo doctor"
         );
     }
@@ -277,23 +278,24 @@ fn run_processes(mut plan: Plan, args: &Launch) -> Result<LaunchResult, Failure>
         node.ros_args.splice(0..0, ["--log-level", "debug"].map(str::to_owned));
     }
     let names: Vec<&str> = plan.processes().map(|process| process.label.as_str()).collect();
-    eprintln!("[launch] starting {}; Ctrl-C ends the run", names.join(", "));
+    note!("[launch] starting {}; Ctrl-C ends the run", names.join(", "));
     let line = Arc::new(ProgressLine::start());
     let shown = line.is_shown().then(|| line.clone());
     let watch = shown.map(|line| -> Watch { Arc::new(move |reports| line.show(|| reports.to_vec())) });
+    let lines = Lines::start();
     let supervision = Supervision {
         hang_timeout: Some(args.hang_timeout).filter(|limit| !limit.is_zero()),
         max_restarts: Some(args.max_restarts).filter(|most| *most > 0),
         trace: args.trace.clone(),
-        ..Supervision::new(Arc::new(progress::print), watch)?
+        ..Supervision::new(Arc::new(move |channel, line: &str| lines.print(channel, line)), watch)?
     };
     let runtime = tokio::runtime::Runtime::new().context("tokio runtime")?;
     let outcome = runtime.block_on(modulo_launch::run(plan, &supervision))?;
-    // The line leaves the screen before the summary is printed.
+    // The lines are printed, and the progress line leaves the screen, before the summary is printed.
     drop((supervision, line));
     let mut others = Vec::new();
     match (&args.trace, &outcome.trace) {
-        (Some(file), Some(Ok(counts))) => eprintln!("[launch] {}: {counts}", file.display()),
+        (Some(file), Some(Ok(counts))) => note!("[launch] {}: {counts}", file.display()),
         (_, Some(Err(why))) => others.push(format!("no trace was written: {why}")),
         _ => {}
     }
@@ -323,7 +325,7 @@ fn run_composed(plan: &Plan) -> Result<LaunchResult, Failure> {
     end_on_signals(&asked).context("signal handlers")?;
     let members = members(plan)?;
     let names: Vec<&str> = members.iter().map(|member| member.setup.node_name.name.as_str()).collect();
-    eprintln!("[launch] running {} in one process; Ctrl-C ends the run", names.join(", "));
+    note!("[launch] running {} in one process; Ctrl-C ends the run", names.join(", "));
     let reports = run_members(members, &stop)?;
     let completed = asked.urgency() == Urgency::None;
     Ok(LaunchResult { summary: Summary::new(&reports, []), failure: None, completed })

@@ -1,11 +1,17 @@
 //! The commands, one file for each, with its arguments.
 
-/// Prints a line as `println!` does. A reader that has left, such as `head`, is no error.
+/// Prints a line of the result, as `println!` does.
 macro_rules! say {
     ($($text:tt)*) => {{
-        use std::io::Write as _;
-        let _ = writeln!(std::io::stdout(), $($text)*);
+        $crate::command::terminal::say(format_args!($($text)*));
     }};
+}
+
+/// Prints a line of the log, as `note!` does.
+macro_rules! note {
+    ($($text:tt)*) => {
+        $crate::command::terminal::note(format_args!($($text)*))
+    };
 }
 
 pub mod bag;
@@ -27,6 +33,7 @@ pub mod model;
 pub mod param;
 mod progress;
 pub mod run;
+pub mod terminal;
 pub mod view;
 
 use std::sync::Arc;
@@ -41,7 +48,7 @@ use modulo_runtime::wire::keys::Hashes;
 use modulo_runtime::{Clock, Stop, SystemClock};
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::Layer;
-use tracing_subscriber::filter::LevelFilter;
+use tracing_subscriber::filter::{Directive, LevelFilter};
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::reload;
 use tracing_subscriber::util::SubscriberInitExt;
@@ -91,6 +98,10 @@ fn start_log_with(level: &str, screen: LevelFilter, rosout: Option<RosoutLayer>)
     // rmw_zenoh sets RUST_LOG=warn in each process with a node, and so in all that `ros2 launch` starts. It must not hide the
     // lines of the suite, whose level ROS users set with `--log-level`.
     let more = std::env::var(EnvFilter::DEFAULT_ENV).unwrap_or_default();
+    // The library would print what it does not understand, and panic where that is not possible.
+    let is_directive = |text: &&str| text.trim().is_empty() || text.parse::<Directive>().is_ok();
+    let (more, unknown): (Vec<&str>, Vec<&str>) = more.split(',').partition(is_directive);
+    let more = more.join(",");
     // The names of all crates of the suite begin with `modulo`. Of two directives for one target the later one holds.
     let directives = format!("{},modulo={level},{more}", libraries(level));
     let (filter, handle) = reload::Layer::new(EnvFilter::builder().parse_lossy(directives));
@@ -103,12 +114,13 @@ fn start_log_with(level: &str, screen: LevelFilter, rosout: Option<RosoutLayer>)
     let colourless = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
     let colour = !colourless && console::colors_enabled_stderr();
     let lines = tracing_subscriber::fmt::layer()
-        .with_writer(|| progress::LogWriter)
+        .with_writer(|| terminal::LogWriter)
         .with_ansi(colour)
         .with_target(false)
         .with_filter(screen);
     // Fails only when a log was started before, which then goes on.
     let _ = tracing_subscriber::registry().with(filter).with(lines).with(rosout).try_init();
+    unknown.iter().for_each(|text| tracing::warn!("RUST_LOG: '{text}' is left out, a directive is such as modulo=debug"));
     Box::new(apply)
 }
 

@@ -105,7 +105,7 @@ fn fetch_official(args: &ModelFetch) -> Result<Ended, Failure> {
     let (bytes, sha256) = model.pinned(args.sha256.as_deref()).map_err(usage)?;
     let url = args.url.clone().unwrap_or_else(|| model.url());
     let file = args.out.join(model.file_name());
-    eprintln!("{}: the weights are licensed {LICENCE} by their authors, not as this program", model.name);
+    note!("{}: the weights are licensed {LICENCE} by their authors, not as this program", model.name);
     match download(&FetchRequest { url: &url, file: &file, sha256, bytes })? {
         Fetched::Downloaded => say!("{}", file.display()),
         Fetched::AlreadyThere => say!("{} (was there already)", file.display()),

@@ -1,7 +1,6 @@
 //! `modulo param`: parameters of running nodes, through the services that `ros2 param` uses.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::Write as _;
 
 use anyhow::anyhow;
 use clap::Subcommand;
@@ -122,8 +121,7 @@ fn ask(args: &Param, transport: &ZenohTransport) -> Result<Ended, Failure> {
         }
         Param::Dump { node } => {
             let file = file::write(&graph::absolute(node), &all_values(&client(node))?);
-            // A reader that has left, such as `head`, is no failure.
-            let _ = std::io::stdout().write_all(file.as_bytes());
+            say!("{}", file.trim_end());
         }
         Param::Set { node, name, value } => {
             client(node).set(name, value)?;

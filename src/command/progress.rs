@@ -1,20 +1,17 @@
 //! The progress line of a run: one line of standard error that is redrawn in place, on a terminal only.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::io::{self, Write};
-use std::sync::{LazyLock, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget};
+use indicatif::{HumanDuration, ProgressDrawTarget};
 use modulo_launch::NodeReport;
-use modulo_launch::supervisor::Channel;
 use modulo_runtime::report::{Histogram, quantile};
 use modulo_runtime::{Clock as _, SystemClock};
 
 use super::bench::style;
+use super::terminal::LINE;
 
-/// The line on the screen; hidden while nothing runs.
-static LINE: LazyLock<ProgressBar> = LazyLock::new(ProgressBar::hidden);
 /// Shortest time between two texts of the line.
 const PAUSE: Duration = Duration::from_millis(100);
 
@@ -88,27 +85,6 @@ impl MinuteLines {
         let left = all.saturating_sub(done);
         let to_go = HumanDuration((now - self.start).mul_f64(left as f64 / done as f64));
         Some(format!("{done} of {all} frames done, {left} left, {to_go} to go"))
-    }
-}
-
-/// Writes a line above the progress line. A closed terminal is no reason to end.
-pub fn print(channel: Channel, line: &str) {
-    let _ = LINE.suspend(|| match channel {
-        Channel::Out => writeln!(io::stdout().lock(), "{line}"),
-        Channel::Err => writeln!(io::stderr().lock(), "{line}"),
-    });
-}
-
-/// Standard error for the log: its lines are written above the progress line.
-pub struct LogWriter;
-
-impl Write for LogWriter {
-    fn write(&mut self, text: &[u8]) -> io::Result<usize> {
-        LINE.suspend(|| io::stderr().write(text))
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        io::stderr().flush()
     }
 }
 

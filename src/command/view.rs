@@ -77,7 +77,7 @@ pub fn serve(args: &ViewCommand, open: impl FnOnce(&ViewAddresses)) -> Result<En
     let (clock, transport) = open_session()?;
     let left_out = modulo_viewer::run(transport, clock, &options, &stop, open)?;
     if left_out > 0 {
-        eprintln!("{left_out} moments are not in the recording: each of them alone is larger than it may be");
+        note!("{left_out} moments are not in the recording: each of them alone is larger than it may be");
     }
     Ok(Ended::of(left_out > 0))
 }
