@@ -24,9 +24,9 @@ pub use plan::{
     ComposedNode, DeclaredArgument, NodeParameter, NodePlan, Plan, check, compose, declared_arguments,
     resolve, ros_arguments,
 };
-pub use summary::{NodeReport, Summary, reports_so_far};
+pub use summary::{NodeReport, SUMMARY_BEGIN, Summary, reports_so_far};
 pub use supervisor::{Ending, Outcome, Supervision, run};
-pub use trace::TraceCounts;
+pub use trace::{TRACE_BEGIN, TraceCounts};
 
 /// Why a launch file cannot be read, resolved or run.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

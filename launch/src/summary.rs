@@ -7,6 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use modulo_runtime::output;
 use modulo_runtime::report::{Histogram, Percentiles, add, quantile};
 use serde::Serialize;
 
@@ -74,6 +75,9 @@ pub struct TopicCounts {
     pub bad: u64,
 }
 
+/// The first bytes of the file of a summary.
+pub const SUMMARY_BEGIN: &str = "{\n  \"frames\": ";
+
 impl Summary {
     /// Adds up `reports`, one for each life of each node; `restarts` are (process, count).
     pub fn new<'a>(reports: &[NodeReport], restarts: impl IntoIterator<Item = (&'a str, u32)>) -> Self {
@@ -133,7 +137,7 @@ impl Summary {
     pub fn write(&self, file: &Path) -> Result<(), LaunchError> {
         let mut text = serde_json::to_string_pretty(self).map_err(|e| LaunchError::file(file, e))?;
         text.push('\n');
-        std::fs::write(file, text).map_err(|e| LaunchError::file(file, e))
+        output::replace(file, text.as_bytes()).map_err(|e| LaunchError::file(file, e))
     }
 
     fn add_topics(&mut self, report: &NodeReport) {

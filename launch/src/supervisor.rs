@@ -124,8 +124,8 @@ pub enum ProcessEnd {
     /// By itself, more often within a minute than restarts are allowed: the crashes within the last minute, and the status of the
     /// last one in words, with the last line of its standard error.
     GaveUp(u32, String),
-    /// A node of this suite that refused its command line at its first start (exit status 2), as it always would. With the last line of
-    /// its standard error.
+    /// A node or a command of this suite that refused its command line at its first start (exit status 2), as it always would. With the
+    /// last line of its standard error.
     Refused(String),
     /// It could not be started.
     NotStarted(String),

@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 use std::fmt;
 use std::fs::File;
-use std::io::{BufRead, BufReader, BufWriter, Write};
+use std::io::{self, BufRead, BufReader, Write};
 use std::path::Path;
 
+use modulo_runtime::output;
 use modulo_runtime::trace::ENDING;
 use serde_json::{Value, json};
 
@@ -28,23 +29,27 @@ impl fmt::Display for TraceCounts {
     }
 }
 
+/// The first bytes of the file of a trace.
+pub const TRACE_BEGIN: &str = "{\"displayTimeUnit\": \"ms\", \"traceEvents\": [\n";
+
 /// Writes the traces in `folder` into `out`: a node is a process of the trace, each of its lives a thread.
 ///
 /// # Errors
 /// [`LaunchError::File`] when a file cannot be read or written.
 pub fn join(folder: &Path, out: &Path) -> Result<TraceCounts, LaunchError> {
-    let failed = |why: std::io::Error| LaunchError::file(out, why);
-    let mut joined = BufWriter::new(File::create(out).map_err(failed)?);
-    joined.write_all(b"{\"displayTimeUnit\": \"ms\", \"traceEvents\": [\n").map_err(failed)?;
+    output::replace_with(out, |joined| write_all(folder, joined)).map_err(|why| LaunchError::file(out, why))
+}
+
+fn write_all(folder: &Path, joined: &mut dyn Write) -> io::Result<TraceCounts> {
+    joined.write_all(TRACE_BEGIN.as_bytes())?;
     let (mut counts, mut lives) = (TraceCounts::default(), BTreeMap::<String, (usize, usize)>::new());
     let mut comma = "";
-    let mut write = |event: &Value| -> Result<(), LaunchError> {
-        write!(joined, "{comma}{event}").map_err(failed)?;
+    let mut write = |event: &Value| -> io::Result<()> {
+        write!(joined, "{comma}{event}")?;
         comma = ",\n";
         Ok(())
     };
-    let files = files_in(folder).map_err(|why| LaunchError::file(folder, why))?;
-    for file in files.iter().filter(|file| file.extension().is_some_and(|e| e == ENDING)) {
+    for file in files_in(folder)?.iter().filter(|file| file.extension().is_some_and(|e| e == ENDING)) {
         let mut lines = events(file)?;
         let Some(node) = lines.next().and_then(|head| head["node"].as_str().map(str::to_owned)) else {
             continue;
@@ -68,14 +73,14 @@ pub fn join(folder: &Path, out: &Path) -> Result<TraceCounts, LaunchError> {
         }
         counts.lost += lost;
     }
-    joined.write_all(b"\n]}\n").and_then(|()| joined.flush()).map_err(failed)?;
+    joined.write_all(b"\n]}\n")?;
     counts.nodes = lives.len();
     Ok(counts)
 }
 
 /// Returns the lines of the trace file of a node. The last line of a node that was killed may be cut, and is left out.
-fn events(file: &Path) -> Result<impl Iterator<Item = Value> + use<>, LaunchError> {
-    let lines = BufReader::new(File::open(file).map_err(|why| LaunchError::file(file, why))?).lines();
+fn events(file: &Path) -> io::Result<impl Iterator<Item = Value> + use<>> {
+    let lines = BufReader::new(File::open(file)?).lines();
     Ok(lines.map_while(Result::ok).filter_map(|line| serde_json::from_str(&line).ok()))
 }
 

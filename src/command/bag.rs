@@ -7,7 +7,7 @@ use std::time::Duration;
 use anyhow::{Context, anyhow};
 use clap::{Args, Subcommand};
 use modulo_bags::bag::{
-    self, BagError, BagInfo, BagReader, BagWarning, BagWriter, Compression, TopicCount, WriteOptions,
+    self, BagError, BagInfo, BagReader, BagWarning, BagWriter, Compression, Extra, ExtraKind, TopicCount, WriteOptions,
 };
 use modulo_bags_live::LiveError;
 use modulo_bags_live::capture::capture;
@@ -139,6 +139,16 @@ pub fn bag(args: &Bag) -> Result<Ended, Failure> {
 
 fn info_json(bag: &BagReader) -> serde_json::Value {
     let topic = |TopicCount { topic, messages }| json!({"name": topic.name, "type": topic.type_name, "messages": messages});
+    let attachment = |(_, extra): (_, &Extra)| match &extra.kind {
+        ExtraKind::Attachment { name, media_type, size } => {
+            Some(json!({"name": name, "media_type": media_type, "bytes": size}))
+        }
+        _ => None,
+    };
+    let metadata = |(_, extra): (_, &Extra)| match &extra.kind {
+        ExtraKind::Metadata { name } => Some(name.clone()),
+        _ => None,
+    };
     json!({
         "files": bag.files().collect::<Vec<_>>(),
         "bytes": bag.size(),
@@ -148,6 +158,8 @@ fn info_json(bag: &BagReader) -> serde_json::Value {
         "end_ns": bag.span().map(|(_, end)| end),
         "messages": bag.message_count(),
         "topics": bag.topics().into_iter().map(topic).collect::<Vec<_>>(),
+        "attachments": bag.extras().filter_map(attachment).collect::<Vec<_>>(),
+        "metadata": bag.extras().filter_map(metadata).collect::<Vec<_>>(),
         "warnings": bag.warnings().iter().map(ToString::to_string).collect::<Vec<_>>(),
     })
 }
@@ -216,7 +228,7 @@ fn record(args: &BagRecord) -> Result<Ended, Failure> {
 
 fn play(args: &BagPlay) -> Result<Ended, Failure> {
     let stop = stop_on_signals()?;
-    let reader = BagReader::open(&args.bag)?;
+    let reader = BagReader::open(&args.bag).map_err(usage)?;
     let lost = loss(reader.warnings());
     let duration = args.playback_duration.map(|given| seconds("--playback-duration", given)).transpose()?;
     let options = PlayOptions {

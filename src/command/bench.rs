@@ -1,5 +1,6 @@
 //! `modulo bench`.
 
+use std::net::{Ipv4Addr, TcpListener};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
@@ -13,9 +14,10 @@ use modulo_core::{SensorError, UnwrapError, WorkersError};
 use modulo_detector::{EngineChoice, EngineOptions, embedded, measure};
 use modulo_images::ImageError;
 use modulo_launch::launch_file;
+use modulo_middleware::transport::zenoh::meeting_port;
 use modulo_runtime::SystemClock;
 use modulo_runtime::clock::monotonic_ns;
-use modulo_runtime::output::free_folder;
+use modulo_runtime::output::ResultFolder;
 
 use super::grid::LabelledFrames;
 use super::usage;
@@ -37,8 +39,8 @@ pub enum Bench {
     /// Run every unwrapping method on scenes that are hard to unwrap, and write a report
     Stability {
         /// Folder for index.html, results.json and the pictures; without it a new one in runs
-        #[arg(short, long, value_name = "FOLDER", default_value_os_t = free_folder("stability"), hide_default_value = true)]
-        out: PathBuf,
+        #[arg(short, long, value_name = "FOLDER")]
+        out: Option<PathBuf>,
     },
 }
 
@@ -58,7 +60,7 @@ pub fn bench(command: &Bench) -> Result<Ended, Failure> {
     match command {
         Bench::Pipeline(request) => bench_pipeline(request),
         Bench::Detector(args) => bench_detector(args),
-        Bench::Stability { out } => bench_stability(out),
+        Bench::Stability { out } => bench_stability(out.as_deref()),
     }
 }
 
@@ -82,12 +84,25 @@ fn bench_pipeline(request: &pipeline::PipelineRequest) -> Result<Ended, Failure>
     };
     let launch_file = &launch_file("recovered".as_ref()).map_err(usage)?;
     let (program, now_ns) = (&this_program()?, monotonic_ns);
-    let mut bench = pipeline::PipelineBench { program, launch_file, now_ns, bare: &mut bare };
+    let (domain, _lock) = free_domain()?;
+    let mut bench = pipeline::PipelineBench { program, launch_file, domain, now_ns, bare: &mut bare };
     let load = load();
     let rows = with_bar(tell_long, |tell| pipeline::pipeline(request, &mut bench, tell))?;
     say!("{load}");
     print_pipeline(&rows);
     Ok(Ended::Done)
+}
+
+/// Takes a ROS domain for as long as the listener lives. It is neither the default of a suite nor one of a test, and the domain of nobody
+/// who runs now: a benchmark listens 300 ports below the port where the nodes of its domain meet.
+fn free_domain() -> Result<(u32, TcpListener), Failure> {
+    let listen = |port| TcpListener::bind((Ipv4Addr::LOCALHOST, port)).ok();
+    let take = |domain| {
+        let lock = listen(meeting_port(domain) - 300)?;
+        listen(meeting_port(domain)).map(|_| (domain, lock))
+    };
+    let found = (70..100).rev().find_map(take);
+    found.ok_or_else(|| anyhow!("the ROS domains 70 to 99 are all in use: end what runs in one of them").into())
 }
 
 /// Prints a line for each way to run the suite, and its stages.
@@ -181,6 +196,7 @@ fn accuracy(figures: &EngineFigures) -> String {
 fn failure(why: BenchError) -> Failure {
     let of_command_line = match &why {
         BenchError::Request(_)
+        | BenchError::Output(_)
         | BenchError::NotCodes(..)
         | BenchError::Parameter(_)
         | BenchError::Video(_)
@@ -194,7 +210,9 @@ fn failure(why: BenchError) -> Failure {
     if of_command_line { usage(why) } else { why.into() }
 }
 
-fn bench_stability(out: &Path) -> Result<Ended, Failure> {
+fn bench_stability(out: Option<&Path>) -> Result<Ended, Failure> {
+    let folder = ResultFolder::take(out, "stability", None).map_err(usage)?;
+    let out = folder.path();
     let outcome = with_bar(tell_long, |tell| stability::run(out, tell))?;
     outcome.better.iter().for_each(|what| say!("better than documented: {what}"));
     outcome.broken.iter().for_each(|what| say!("broken: {what}"));

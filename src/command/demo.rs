@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, anyhow};
 use clap::Args;
-use modulo_runtime::output::prepare_file;
+use modulo_runtime::output::{prepare_file, replace};
 
 use super::usage;
 use super::view::{Running, ViewCommand, quiet_program, serve};
@@ -38,14 +38,15 @@ pub fn demo(args: &Demo) -> Result<Ended, Failure> {
 
 /// Writes the picture of the first frame.
 fn picture(file: &Path) -> Result<Ended, Failure> {
-    prepare_file(file).map_err(usage)?;
+    prepare_file(file, None).map_err(usage)?;
     let folder = tempfile::tempdir().context("temporary folder")?;
     let mut eval = suite("eval", &["frames:=1", "-o"])?;
     let status = eval.arg(folder.path()).status().context("modulo eval")?;
     if !status.success() {
         return Err(anyhow!("modulo eval {FILE} has failed: {status}").into());
     }
-    std::fs::copy(folder.path().join("grid.png"), file).with_context(|| file.display().to_string())?;
+    let written = std::fs::read(folder.path().join("grid.png")).and_then(|picture| replace(file, &picture));
+    written.with_context(|| file.display().to_string())?;
     say!(
         "{}: a normal camera clips, a modulo camera wraps, and the recovered image has it all",
         file.display()

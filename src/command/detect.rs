@@ -10,7 +10,7 @@ use modulo_eval::messages::{found, image};
 use modulo_images::save_png;
 use modulo_runtime::SystemClock;
 use modulo_runtime::lockstep::Lockstep;
-use modulo_runtime::output::{free_folder, prepare_folder};
+use modulo_runtime::output::ResultFolder;
 
 use super::{completion, eval, pairs, start_log, usage};
 use crate::{Ended, Failure};
@@ -29,8 +29,8 @@ pub struct Detect {
     #[arg(long, default_value = "demo")]
     pub model: String,
     /// Folder for the pictures; without it a new one in runs
-    #[arg(short, long, value_name = "FOLDER", default_value_os_t = free_folder("detect"), hide_default_value = true)]
-    pub out: PathBuf,
+    #[arg(short, long, value_name = "FOLDER")]
+    pub out: Option<PathBuf>,
 }
 
 /// Writes a picture with boxes for each frame, and prints the number of its objects by class.
@@ -43,11 +43,11 @@ pub fn detect(args: &Detect) -> Result<Ended, Failure> {
     let arguments: Vec<_> = own.chain(more.iter().cloned()).collect();
     let file = modulo_launch::launch_file(Path::new(FILE)).map_err(usage)?;
     let made = eval::nodes(&file, &arguments, false)?;
-    let plan = EvaluationPlan::new(&made, args.out.clone(), Vec::new()).map_err(|why| usage(anyhow!(why)))?;
+    let plan = EvaluationPlan::new(&made, Vec::new()).map_err(|why| usage(anyhow!(why)))?;
     let [camera] = &plan.cameras[..] else { unreachable!("the launch file has one camera") };
     let [stream] = &camera.streams[..] else { unreachable!("the launch file has one detector") };
     let drawn = stream.annotated.as_deref().expect("a detector draws its boxes");
-    prepare_folder(&args.out).map_err(usage)?;
+    let folder = ResultFolder::take(args.out.as_deref(), "detect", None).map_err(usage)?;
 
     let timer = SystemClock::default();
     let mut chain = Lockstep::new(&timer, vec![drawn.to_owned(), stream.detections.clone()]);
@@ -58,7 +58,7 @@ pub fn detect(args: &Detect) -> Result<Ended, Failure> {
     while let Some(out) = chain.tick(camera.member, u64::from(frames) * interval)? {
         let Some(picture) = image(&out, drawn) else { continue };
         frames += 1;
-        let file = args.out.join(format!("{frames:06}.png"));
+        let file = folder.path().join(format!("{frames:06}.png"));
         save_png(&file, &picture.frame)?;
         let mut classes = BTreeMap::new();
         for object in found(&out, &stream.detections).expect("boxes come with the picture that shows them") {

@@ -9,14 +9,15 @@ use clap::{Args, Subcommand};
 use modulo_bags::bag::{BagWriter, Compression};
 use modulo_bags::source::{SourceError, is_endless};
 use modulo_eval::launch_file::{
-    Evaluation, EvaluationPlan, GRID, NamedNodes, Recordings, SCORES, StreamResult,
+    Evaluation, EvaluationPlan, GRID, NamedNodes, Recordings, StreamResult,
 };
 use modulo_eval::report::PAGE;
+use modulo_eval::results::RESULTS;
 use modulo_eval::video::AnnotatedVideo;
 use modulo_launch::{Plan, Summary};
 use modulo_middleware::process::signals::first_signal;
 use modulo_runtime::lockstep::Lockstep;
-use modulo_runtime::output::{OutputError, free_folder, prepare_file, prepare_folder};
+use modulo_runtime::output::{OutputError, ResultFolder, prepare_file};
 use modulo_runtime::{NodeName, NodeReport, Parameters, SystemClock, Value};
 use modulo_video::VideoAddress;
 
@@ -44,8 +45,8 @@ pub struct Eval {
     #[arg(long, value_name = "SOURCE")]
     pub source: Vec<String>,
     /// Folder for the results; without it a new one in runs
-    #[arg(short, long, value_name = "FOLDER", default_value_os_t = free_folder("eval"), hide_default_value = true)]
-    pub out: PathBuf,
+    #[arg(short, long, value_name = "FOLDER")]
+    pub out: Option<PathBuf>,
     /// New bag folder for the messages on --topics; with FILE
     #[arg(long, value_name = "FOLDER", requires_all = ["topics", "file"])]
     pub bag: Option<PathBuf>,
@@ -80,10 +81,13 @@ pub fn eval(args: &Eval) -> Result<Ended, Failure> {
     if let Some(Verb::Report { folder }) = &args.verb {
         return grid::report(folder);
     }
-    let out = &args.out;
+    let out = |continued| ResultFolder::take(args.out.as_deref(), "eval", continued).map_err(usage);
     match &args.file {
-        Some(file) => launch_file(args, &modulo_launch::launch_file(file).map_err(usage)?, out),
-        None => grid::grid(&args.grid, &args.source, out),
+        Some(file) => {
+            launch_file(args, &modulo_launch::launch_file(file).map_err(usage)?, out(None)?.path())
+        }
+        // A grid goes on where an earlier run has ended.
+        None => grid::grid(&args.grid, &args.source, out(Some(RESULTS))?.path()),
     }
 }
 
@@ -102,11 +106,11 @@ fn launch_file(args: &Eval, file: &Path, out: &Path) -> Result<Ended, Failure> {
     // Opened, and closed again: a source that is not there must be known now and not after the frames of those before it.
     runs[1..].iter().try_for_each(|run| nodes(file, run, true).map(drop))?;
     let plan = |made: &NamedNodes| {
-        let plan = EvaluationPlan::new(made, out.to_owned(), args.topics.clone());
+        let plan = EvaluationPlan::new(made, args.topics.clone());
         plan.map_err(|why| usage(anyhow!(why).context(file.display().to_string())))
     };
     let mut recordings =
-        made.as_ref().map(|made| outputs(args, &plan(made)?)).expect("the first run is made")?;
+        made.as_ref().map(|made| outputs(args, out, &plan(made)?)).expect("the first run is made")?;
     let asked = first_signal().context("signal handlers")?;
     let mut evaluation = Evaluation::new(args.grid.options.difficulty.unwrap_or_default());
     let (mut reports, mut ended) = (Vec::new(), Ok(()));
@@ -176,28 +180,18 @@ fn print_result(stream: &str, result: &StreamResult, Evaluation { difficulty, ..
     score.notes().iter().for_each(|note| say!("  {note}"));
 }
 
-/// Opens all files of results, after the checks of the nodes and before the first frame. A refused command leaves none behind.
-fn outputs(args: &Eval, plan: &EvaluationPlan) -> Result<Recordings, Failure> {
-    let out = &plan.folder;
-    let is_new = !out.exists();
+/// Opens the recordings, after the checks of the nodes and before the first frame. A refused command leaves none behind.
+fn outputs(args: &Eval, out: &Path, plan: &EvaluationPlan) -> Result<Recordings, Failure> {
     let opened = || -> anyhow::Result<Recordings> {
-        prepare_folder(out)?;
-        let files = plan.streams().map(|stream| format!("{}.json", stream.name));
-        let files = files.chain([SUMMARY, SCORES, PAGE, GRID].map(str::to_owned)).map(|name| out.join(name));
-        files.filter(|file| file.exists()).try_for_each(|file| prepare_file(&file))?;
+        args.video.iter().try_for_each(|video| prepare_file(video, None))?;
+        let video = args.video.as_deref().map(AnnotatedVideo::create).transpose()?;
+        let bag = args.bag.as_ref().map(|folder| BagWriter::create(folder, Compression::Zstd)).transpose()?;
         for folder in plan.streams().filter(|_| args.images).map(|stream| out.join(&stream.name)) {
             std::fs::create_dir_all(&folder).map_err(|why| OutputError::new(&folder, why))?;
         }
-        let video = args.video.as_deref().map(AnnotatedVideo::create).transpose()?;
-        let bag = args.bag.as_ref().map(|folder| BagWriter::create(folder, Compression::Zstd)).transpose()?;
-        Ok(Recordings::new(bag, video, args.images))
+        Ok(Recordings::new(out, bag, video, args.images))
     };
-    opened().map_err(|why| {
-        if is_new {
-            let _ = std::fs::remove_dir_all(out);
-        }
-        usage(why)
-    })
+    opened().map_err(usage)
 }
 
 /// Runs the cameras of one source to their ends, or to the first signal.

@@ -31,15 +31,15 @@ pub fn simulate(args: Simulate) -> Result<Ended, Failure> {
     if let Some(file) = sensor_file {
         request.sensor.take_chip(&CameraParameters::read_sensor(&file).map_err(usage)?);
     }
-    Ok(report(&request.run.out, &with_bar(tell, |tell| simulation::simulate(&request, tell))?))
+    Ok(report(&with_bar(tell, |tell| simulation::simulate(&request, tell))?))
 }
 
 pub fn unwrap(request: &UnwrapRequest) -> Result<Ended, Failure> {
-    Ok(report(&request.run.out, &with_bar(tell, |tell| unwrap_files(request, tell))?))
+    Ok(report(&with_bar(tell, |tell| unwrap_files(request, tell))?))
 }
 
-/// Prints the results of a command, which lie in the folder `out`.
-fn report(out: &Path, outcome: &RunOutcome) -> Ended {
+/// Prints the results of a command.
+fn report(outcome: &RunOutcome) -> Ended {
     let white = |row: &Row| Some((row.file.clone(), row.simulated.as_ref()?.white?));
     let mut whites: Vec<_> = outcome.rows.iter().filter_map(white).collect();
     whites.dedup();
@@ -48,7 +48,7 @@ fn report(out: &Path, outcome: &RunOutcome) -> Ended {
         .for_each(|(file, white)| say!("white is {white}, the {WHITE_PERCENTILE}th percentile of {file}"));
     print_rows(&outcome.rows);
     print_methods(&outcome.rows);
-    note!("results: {}", out.display());
+    note!("results: {}", outcome.folder.display());
     Ended::of(!outcome.skipped.is_empty())
 }
 

@@ -10,8 +10,8 @@ use clap::Args;
 use modulo_launch::plan::NodeParameter;
 use modulo_launch::supervisor::{MAX_RESTARTS, ProcessEnd, Watch};
 use modulo_launch::{
-    ComposedNode, Ending, NodePlan, Outcome, Plan, Summary, Supervision, launch_file, launch_files,
-    reports_so_far,
+    ComposedNode, Ending, NodePlan, Outcome, Plan, SUMMARY_BEGIN, Summary, Supervision, TRACE_BEGIN,
+    launch_file, launch_files, reports_so_far,
 };
 use modulo_middleware::driver::composed::{self, Member};
 use modulo_middleware::driver::live::NodeSetup;
@@ -104,7 +104,7 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
     }
     refuse(&plan)?;
     // A result without a place would be known only when the whole run is over.
-    args.summary.iter().chain(&args.trace).try_for_each(|file| prepare_file(file)).map_err(usage)?;
+    places(args)?;
     // Lockstep runs the nodes as one process does, so the hint at the end is given for such files only.
     let evaluable = evaluable(&plan).is_ok();
     let LaunchResult { summary, failure, completed } =
@@ -122,6 +122,18 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
     }
     summary.with_loss.iter().for_each(|why| note!("[launch] {why}"));
     failure.map_or_else(|| Ok(Ended::of(summary.lost(args.strict))), Err)
+}
+
+/// Takes the places of the summary and the trace.
+fn places(args: &Launch) -> Result<(), Failure> {
+    let (summary, trace) = (args.summary.as_deref(), args.trace.as_deref());
+    summary.map_or(Ok(()), |file| prepare_file(file, Some(SUMMARY_BEGIN))).map_err(usage)?;
+    trace.map_or(Ok(()), |file| prepare_file(file, Some(TRACE_BEGIN))).map_err(usage)?;
+    let real = |file: Option<&Path>| file.and_then(|file| file.canonicalize().ok()).filter(|file| file.is_file());
+    match real(summary).filter(|file| real(trace).as_ref() == Some(file)) {
+        Some(file) => Err(usage(anyhow!("{}: --summary and --trace need a file each", file.display()))),
+        None => Ok(()),
+    }
 }
 
 /// Prints the command that draws the boxes of this run.

@@ -9,7 +9,7 @@ use anyhow::Context as _;
 use clap::Args;
 use modulo_bags::bag::BagReader;
 use modulo_runtime::output::prepare_file;
-use modulo_viewer::{ViewAddresses, ViewOptions};
+use modulo_viewer::{RECORDING_BEGIN, ViewAddresses, ViewOptions};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
@@ -65,7 +65,8 @@ pub fn view(args: &ViewCommand) -> Result<Ended, Failure> {
 
 /// Runs the viewer until a signal; tells its addresses when it can be reached.
 pub fn serve(args: &ViewCommand, open: impl FnOnce(&ViewAddresses)) -> Result<Ended, Failure> {
-    args.record.iter().try_for_each(|file| prepare_file(file)).map_err(usage)?;
+    let prepare = |file: &PathBuf| prepare_file(file, Some(RECORDING_BEGIN));
+    args.record.iter().try_for_each(prepare).map_err(usage)?;
     start_log("info");
     let stop = stop_on_signals()?;
     let options = ViewOptions {

@@ -12,7 +12,7 @@ use modulo_middleware::transport::{Guard, Publisher as _, RawSample, Transport};
 use modulo_runtime::wire::keys::{self, Endpoint, EntityKind, Hashes, Token};
 use modulo_runtime::{NodeName, Qos, SystemClock};
 
-use crate::harness::{Background, Bench, assert_has, signal, text, wait_until};
+use crate::harness::{Background, Bench, assert_has, in_shell, signal, text, wait_until};
 use modulo_bags::bag::{BagReader, BagTopic, BagWriter, Compression, Selection};
 use modulo_msgs::builtin::Time;
 use modulo_msgs::rosbag2_interfaces as player;
@@ -319,15 +319,8 @@ fn a_recorder_on_a_full_disk_ends_with_the_reason() {
     write_bag(&source, 30, 20, 1_000_000);
     let recorder = bench.modulo(&["bag", "record", "-o", utf8(&bag), "/data"]);
     // The limit is in blocks of 512 bytes; without the trap, the kernel would end the process.
-    let mut limited = std::process::Command::new("sh");
-    limited.args(["-c", "trap '' XFSZ; ulimit -f 24000; exec \"$@\"", "sh"]).arg(recorder.get_program());
-    limited.args(recorder.get_args()).stdout(Stdio::piped()).stderr(Stdio::piped());
-    for (name, value) in recorder.get_envs() {
-        match value {
-            Some(value) => limited.env(name, value),
-            None => limited.env_remove(name),
-        };
-    }
+    let mut limited = in_shell(&recorder, "trap '' XFSZ; ulimit -f 24000");
+    let limited = limited.stdout(Stdio::piped()).stderr(Stdio::piped());
     let recorder = limited.spawn().expect("a shell");
     wait_until("the bag's folder is there", || bag.is_dir());
     play(&bench, &source, &[]);

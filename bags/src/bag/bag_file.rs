@@ -12,8 +12,8 @@ use mcap::McapError;
 use mcap::records::{MessageHeader, Metadata as MetadataRecord};
 
 use super::chunk::text_of;
-use super::metadata::{self, FileContents};
-use super::{BagError, BagTopic, TopicCount, qos};
+use super::metadata::{self, CustomData, FileContents};
+use super::{BagError, BagTopic, Extra, TopicCount, qos};
 use crate::FileError;
 
 /// The compression of chunks.
@@ -33,6 +33,10 @@ impl Compression {
     pub const WORDS: [(&'static str, Self); 3] =
         [("none", Self::None), ("lz4", Self::Lz4), ("zstd", Self::Zstd)];
 }
+
+/// Keys of a channel for what rosbag2 notes of its topic.
+pub(super) const QOS: &str = "offered_qos_profiles";
+pub(super) const TYPE_HASH: &str = "topic_type_hash";
 
 /// Chunks are closed at this size, bytes.
 const CHUNK: u64 = 4 << 20;
@@ -73,15 +77,20 @@ impl BagFile {
 
     pub(super) fn add(&mut self, topic: &BagTopic) -> Result<(), BagError> {
         // Version 9 of rosbag2 reads the policies as words, whatever the source bag had.
-        let metadata = BTreeMap::from([
-            ("offered_qos_profiles".to_owned(), qos::in_words(&topic.qos)),
-            ("topic_type_hash".to_owned(), topic.type_hash.clone()),
-        ]);
+        let own = [(QOS, qos::in_words(&topic.qos)), (TYPE_HASH, topic.type_hash.clone())];
+        let own = own.map(|(key, value)| (key.to_owned(), value));
+        let metadata = topic.metadata.clone().into_iter().chain(own).collect();
         let schema = self.mcap.add_schema(&topic.type_name, &topic.schema_encoding, &topic.schema);
         let channel = schema.and_then(|schema| self.mcap.add_channel(schema, &topic.name, "cdr", &metadata));
         self.channels.push(channel.map_err(|source| self.failed(source))?);
         self.counts.push(0);
         Ok(())
+    }
+
+    /// Copies a record of the file `from`.
+    pub(super) fn add_extra(&mut self, from: &File, extra: &Extra) -> Result<(), BagError> {
+        extra.copy(from, &mut self.mcap).map_err(|source| self.failed(source))?;
+        self.close_chunk()
     }
 
     pub(super) fn write(
@@ -133,11 +142,15 @@ impl BagFile {
     }
 
     /// Writes the index, and the metadata of this file in the form of rosbag2.
-    pub(super) fn finish(mut self, topics: &[TopicCount]) -> Result<FileContents, BagError> {
+    pub(super) fn finish(
+        mut self,
+        topics: &[TopicCount],
+        custom: &CustomData,
+    ) -> Result<FileContents, BagError> {
         // The record describes this file only, so the counts are its own and not those of the bag.
         let here = |(counted, &messages): (&TopicCount, _)| TopicCount { messages, ..counted.clone() };
         let topics: Vec<_> = topics.iter().zip(&self.counts).map(here).collect();
-        let text = metadata::mapping(std::slice::from_ref(&self.contents), &topics);
+        let text = metadata::mapping(std::slice::from_ref(&self.contents), &topics, custom);
         // rosbag2 reads this record where `metadata.yaml` is lost.
         let record = MetadataRecord {
             name: "rosbag2".to_owned(),

@@ -12,15 +12,19 @@ use mcap::records::{ChunkIndex, Record};
 use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
 use mcap::{McapError, Summary};
 
-use super::chunk::{self, MAX_CHUNK};
+use super::bag_file::{QOS, TYPE_HASH};
+use super::chunk::{self, MAX_CHUNK, RECORD_HEAD};
 use super::definition::complete;
-use super::scan::{Scan, UnchunkedMessage, crc_of, scan};
+use super::scan::{MESSAGE_HEAD, Scan, UnchunkedMessage, crc_of, scan};
 use super::storage::{Cursor, FileSummary, Item, Merge, MergeInput, Storage};
 use super::{BagError, BagTopic, BagWarning, LeftOut, RawMessage, Selection, TopicCount, unpacked};
 use crate::FileError;
 
 /// The length of the footer with the magic bytes behind it: opcode, length, two offsets and the CRC.
 const FOOTER: u64 = 9 + 20 + 8;
+
+/// The least length of a record with a message, bytes.
+const LEAST_MESSAGE: u64 = RECORD_HEAD + MESSAGE_HEAD;
 
 #[derive(Debug)]
 pub(super) struct McapFile {
@@ -43,12 +47,18 @@ impl McapFile {
             let why = "not a bag, its first bytes are not those of MCAP or SQLite".to_owned();
             return Err(BagError::File(path.to_owned(), why));
         }
-        let Scan { summary, loose, mut warnings, .. } = walk(path, &file, size, index.as_ref())?;
+        let is_contradictory = index.as_ref().is_some_and(|index| !is_possible(&index.summary, size));
+        let index = index.filter(|_| !is_contradictory);
+        let Scan { summary, loose, extras, mut warnings, .. } = walk(path, &file, size, index.as_ref())?;
+        if is_contradictory {
+            let why = "the counts in its index contradict each other, the whole file was scanned";
+            warnings.push(BagWarning::contradiction(path, why));
+        }
         if !begins {
             warnings.insert(0, BagWarning::skipped(path, 0, "it is not that of an MCAP file"));
         }
         let topics = cdr_topics(path, &summary, &mut warnings);
-        let summed = sum(&summary, &topics, size, warnings);
+        let summed = FileSummary { extras, ..sum(&summary, &topics, size, warnings) };
         Ok(Self { path: path.to_owned(), index: summary, loose, topics, summary: summed })
     }
 
@@ -176,6 +186,7 @@ fn sum(
         size,
         span: span.map(|stats| (stats.message_start_time, stats.message_end_time)),
         topics: topics.into_iter().map(counted).collect(),
+        extras: Vec::new(),
         warnings,
     }
 }
@@ -259,12 +270,22 @@ fn read_summary(file: &mut File, size: u64) -> Option<Summary> {
 fn is_complete(summary: &Summary, start: u64) -> bool {
     let Some(stats) = &summary.stats else { return false };
     let chunks = &summary.chunk_indexes;
-    // An index with fewer chunks than the file counts would hide messages.
+    // An index with fewer chunks than the file counts would hide messages, and a writer may leave out the counts of the channels.
     stats.chunk_count as usize == chunks.len()
+        && (stats.message_count == 0 || !stats.channel_message_counts.is_empty())
         && stats.message_start_time <= stats.message_end_time
         && stats.channel_message_counts.keys().all(|id| summary.channels.contains_key(id))
         && chunks.iter().all(|chunk| chunk::is_consistent(chunk) && chunk::end_of(chunk) <= start)
         && chunks.is_sorted_by(|a, b| chunk::end_of(a) <= b.chunk_start_offset)
+}
+
+/// Returns whether the counts of an index agree, and the chunks and the file of `size` bytes can hold as many messages.
+fn is_possible(summary: &Summary, size: u64) -> bool {
+    let Some(stats) = &summary.stats else { return true };
+    let counts = stats.channel_message_counts.values();
+    let unpacked = summary.chunk_indexes.iter().map(|chunk| chunk.uncompressed_size.min(MAX_CHUNK as u64));
+    let room = unpacked.fold(size, u64::saturating_add) / LEAST_MESSAGE;
+    counts.copied().try_fold(0, u64::checked_add) == Some(stats.message_count) && stats.message_count <= room
 }
 
 fn cdr_topics(path: &Path, summary: &Summary, warnings: &mut Vec<BagWarning>) -> HashMap<u16, Arc<BagTopic>> {
@@ -283,7 +304,8 @@ fn cdr_topics(path: &Path, summary: &Summary, warnings: &mut Vec<BagWarning>) ->
 
 fn topic(channel: &mcap::Channel<'_>) -> BagTopic {
     // A channel may have no schema, and a recorder may leave these entries out: both are empty then.
-    let entry = |key: &str| channel.metadata.get(key).map_or("", String::as_str).to_owned();
+    let mut metadata = channel.metadata.clone();
+    let [type_hash, qos] = [TYPE_HASH, QOS].map(|key| metadata.remove(key).unwrap_or_default());
     let (type_name, schema_encoding, schema) = match channel.schema.as_ref() {
         Some(schema) => (schema.name.clone(), schema.encoding.clone(), schema.data.to_vec()),
         None => (String::new(), String::new(), Vec::new()),
@@ -291,9 +313,10 @@ fn topic(channel: &mcap::Channel<'_>) -> BagTopic {
     BagTopic {
         name: channel.topic.clone(),
         type_name,
-        type_hash: entry("topic_type_hash"),
-        qos: entry("offered_qos_profiles"),
+        type_hash,
+        qos,
         schema_encoding,
         schema,
+        metadata,
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! The files take precedence: reading a bag takes only the list of its files and their form from here.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use modulo_runtime::input::read_text;
@@ -30,7 +31,11 @@ pub(super) struct Metadata {
     pub(super) compression_format: String,
     pub(super) message_count: Option<u64>,
     pub(super) ros_distro: Option<String>,
+    pub(super) custom_data: CustomData,
 }
+
+/// What a user has noted of the recording, by its keys.
+pub(super) type CustomData = BTreeMap<String, String>;
 
 #[derive(Clone, Debug)]
 pub(super) struct FileContents {
@@ -92,15 +97,22 @@ fn parse(text: &str) -> Result<Metadata, String> {
         compression_format: word("compression_format")?.unwrap_or_default(),
         message_count: word("message_count")?.and_then(|count| count.parse().ok()),
         ros_distro: word("ros_distro")?,
+        custom_data: root.entry("custom_data").map_or_else(CustomData::new, custom_data),
     })
 }
 
-pub(super) fn document(files: &[FileContents], topics: &[TopicCount]) -> String {
-    format!("{ROOT}:\n{}", indented(&mapping(files, topics), 2))
+/// Returns the texts of a mapping.
+fn custom_data(item: &Item) -> CustomData {
+    let Content::Map(pairs) = &item.content else { return CustomData::new() };
+    pairs.iter().filter_map(|(key, value)| Some((key.name.clone(), value.text()?.to_owned()))).collect()
+}
+
+pub(super) fn document(files: &[FileContents], topics: &[TopicCount], custom: &CustomData) -> String {
+    format!("{ROOT}:\n{}", indented(&mapping(files, topics, custom), 2))
 }
 
 /// Returns the metadata without its root, as the MCAP metadata record holds it.
-pub(super) fn mapping(files: &[FileContents], topics: &[TopicCount]) -> String {
+pub(super) fn mapping(files: &[FileContents], topics: &[TopicCount], custom: &CustomData) -> String {
     // A file without messages has no times, and must not move the start of the bag to 0.
     let spans = files.iter().filter_map(|file| file.span);
     let (start, end) = spans.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))).unwrap_or_default();
@@ -110,11 +122,14 @@ pub(super) fn mapping(files: &[FileContents], topics: &[TopicCount]) -> String {
     let topics: String = topics.iter().map(topic).collect();
     // A key without a value is null in YAML, which rosbag2 does not read as a list.
     let list = if topics.is_empty() { " []\n" } else { "\n" };
+    let custom: String =
+        custom.iter().map(|(key, value)| format!("\n  {}: {}", quoted(key), quoted(value))).collect();
+    let custom = if custom.is_empty() { " ~".to_owned() } else { custom };
     format!(
         "version: 9\nstorage_identifier: mcap\nduration:\n  nanoseconds: {}\nstarting_time:\n  \
          nanoseconds_since_epoch: {start}\nmessage_count: {messages}\ntopics_with_message_count:{list}{topics}\
          compression_format: \"\"\ncompression_mode: \"\"\nrelative_file_paths:\n{paths}files:\n{files}\
-         custom_data: ~\nros_distro: {ROS_DISTRO}\n",
+         custom_data:{custom}\nros_distro: {ROS_DISTRO}\n",
         end - start
     )
 }
@@ -162,7 +177,7 @@ mod tests {
 
     fn text_of(topics: &[TopicCount]) -> String {
         let name = "a \"b\"_0.mcap".to_owned();
-        document(&[FileContents { name, span: Some((5, 9)), messages: 4 }], topics)
+        document(&[FileContents { name, span: Some((5, 9)), messages: 4 }], topics, &CustomData::new())
     }
 
     #[test]

@@ -6,6 +6,7 @@
 mod bag_file;
 mod chunk;
 mod definition;
+mod extra;
 mod mcap_file;
 mod metadata;
 pub mod qos;
@@ -16,6 +17,7 @@ mod sqlite;
 mod storage;
 mod writer;
 
+use std::collections::BTreeMap;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -26,6 +28,7 @@ use modulo_runtime::output::OutputError;
 
 use crate::FileError;
 pub use bag_file::Compression;
+pub use extra::{Extra, ExtraKind};
 pub use reader::{BagInfo, BagReader};
 use storage::Storage;
 pub use storage::{Merge as Messages, Selection};
@@ -46,6 +49,8 @@ pub struct BagTopic {
     pub schema_encoding: String,
     /// The message definition with all that it uses; may be empty.
     pub schema: Vec<u8>,
+    /// What a recorder has noted of it beside that.
+    pub metadata: BTreeMap<String, String>,
 }
 
 impl BagTopic {
@@ -59,6 +64,7 @@ impl BagTopic {
             qos: qos::yaml(qos),
             schema_encoding: if schema.is_empty() { String::new() } else { "ros2msg".to_owned() },
             schema: schema.into_bytes(),
+            metadata: BTreeMap::new(),
         }
     }
 }

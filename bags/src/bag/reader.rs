@@ -8,9 +8,9 @@ use std::sync::Arc;
 use modulo_runtime::clock::utc;
 use modulo_runtime::embedded::locate;
 
-use super::metadata::{self, Metadata};
+use super::metadata::{self, CustomData, Metadata};
 use super::storage::{self, Merge, MergeInput, Storage};
-use super::{BagError, BagWarning, Selection, TopicCount};
+use super::{BagError, BagWarning, Extra, ExtraKind, Selection, TopicCount};
 use crate::FileError;
 
 /// An open bag: its index is known, and no message has been read yet.
@@ -36,6 +36,7 @@ pub struct BagReader {
     path: PathBuf,
     files: Vec<(PathBuf, Arc<dyn Storage>)>,
     ros_distro: Option<String>,
+    custom_data: CustomData,
     warnings: Vec<BagWarning>,
 }
 
@@ -71,7 +72,8 @@ impl BagReader {
         // Files without messages have no start and must not come first.
         files.sort_by_key(|(_, file)| file.summary().span.map_or(u64::MAX, |(start, _)| start));
         let ros_distro = metadata.as_ref().and_then(|metadata| metadata.ros_distro.clone());
-        let mut bag = Self { path: path.to_owned(), files, ros_distro, warnings };
+        let custom_data = metadata.as_ref().map_or_else(CustomData::new, |metadata| metadata.custom_data.clone());
+        let mut bag = Self { path: path.to_owned(), files, ros_distro, custom_data, warnings };
         if let Some(metadata) = metadata {
             bag.compare(&metadata);
         }
@@ -123,6 +125,16 @@ impl BagReader {
         self.ros_distro.as_deref()
     }
 
+    /// Returns what the user has noted in `metadata.yaml`.
+    pub(super) fn custom_data(&self) -> &CustomData {
+        &self.custom_data
+    }
+
+    /// Returns what the files hold beside their messages, such as attachments, each with its file.
+    pub fn extras(&self) -> impl Iterator<Item = (&Path, &Extra)> {
+        self.files.iter().flat_map(|(path, file)| file.summary().extras.iter().map(|extra| (&**path, extra)))
+    }
+
     /// Returns the problems of this bag; the list is empty for a complete one.
     pub fn warnings(&self) -> &[BagWarning] {
         &self.warnings
@@ -144,7 +156,7 @@ impl BagReader {
                 t.topic.name == counted.topic.name && t.topic.type_name == counted.topic.type_name
             };
             match topics.iter_mut().find(same) {
-                Some(known) => known.messages += counted.messages,
+                Some(known) => known.messages = known.messages.saturating_add(counted.messages),
                 None => topics.push(counted.clone()),
             }
         }
@@ -153,7 +165,7 @@ impl BagReader {
 
     /// Returns how many messages can be read.
     pub fn message_count(&self) -> u64 {
-        self.topics().iter().map(|t| t.messages).sum()
+        self.topics().iter().map(|t| t.messages).fold(0, u64::saturating_add)
     }
 
     /// Returns the selected messages in log-time order, over all files.
@@ -269,8 +281,30 @@ impl fmt::Display for BagInfo<'_> {
         if bag.topics().is_empty() {
             writeln!(f)?;
         }
+        write_extras(f, bag)?;
         bag.warnings().iter().try_for_each(|warning| writeln!(f, "Warning:           {warning}"))
     }
+}
+
+/// Writes the attachments and the metadata records, where there are any.
+fn write_extras(f: &mut fmt::Formatter<'_>, bag: &BagReader) -> fmt::Result {
+    let (mut attachments, mut metadata) = (Vec::new(), Vec::new());
+    for (_, Extra { kind, .. }) in bag.extras() {
+        match kind {
+            ExtraKind::Attachment { name, media_type, size } => {
+                attachments.push(format!("Name: {name} | Media type: {media_type} | Size: {}", size_text(*size)));
+            }
+            ExtraKind::Metadata { name } => metadata.push(format!("Name: {name}")),
+            ExtraKind::Private(_) => {}
+        }
+    }
+    for (title, lines) in [("Attachments:", attachments), ("Metadata records:", metadata)] {
+        if !lines.is_empty() {
+            writeln!(f, "{title:<18} {}", lines.len())?;
+            lines.iter().try_for_each(|line| writeln!(f, "                   {line}"))?;
+        }
+    }
+    Ok(())
 }
 
 fn size_text(bytes: u64) -> String {

@@ -15,11 +15,12 @@ use mcap::records::{ChunkIndex, Record, Statistics, op};
 use mcap::{McapError, Summary, parse_record};
 
 use super::chunk::{self, MAX_CHUNK, RECORD_HEAD};
+use super::extra::Extra;
 use super::{BagError, BagWarning};
 use crate::FileError;
 
 /// Channel, sequence and two times in front of a message's data.
-const MESSAGE_HEAD: u64 = 22;
+pub(super) const MESSAGE_HEAD: u64 = 22;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct UnchunkedMessage {
@@ -35,6 +36,7 @@ pub(super) struct Scan {
     pub(super) summary: Summary,
     /// The messages by log time, then by position in the file.
     pub(super) loose: Vec<UnchunkedMessage>,
+    pub(super) extras: Vec<Extra>,
     pub(super) warnings: Vec<BagWarning>,
     /// Whether there is a chunk that the index does not know.
     pub(super) is_index_short: bool,
@@ -90,6 +92,7 @@ struct Walk<'a> {
     chunks: Vec<ChunkIndex>,
     channels: Vec<u16>,
     loose: Vec<UnchunkedMessage>,
+    extras: Vec<Extra>,
     warnings: Vec<BagWarning>,
     is_index_short: bool,
     /// Whether records that no version of MCAP defines were passed over.
@@ -111,6 +114,7 @@ impl<'a> Walk<'a> {
             chunks: Vec::new(),
             channels: Vec::new(),
             loose: Vec::new(),
+            extras: Vec::new(),
             warnings: Vec::new(),
             is_index_short: false,
             passed_unknown: false,
@@ -196,12 +200,12 @@ impl<'a> Walk<'a> {
             op::CHUNK => self.chunk(length),
             // Later versions of MCAP, or a broken opcode.
             0x10..0x80 => Err(chunk::fault(&format!("its opcode {opcode:#04x} is unknown"))),
-            // The extensions of applications.
-            0x80.. => {
-                self.passed_unknown = true;
+            op::ATTACHMENT | op::METADATA | 0x80.. => {
+                self.passed_unknown |= opcode >= 0x80;
+                self.extras.extend(Extra::find(self.file, opcode, self.offset + RECORD_HEAD, length)?);
                 Ok(())
             }
-            // Attachments, metadata and indexes are not needed to read messages.
+            // Indexes are not needed to read messages.
             _ => Ok(()),
         }
     }
@@ -303,6 +307,7 @@ impl<'a> Walk<'a> {
                 }
             }
         };
-        Scan { summary, loose: self.loose, warnings, is_index_short: self.is_index_short }
+        let (loose, extras, is_index_short) = (self.loose, self.extras, self.is_index_short);
+        Scan { summary, loose, extras, warnings, is_index_short }
     }
 }

@@ -51,7 +51,7 @@ impl SqliteFile {
         }
         let span = places.first().zip(places.last()).map(|(first, last)| (time(first.time), time(last.time)));
         let (ids, topics) = topics.into_iter().unzip();
-        let summary = FileSummary { id: "sqlite3", size, span, topics, warnings };
+        let summary = FileSummary { id: "sqlite3", size, span, topics, extras: Vec::new(), warnings };
         Ok(Self { path: path.to_owned(), ids, places, summary })
     }
 }
@@ -221,6 +221,7 @@ fn topic(row: &Row<'_>, definitions: &HashMap<String, (String, String)>) -> rusq
         qos: column(row, "offered_qos_profiles")?,
         schema_encoding,
         schema: text.into_bytes(),
+        metadata: BTreeMap::new(),
     })
 }
 

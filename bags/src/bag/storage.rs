@@ -5,7 +5,7 @@ use std::fmt::Debug;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::{BagError, BagWarning, RawMessage, TopicCount};
+use super::{BagError, BagWarning, Extra, RawMessage, TopicCount};
 use crate::FileError;
 
 /// File name extensions of bags. Those of ROS 1 are among them, so that their error names the remedy.
@@ -42,6 +42,8 @@ pub(super) struct FileSummary {
     pub(super) span: Option<(u64, u64)>,
     /// The topics with their counts, in the order of the file.
     pub(super) topics: Vec<TopicCount>,
+    /// What the file holds beside its messages, in its order.
+    pub(super) extras: Vec<Extra>,
     /// Problems of the file.
     pub(super) warnings: Vec<BagWarning>,
 }

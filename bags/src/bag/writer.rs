@@ -5,14 +5,16 @@
 
 use std::collections::HashMap;
 use std::collections::btree_map::{BTreeMap, Entry};
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use modulo_runtime::output::OutputError;
+use modulo_runtime::output::{self, OutputError};
 
 use super::bag_file::{BagFile, Compression};
-use super::metadata::{self, FileContents};
+use super::chunk::text_of;
+use super::metadata::{self, CustomData, FileContents};
 use super::{BagError, BagReader, BagTopic, BagWarning, LeftOut, Selection, TopicCount};
 use crate::FileError;
 
@@ -53,6 +55,7 @@ pub struct BagWriter {
     done: Vec<FileContents>,
     topics: Vec<TopicCount>,
     by_name: HashMap<String, TopicId>,
+    custom: CustomData,
     /// Time of the last flush; `None` before the first call of [`BagWriter::settle`].
     flushed: Option<u64>,
 }
@@ -76,6 +79,7 @@ impl BagWriter {
             done: Vec::new(),
             topics: Vec::new(),
             by_name: HashMap::new(),
+            custom: CustomData::new(),
             flushed: None,
         })
     }
@@ -172,7 +176,7 @@ impl BagWriter {
         // The old file is finished only when the new one exists: a full disk then leaves at least a bag that
         // can be read.
         let full = std::mem::replace(&mut self.bag_file, bag_file);
-        self.done.push(full.finish(&self.topics)?);
+        self.done.push(full.finish(&self.topics, &self.custom)?);
         Ok(())
     }
 
@@ -186,11 +190,11 @@ impl BagWriter {
     /// # Errors
     /// [`BagError`] when the disk does not take it.
     pub fn finish(mut self) -> Result<Vec<TopicCount>, BagError> {
-        self.done.push(self.bag_file.finish(&self.topics)?);
+        self.done.push(self.bag_file.finish(&self.topics, &self.custom)?);
         // Written last: a folder with this file is a complete bag.
-        let document = metadata::document(&self.done, &self.topics);
+        let document = metadata::document(&self.done, &self.topics, &self.custom);
         let path = self.folder.join(metadata::FILE_NAME);
-        std::fs::write(&path, document).map_err(|e| FileError::new(&path, e))?;
+        output::replace(&path, document.as_bytes()).map_err(|e| FileError::new(&path, e))?;
         Ok(self.topics)
     }
 }
@@ -210,14 +214,15 @@ fn make_folder(folder: &Path) -> Result<(), BagError> {
 pub struct Copied {
     /// The topics with their counts.
     pub topics: Vec<TopicCount>,
-    /// Messages that were left out, by topic or part of the file: those that cannot be read, and those of a topic's second type.
+    /// What was left out: messages that cannot be read, and those of a topic's second type, by topic or part of the file; and records
+    /// beside the messages.
     pub left_out: Vec<BagWarning>,
     /// The error that ended the reading of `bag` early.
     pub broke: Option<BagError>,
 }
 
-/// Writes every readable message of `bag`, which may be damaged or have another form, to the new MCAP bag `out`.
-/// Payload bytes and times stay unchanged. Messages that could not be copied are reported by the warnings of `bag`, by
+/// Writes every readable message of `bag`, which may be damaged or have another form, to the new MCAP bag `out`, and into its first file the
+/// [`Extra`]s. Payload bytes and times stay unchanged. Messages that could not be copied are reported by the warnings of `bag`, by
 /// [`Copied::left_out`] and by [`Copied::broke`].
 ///
 /// # Errors
@@ -232,6 +237,7 @@ pub fn copy(bag: &BagReader, out: &Path, options: impl Into<WriteOptions>) -> Re
             return Err(why);
         }
     }
+    let lost = copy_extras(bag, &mut writer)?;
     // For each place: the number of such messages, and the fault of the first one.
     let mut left_out: BTreeMap<String, LeftOut> = BTreeMap::new();
     let mut leave_out = |one: LeftOut| match left_out.entry(one.place.clone()) {
@@ -255,6 +261,23 @@ pub fn copy(bag: &BagReader, out: &Path, options: impl Into<WriteOptions>) -> Re
             Err(why) => broke = Some(why),
         }
     }
-    let left_out = left_out.into_values().map(BagWarning::LeftOut).collect();
+    let left_out = left_out.into_values().map(BagWarning::LeftOut).chain(lost).collect();
     Ok(Copied { topics: writer.finish()?, left_out, broke })
+}
+
+/// Copies what the files of `bag` hold beside their messages. Returns what is left out.
+fn copy_extras(bag: &BagReader, writer: &mut BagWriter) -> Result<Vec<BagWarning>, BagError> {
+    writer.custom.clone_from(bag.custom_data());
+    let mut left_out = Vec::new();
+    for (path, extra) in bag.extras() {
+        let file = File::open(path).map_err(|e| FileError::new(path, e))?;
+        match extra.check(&file) {
+            Ok(()) => writer.bag_file.add_extra(&file, extra)?,
+            Err(why) => {
+                let why = format!("{extra} is left out: {}", text_of(&why));
+                left_out.push(BagWarning::Damage(path.to_owned(), why));
+            }
+        }
+    }
+    Ok(left_out)
 }

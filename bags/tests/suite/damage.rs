@@ -206,6 +206,39 @@ fn a_wrong_index_is_not_believed() {
     }
 }
 
+/// Counts that no file can have were added up, and printed.
+#[test]
+fn counts_that_contradict_each_other_are_not_believed() {
+    let (_folder, path) = temporary("counts.mcap");
+    let bytes = nine_messages(mcap::WriteOptions::new().compression(None));
+    // The record of the statistics: opcode, length, messages, five other counts, two times, the length of the list, a channel, its messages.
+    let place = bytes.windows(17).rposition(|w| w[0] == mcap::records::op::STATISTICS && w[9..] == 9u64.to_le_bytes());
+    let (all, of_channel) = (place.expect("there") + 9, place.expect("there") + 9 + 48);
+    assert_eq!(bytes[of_channel..][..8], 9u64.to_le_bytes());
+    for (what, counts) in [
+        ("of a channel", [9, u64::MAX]),
+        ("of all", [u64::MAX, 9]),
+        ("that agree, but find no room", [u64::MAX, u64::MAX]),
+    ] {
+        let mut wrong = bytes.clone();
+        for (at, count) in [all, of_channel].into_iter().zip(counts) {
+            wrong[at..][..8].copy_from_slice(&count.to_le_bytes());
+        }
+        let bag = open(&path, &wrong);
+        assert_eq!((bag.message_count(), bag.topics()[0].messages), (9, 9), "{what}");
+        let told = |why: &BagWarning| why.is_loss() && why.to_string().contains("counts in its index");
+        assert!(bag.warnings().iter().any(told), "{what}: {:?}", bag.warnings());
+    }
+    // A writer may leave out the counts of the channels: the length of their list is 0.
+    let mut without = bytes[..of_channel - 6].to_vec();
+    without.extend([0; 4]);
+    without.extend(&bytes[of_channel + 8..]);
+    let length = place.expect("there") + 1;
+    without[length] -= 10;
+    let bag = open(&path, &without);
+    assert_eq!(bag.message_count(), 9, "{:?}", bag.warnings());
+}
+
 /// A chunk without a CRC, whose size is that of fewer messages in all places that tell it.
 #[test]
 fn a_size_that_hides_messages_is_told() {

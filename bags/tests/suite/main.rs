@@ -5,6 +5,7 @@ mod damage;
 mod damaged_pictures;
 #[path = "../../../tests/harness/data.rs"]
 mod data;
+mod extras;
 mod files;
 mod sources;
 #[cfg(feature = "sqlite")]

@@ -79,12 +79,17 @@ impl Wheel {
     }
 }
 
-/// Writes a compressed member of an archive to `target` in one step.
+/// Writes a compressed member of an archive to `target` in one step. Another file is never replaced.
 fn write(target: &Path, folder: &Path, data: &[u8]) -> io::Result<()> {
     let mode = Permissions::from_mode(0o755);
     let mut unfinished = tempfile::Builder::new().permissions(mode).tempfile_in(folder)?;
     io::copy(&mut DeflateDecoder::new(data), &mut unfinished)?;
-    unfinished.persist(target).map(drop).map_err(|why| why.error)
+    let Err(why) = unfinished.persist_noclobber(target) else { return Ok(()) };
+    match std::fs::read(target) {
+        Ok(there) if there == std::fs::read(why.file.path())? => Ok(()),
+        Ok(_) => Err(io::Error::other("is already there, but not of this version; move it away or choose another folder")),
+        Err(_) => Err(why.error),
+    }
 }
 
 /// Returns the names and the compressed bytes of the members that the directory at the end of a zip archive lists; `None` for anything else

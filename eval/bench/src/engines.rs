@@ -11,12 +11,12 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use clap::Args;
-use modulo_runtime::output::free_folder;
+use modulo_runtime::output::ResultFolder;
 use modulo_runtime::report::Percentiles;
 use serde::{Deserialize, Serialize};
 
 use crate::pipeline::{Mode, temporary_folder, watch};
-use crate::{BenchError, BenchEvent, RESULTS, make_folder, read_json, write_json};
+use crate::{BenchError, BenchEvent, RESULTS, read_json, write_json};
 
 /// Engines and devices in the order in which they are measured; the first one that is there is the reference.
 const ENGINES: [(&str, &str); 6] = [
@@ -49,8 +49,8 @@ pub struct EnginesRequest {
     #[arg(long, default_value_t = 100)]
     pub count: usize,
     /// Folder for results.json; without it a new one in runs
-    #[arg(short, long, value_name = "FOLDER", default_value_os_t = free_folder("detector"), hide_default_value = true)]
-    pub out: PathBuf,
+    #[arg(short, long, value_name = "FOLDER")]
+    pub out: Option<PathBuf>,
     /// Further options of modulo eval, such as -- --groups FILE
     #[arg(last = true)]
     pub more: Vec<OsString>,
@@ -133,9 +133,9 @@ pub fn engines(
     if request.count == 0 {
         return Err(BenchError::number("count", 0, "at least 1"));
     }
-    make_folder(&request.out)?;
+    let out = ResultFolder::take(request.out.as_deref(), "detector", None)?;
     let rows = rows(request, source, program, tell)?;
-    write_json(&request.out.join(RESULTS), &rows)?;
+    write_json(&out.path().join(RESULTS), &rows)?;
     Ok(rows)
 }
 
@@ -256,12 +256,13 @@ fn measure(
     command.args(["--engine", row.engine, "--device", row.device, "--model", &row.model, "--jobs", "1"]);
     command.arg(format!("--alpha={}", request.alpha)).arg(format!("--psf-sigma={}", request.psf_sigma));
     command.arg(format!("--time-frames={}", request.count)).args(&request.more);
-    command.arg("--out").arg(folder.path()).stdin(Stdio::null()).stdout(Stdio::null());
+    let out = folder.path().join("out");
+    command.arg("--out").arg(&out).stdin(Stdio::null()).stdout(Stdio::null());
     command.stderr(fs::File::create(&errors).map_err(failed)?);
     let mut child = command.spawn().map_err(|why| BenchError::Io(program.to_owned(), why))?;
     let (_, rss_mb) = watch(&mut child, Mode::Lockstep).map_err(failed)?;
     // What was left out of the data or could not be scored ends with exit code 3; the figures are there.
-    let results = folder.path().join(RESULTS);
+    let results = out.join(RESULTS);
     if !results.exists() {
         let errors = fs::read_to_string(&errors).map_err(failed)?;
         let last = errors.lines().last().unwrap_or("it ended without a word");

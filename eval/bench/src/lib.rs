@@ -17,8 +17,8 @@ use std::path::{Path, PathBuf};
 use modulo_core::{SensorError, UnwrapError, metric};
 pub use modulo_draw::below_100;
 use modulo_images::{EXTENSIONS, ImageError, SaveError, is_hidden};
-use modulo_runtime::output::prepare_folder;
-use modulo_runtime::{ParameterError, launcher};
+use modulo_runtime::output::{self, OutputError};
+use modulo_runtime::ParameterError;
 use modulo_video::VideoError;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -26,9 +26,12 @@ use serde::de::DeserializeOwned;
 /// Error of a simulation, benchmark or stability run. The message names the value and the possible ones.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
-    /// The request is impossible, or its folder takes no results. The sentence names the possible values or the remedy.
+    /// The request is impossible. The sentence names the possible values or the remedy.
     #[error("{0}")]
     Request(String),
+    /// The folder takes no results.
+    #[error(transparent)]
+    Output(#[from] OutputError),
     /// A file cannot hold the codes of the sensor as they are. The text is the reason and the remedy.
     #[error("{path}: {1}", path = .0.display())]
     NotCodes(PathBuf, String),
@@ -123,8 +126,8 @@ fn images(folder: &Path, tell: &mut dyn FnMut(BenchEvent<'_>)) -> Result<Vec<Pat
         if is_image { &mut images } else { &mut others }.push(path);
     }
     if images.is_empty() {
-        let (folder, kinds) = (folder.display(), ".png, .jpg, .jpeg, .exr, .hdr");
-        return Err(BenchError::Request(format!("{folder}: there is no readable image ({kinds})")));
+        let (folder, kinds) = (folder.display(), EXTENSIONS.join(", ."));
+        return Err(BenchError::Request(format!("{folder}: there is no readable image (.{kinds})")));
     }
     // The order of `read_dir` depends on the file system. The results must not.
     images.sort();
@@ -137,11 +140,6 @@ fn images(folder: &Path, tell: &mut dyn FnMut(BenchEvent<'_>)) -> Result<Vec<Pat
     Ok(images)
 }
 
-/// Makes the folder of the results: a run of hours must not end without them.
-fn make_folder(folder: &Path) -> Result<(), BenchError> {
-    prepare_folder(folder).map_err(|why| BenchError::Request(why.to_string()))
-}
-
 /// Writes `value` as JSON, as [`write`] does.
 fn write_json(path: &Path, value: &impl Serialize) -> Result<(), BenchError> {
     let mut text =
@@ -150,9 +148,9 @@ fn write_json(path: &Path, value: &impl Serialize) -> Result<(), BenchError> {
     write(path, &text)
 }
 
-/// Replaces the content of `path`, as [`launcher::replace`] does.
+/// Replaces the content of `path`, as [`output::replace`] does.
 fn write(path: &Path, bytes: &[u8]) -> Result<(), BenchError> {
-    launcher::replace(path, bytes).map_err(|why| BenchError::Io(path.to_owned(), why))
+    output::replace(path, bytes).map_err(|why| BenchError::Io(path.to_owned(), why))
 }
 
 fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, BenchError> {

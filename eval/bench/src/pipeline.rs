@@ -12,11 +12,11 @@ use std::thread;
 use std::time::Duration;
 
 use clap::Args;
-use modulo_runtime::output::free_folder;
+use modulo_runtime::output::ResultFolder;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::{BenchError, BenchEvent, RESULTS, make_folder, quantile, read_json, write_json};
+use crate::{BenchError, BenchEvent, RESULTS, quantile, read_json, write_json};
 
 /// Number of turns that the modes take, so that a machine that becomes slower becomes slower for all of them.
 const ROUNDS: usize = 4;
@@ -26,8 +26,6 @@ const WARM_UP: usize = 5;
 const GLANCE: Duration = Duration::from_millis(200);
 /// Clock ticks per second in `/proc/PID/stat`, which Linux fixes for all programs.
 const TICKS: f64 = 100.0;
-/// The ROS domain of the runs. It is neither the default of a suite nor a domain of a test.
-const DOMAIN: &str = "96";
 
 /// The settings of a benchmark of the pipeline, as options of a command line.
 #[derive(Clone, Debug, PartialEq, Args)]
@@ -48,8 +46,8 @@ pub struct PipelineRequest {
     #[arg(long, default_value_t = 100)]
     pub count: usize,
     /// Folder for results.json; without it a new one in runs
-    #[arg(short, long, value_name = "FOLDER", default_value_os_t = free_folder("pipeline"), hide_default_value = true)]
-    pub out: PathBuf,
+    #[arg(short, long, value_name = "FOLDER")]
+    pub out: Option<PathBuf>,
     /// Inference engine: ONNX Runtime (ort), ONNX Runtime with OpenVINO (openvino, or openvino_f32 with 32 bits), rten, or auto
     /// for ort where its library is found, and rten elsewhere
     #[arg(long, default_value = "auto", value_parser = ["auto", "ort", "openvino", "openvino_f32", "rten"])]
@@ -108,6 +106,8 @@ pub struct PipelineBench<'a> {
     pub program: &'a Path,
     /// The launch file of its suite.
     pub launch_file: &'a Path,
+    /// The ROS domain of the runs, which nobody else uses.
+    pub domain: u32,
     /// Returns the ticks of the clock of the traces, ns.
     pub now_ns: fn() -> u64,
     /// Returns durations of the network by itself on a tensor that is ready, ms, with a run in each period.
@@ -131,7 +131,7 @@ pub fn pipeline(
     if *rate > 0.0 {
         check_count(*count, *rate, quantile((bench.bare)(Duration::ZERO)?, 0.5))?;
     }
-    make_folder(out)?;
+    let out = ResultFolder::take(out.as_deref(), "pipeline", None)?;
     let frames = frames_of_run(*count);
     let modes = [(Mode::Lockstep, "lockstep"), (Mode::Composed, "composed"), (Mode::Live, "live")];
     let mut runs = modes.map(|_| Vec::new());
@@ -152,7 +152,7 @@ pub fn pipeline(
     }
     let rows = modes.iter().zip(runs).map(|(&(mode, _), runs)| row(mode, runs));
     let rows = rows.collect::<Result<Vec<_>, _>>()?;
-    write_json(&out.join(RESULTS), &rows)?;
+    write_json(&out.path().join(RESULTS), &rows)?;
     Ok(rows)
 }
 
@@ -232,11 +232,13 @@ fn run(
     let cpu = children_cpu_s();
     let log = fs::File::create(folder.join("log.txt")).map_err(|why| BenchError::Io(folder.into(), why))?;
     let errors = log.try_clone().map_err(|why| BenchError::Io(folder.into(), why))?;
+    let results = folder.join("results");
+    fs::create_dir(&results).map_err(|why| BenchError::Io(results.clone(), why))?;
     let mut command = Command::new(bench.program);
     command.arg(if mode == Mode::Lockstep { "eval" } else { "launch" });
-    command.arg(bench.launch_file).args(arguments(request, mode, frames, folder));
+    command.arg(bench.launch_file).args(arguments(request, mode, frames, &results));
     command.stdin(Stdio::null()).stdout(log).stderr(errors);
-    command.env("MODULO_TRACE_DIR", folder).env("ROS_DOMAIN_ID", DOMAIN);
+    command.env("MODULO_TRACE_DIR", folder).env("ROS_DOMAIN_ID", bench.domain.to_string());
     command.env("ZENOH_CONFIG_OVERRIDE", "transport/shared_memory/enabled=true");
     let start_ms = (bench.now_ns)() as f64 / 1e6;
     let failed = |why| BenchError::Io(bench.program.to_owned(), why);
@@ -247,7 +249,7 @@ fn run(
         return Err(BenchError::Run(format!("the run failed: {}", log.trim())));
     }
     let cpu_s = children_cpu_s() - cpu;
-    let summary: Value = read_json(&folder.join("summary.json"))?;
+    let summary: Value = read_json(&results.join("summary.json"))?;
     let engine = summary["engine"].as_str();
     let engine = engine.ok_or_else(|| BenchError::Run("no detector told its engine".to_owned()))?;
     let times = times(folder)?;

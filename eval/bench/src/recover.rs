@@ -8,6 +8,7 @@ use modulo_core::unwrap::Sharpness;
 use modulo_core::{Frame, Psf};
 use modulo_images::read_codes;
 use modulo_runtime::SensorModel;
+use modulo_runtime::output::ResultFolder;
 use modulo_runtime::sensor::options::{SensorCommand, SensorOptions};
 
 use crate::runner::{Capture, Picture, RunOptions, RunOutcome, Runner, names};
@@ -63,7 +64,8 @@ pub fn unwrap_files(
         return Err(BenchError::Request(why.to_owned()));
     }
     sensor.gains()?;
-    let mut runner = Runner::new(&request.run, &sensor)?;
+    let folder = ResultFolder::take(request.run.out.as_deref(), "images", None)?;
+    let mut runner = Runner::new(&request.run, folder.path(), &sensor)?;
     let files = files(&request.images, tell)?;
     let pictures = files.iter().zip(names(&files)).map(|(file, name)| {
         std::iter::once(Picture {

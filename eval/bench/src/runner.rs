@@ -2,7 +2,7 @@
 //! picture and a [`Row`].
 
 use std::collections::HashSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::slice;
 use std::time::Instant;
 
@@ -14,11 +14,10 @@ use modulo_core::{
 };
 use modulo_images::{save_exr, save_png};
 use modulo_runtime::SensorModel;
-use modulo_runtime::output::free_folder;
 use ndarray::Array3;
 use serde::Serialize;
 
-use crate::{BenchError, BenchEvent, RESULTS, make_folder, quantile, write_json};
+use crate::{BenchError, BenchEvent, RESULTS, quantile, write_json};
 
 /// The word that stands for the names of all methods.
 const ALL: &str = "all";
@@ -41,8 +40,8 @@ pub struct RunOptions {
     #[arg(long)]
     pub exr: bool,
     /// Folder for the images and results.json; without it a new one in runs
-    #[arg(short, long, value_name = "FOLDER", default_value_os_t = free_folder("images"), hide_default_value = true)]
-    pub out: PathBuf,
+    #[arg(short, long, value_name = "FOLDER")]
+    pub out: Option<PathBuf>,
 }
 
 /// The result of one method on one image.
@@ -89,6 +88,8 @@ pub struct Simulated {
 /// Result of a command.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RunOutcome {
+    /// The folder of the results.
+    pub folder: PathBuf,
     /// One row for each image, sensor and method. Also in [`RESULTS`].
     pub rows: Vec<Row>,
     /// The files and frames that cannot be used, each with the reason.
@@ -122,21 +123,23 @@ pub(crate) struct Capture<'a> {
 
 pub(crate) struct Runner<'a> {
     options: &'a RunOptions,
+    /// The folder of the results.
+    out: &'a Path,
     /// The methods for a sensor with one gain.
     methods: Vec<Box<dyn Unwrap>>,
     outcome: RunOutcome,
 }
 
 impl<'a> Runner<'a> {
-    /// Makes the methods for images of `sensor`. Where the gains decide the method, none may be named.
-    pub fn new(options: &'a RunOptions, sensor: &SensorModel) -> Result<Self, BenchError> {
+    /// Makes the methods for images of `sensor`, whose results go into the folder `out`. Where the gains decide the method, none may be
+    /// named.
+    pub fn new(options: &'a RunOptions, out: &'a Path, sensor: &SensorModel) -> Result<Self, BenchError> {
         let methods = methods(options, sensor.gains)?;
-        Ok(Self { options, methods, outcome: RunOutcome::default() })
+        Ok(Self { options, out, methods, outcome: RunOutcome { folder: out.to_owned(), ..RunOutcome::default() } })
     }
 
     /// Takes the pictures of each of `files`, `total` in number, by each of `sensors` with `capture`, and unwraps them. After each
-    /// file it writes [`RESULTS`] with all rows so far. A picture that cannot be used is skipped, unless it is the only one; a
-    /// single picture that cannot be read leaves no folder behind.
+    /// file it writes [`RESULTS`] with all rows so far. A picture that cannot be used is skipped, unless it is the only one.
     pub fn run<'s, T, S>(
         &mut self,
         (files, total): (impl IntoIterator<Item = impl Iterator<Item = Picture<T>>>, usize),
@@ -147,9 +150,6 @@ impl<'a> Runner<'a> {
         let (mut done, steps) = (0, total * sensors.len());
         for file in files {
             for Picture { file, name, content } in file {
-                if done == 0 && (total > 1 || content.is_ok()) {
-                    make_folder(&self.options.out)?;
-                }
                 let rows = content.and_then(|content| {
                     let mut rows = Vec::new();
                     for (sensor, done) in sensors.iter().zip(done..) {
@@ -168,7 +168,7 @@ impl<'a> Runner<'a> {
                     Err(why) => return Err(why),
                 }
             }
-            write_json(&self.options.out.join(RESULTS), &self.outcome.rows)?;
+            write_json(&self.out.join(RESULTS), &self.outcome.rows)?;
         }
         Ok(std::mem::take(&mut self.outcome))
     }
@@ -177,7 +177,7 @@ impl<'a> Runner<'a> {
         // The ratio of the gains depends on alpha, so that this method belongs to one sensor.
         let mut of_gains = of_gains(capture.sensor.gains()?);
         let methods = of_gains.as_mut().map_or(&mut self.methods[..], slice::from_mut);
-        methods.iter_mut().map(|method| recover(self.options, (file, capture), method.as_mut())).collect()
+        methods.iter_mut().map(|method| recover((self.options, self.out), (file, capture), method.as_mut())).collect()
     }
 }
 
@@ -218,7 +218,7 @@ fn methods(options: &RunOptions, has_two_gains: bool) -> Result<Vec<Box<dyn Unwr
 }
 
 fn recover(
-    options: &RunOptions,
+    (options, out): (&RunOptions, &Path),
     (file, capture): (&str, &Capture<'_>),
     method: &mut dyn Unwrap,
 ) -> Result<Row, BenchError> {
@@ -231,7 +231,7 @@ fn recover(
         // A file may hold codes that the sensor cannot have.
         None => BenchError::NotCodes(file.into(), why.to_string()),
     })?;
-    let path = |what: &str| options.out.join(format!("{}_{}{what}.png", capture.name, method.name()));
+    let path = |what: &str| out.join(format!("{}_{}{what}.png", capture.name, method.name()));
     let colours = sensor.mosaic.map(|mosaic| mosaic.demosaic(recovered.x.view()));
     let x = colours.as_ref().unwrap_or(&recovered.x);
     let picture = tone::picture(x, *range, sensor.transfer).map_err(UnwrapError::from)?;
@@ -240,7 +240,7 @@ fn recover(
         let scale = f64::from(capture.full_scale) / range.white();
         // The converter has rounded down, by half a code on average.
         let radiance = x.mapv(|x| ((f64::from(x) + 0.5) * scale) as f32);
-        save_exr(&options.out.join(format!("{}_{}.exr", capture.name, method.name())), &radiance)?;
+        save_exr(&out.join(format!("{}_{}.exr", capture.name, method.name())), &radiance)?;
     }
     if capture.counts {
         save_counts(|what| path(&format!("_{what}")), &recovered.k, &recovered.x, *range)?;

@@ -9,6 +9,7 @@ use clap::Parser;
 use modulo_core::{AutoExposure, Sensor, Transfer};
 use modulo_images::{ImageError, White, read_image, save_png};
 use modulo_runtime::SensorModel;
+use modulo_runtime::output::ResultFolder;
 use modulo_runtime::sensor::options::{CodingOptions, SensorCommand, SensorOptions};
 use modulo_video::{VideoAddress, VideoFile};
 use ndarray::{Array3, Axis};
@@ -69,12 +70,15 @@ pub fn simulate(
     tell: &mut dyn FnMut(BenchEvent<'_>),
 ) -> Result<RunOutcome, BenchError> {
     let sensors = request.sensors()?;
-    let mut runner = Runner::new(&request.run, &sensors[0][0].model)?;
+    let folder = ResultFolder::take(request.run.out.as_deref(), "images", None)?;
+    let out = folder.path();
+    let mut runner = Runner::new(&request.run, out, &sensors[0][0].model)?;
     let files = files(&request.images, tell)?;
     let inputs = files.iter().zip(names(&files)).map(|(file, name)| InputFile::open(request, file, name));
     let inputs = inputs.collect::<Result<Vec<_>, _>>()?;
     let total = inputs.iter().map(InputFile::len).sum();
-    runner.run((inputs, total), &sensors, |name, image, sensor| request.expose(name, image, sensor), tell)
+    let expose = |name: &str, image: &_, sensor| request.expose((out, name), image, sensor);
+    runner.run((inputs, total), &sensors, expose, tell)
 }
 
 /// An image of a file.
@@ -126,10 +130,10 @@ impl SimulationRequest {
         White::new(self.coding.of(&self.sensor.first()))
     }
 
-    /// Exposes the sensor to an image, and writes its streams.
+    /// Exposes the sensor to an image, and writes its streams into the folder `out`.
     fn expose<'s>(
         &self,
-        name: &str,
+        (out, name): (&Path, &str),
         Radiance { pixels, is_float, white, is_first }: &Radiance,
         cameras: &'s Cameras,
     ) -> Result<Capture<'s>, BenchError> {
@@ -140,7 +144,7 @@ impl SimulationRequest {
         }
         let exposure = sensor.expose(pixels.view(), self.seed)?;
         let name = format!("{name}_alpha{}", exposure.range().alpha());
-        let path = |stream: &str| self.run.out.join(format!("{name}_{stream}.png"));
+        let path = |stream: &str| out.join(format!("{name}_{stream}.png"));
         let y = exposure.modulo();
         save_png(&path("ideal"), &exposure.ideal().demosaiced())?;
         save_png(&path("saturated"), &exposure.saturated())?;

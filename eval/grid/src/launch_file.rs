@@ -16,6 +16,7 @@ use modulo_bags::source::{GroundTruth, from_detections};
 use modulo_core::Detection;
 use modulo_runtime::clock::nanos;
 use modulo_runtime::lockstep::{Lockstep, LockstepError, OnTopic};
+use modulo_runtime::output;
 use serde_json::{Value, json};
 
 pub use plan::{CameraPlan, DetectorStream, EvaluationPlan, NamedNodes};
@@ -162,8 +163,7 @@ impl Evaluation {
 
     /// Writes `STREAM.json` for each stream with one line for each frame:
     /// `{"000000.png": [[x1, y1, x2, y2, score, "class"], ...], ...}`, and `report.html` with `results` and the picture that
-    /// [`Recordings`] has made. Writes `scores.json` if there are scores; those of an earlier run do not stay. `stopped` marks them as those
-    /// of a part of the frames.
+    /// [`Recordings`] has made. Writes `scores.json` if there are scores. `stopped` marks them as those of a part of the frames.
     ///
     /// # Errors
     /// [`FileError`] of the first file that cannot be written; the others are written.
@@ -180,15 +180,12 @@ impl Evaluation {
             Some(((*stream).to_owned(), result.score().ok()?.json(self.difficulty, stopped)))
         };
         let scores: BTreeMap<String, Value> = results.iter().filter_map(score).collect();
-        if scores.is_empty() {
-            // It fails where there is none.
-            let _ = std::fs::remove_file(folder.join(SCORES));
-        } else {
+        if !scores.is_empty() {
             files.push((SCORES.to_owned(), format!("{:#}\n", json!(scores))));
         }
         let write = |(name, text): (String, String)| {
             let path = folder.join(name);
-            std::fs::write(&path, text).map_err(|why| FileError::new(&path, why))
+            output::replace(&path, text.as_bytes()).map_err(|why| FileError::new(&path, why))
         };
         files.into_iter().map(write).fold(Ok(()), Result::and)
     }

@@ -4,7 +4,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use modulo_runtime::input::read_bytes;
-use modulo_runtime::launcher;
+use modulo_runtime::output;
 use serde_json::Value;
 
 use crate::GridError;
@@ -110,10 +110,10 @@ fn joined_grid(old: Vec<Point>, new: Vec<Point>) -> Vec<Point> {
     [old, more].concat()
 }
 
-/// Replaces the content of `path` by `bytes`, as [`launcher::replace`] does. Creates its folder if it is missing.
+/// Replaces the content of `path` by `bytes`, as [`output::replace`] does. Creates its folder if it is missing.
 pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<(), GridError> {
     let folder = path.parent().map_or(Ok(()), std::fs::create_dir_all);
-    folder.and_then(|()| launcher::replace(path, bytes)).map_err(|why| GridError::io(path, why))
+    folder.and_then(|()| output::replace(path, bytes)).map_err(|why| GridError::io(path, why))
 }
 
 /// Refuses the results `old` at `path` if they belong to another request than `new`. The grids may differ.

@@ -21,19 +21,19 @@ pub struct AnnotatedVideo {
 }
 
 impl AnnotatedVideo {
-    /// Prepares a video at `path`, whose extension names the container. A file that is there is replaced.
+    /// Prepares a video at `path`, whose extension names the container. A file that is there is replaced, also by nothing.
     ///
     /// # Errors
     /// [`VideoError`] when ffmpeg is not there, or writes no such video.
     pub fn create(path: &Path) -> Result<Self, VideoError> {
         // A video of one black picture, which does not stay: a path or a container that is not possible is known now.
         let mut probe = Encoder::create(path, PROBE, NOMINAL_RATE)?;
-        probe.add(&[0; 3 * (PROBE.0 * PROBE.1) as usize])?;
-        probe.finish()?;
+        let written = probe.add(&[0; 3 * (PROBE.0 * PROBE.1) as usize]).and_then(|()| probe.finish());
         if path.is_file() {
             // What is left where this fails is replaced by the video.
             let _ = std::fs::remove_file(path);
         }
+        written?;
         Ok(Self { path: path.to_owned(), first: None, encoder: None })
     }
 

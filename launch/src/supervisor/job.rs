@@ -37,7 +37,7 @@ const LOOK: Duration = Duration::from_millis(250);
 pub(super) enum Origin {
     /// A node of this suite: its exit statuses are known, and it ends cleanly on SIGINT.
     Suite,
-    /// A command of this suite, such as a player: its exit status 3 is known.
+    /// A command of this suite, such as a player: its exit statuses 2 and 3 are known.
     Command,
     /// Any other program.
     Foreign,
@@ -302,13 +302,13 @@ impl Job {
         Ok(delay)
     }
 
-    /// A node that refuses its arguments at its first start will always do so. At a restart it has accepted them
+    /// A program of the suite that refuses its arguments at its first start will always do so. At a restart it has accepted them
     /// before: what has changed, such as a file that is not there, may change again.
     fn ended(&self, status: Result<ExitStatus, String>, restarts: u32, last_line: &str) -> ProcessEnd {
         match status {
             Ok(status) if status.success() => ProcessEnd::Exited,
             Ok(status) if is_with_loss(self.origin, &status) => ProcessEnd::WithLoss(last_line.to_owned()),
-            Ok(status) if status.code() == Some(2) && self.origin == Origin::Suite && restarts == 0 => {
+            Ok(status) if status.code() == Some(2) && self.origin != Origin::Foreign && restarts == 0 => {
                 ProcessEnd::Refused(last_line.strip_prefix("modulo: ").unwrap_or(last_line).to_owned())
             }
             Ok(status) => ProcessEnd::Crashed(status.to_string()),

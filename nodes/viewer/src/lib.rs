@@ -36,6 +36,7 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use modulo_middleware::transport::zenoh::ZenohTransport;
 use modulo_middleware::transport::{Transport as _, TransportError};
+use modulo_runtime::output::replace;
 use modulo_runtime::stop::Wake;
 use modulo_runtime::{Clock, NodeName, Stop, Urgency};
 use rand::TryRng as _;
@@ -44,6 +45,7 @@ use tokio::sync::{Notify, Semaphore};
 
 use crate::feed::Session;
 use crate::page::PageFile;
+pub use crate::page::RECORDING_BEGIN;
 use crate::record::Recording;
 
 const NODE: &str = "viewer";
@@ -144,7 +146,7 @@ fn listen(address: SocketAddr) -> Result<(TcpListener, SocketAddr), ViewError> {
 fn save(recording: &Recording, file: &Path) -> Result<usize, ViewError> {
     let name = file.display();
     let lost = |why: io::Error| ViewError::Setup(format!("{name}: {why}; the recording is lost"));
-    std::fs::write(file, recording.page()).map_err(lost)?;
+    replace(file, recording.page().as_bytes()).map_err(lost)?;
     Ok(recording.too_large)
 }
 

@@ -26,6 +26,9 @@ pub(crate) const FILES: &[PageFile] = files! {
 const POLICY: &str =
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src blob: data:";
 
+/// The first bytes of a recording.
+pub const RECORDING_BEGIN: &str = "<!doctype html>\n<!-- A recording of modulo view. -->\n";
+
 /// Returns the page as one document that shows `recording`, a JSON text, without a viewer.
 pub(crate) fn with_recording(recording: &str) -> String {
     // A tag within a string of the JSON would end the element that holds it.
@@ -36,6 +39,7 @@ pub(crate) fn with_recording(recording: &str) -> String {
     let mut page = String::new();
     for line in DOCUMENT.lines() {
         match line.trim() {
+            "<!doctype html>" => page.push_str(RECORDING_BEGIN.trim_end()),
             "<meta charset=\"utf-8\">" => {
                 let policy = format!("<meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">");
                 page.extend([line, "\n", &policy, "\n<style>\n", &styles, "</style>"]);

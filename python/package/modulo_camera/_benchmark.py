@@ -114,10 +114,14 @@ class Benchmark:
         Parameters
         ----------
         folder : path
-            The folder, which is created if it is missing.
+            The folder, which is created if it is missing. One that is there is empty, or that of the rows of this benchmark.
+
+        Raises
+        ------
+        FileExistsError
+            For a folder with other files.
         """
-        place = Path(folder)
-        place.mkdir(parents=True, exist_ok=True)
+        place = _place(folder)
         (place / "results.json").write_text(json.dumps(self.results, indent=2) + "\n")
         frames = self._frames()
         with open(place / "frames.csv", "w", newline="") as file:
@@ -291,15 +295,26 @@ def _pictures(data: Source | Iterable[Source], most: int) -> list[Frame]:
     return found
 
 
+def _place(folder: str | os.PathLike[str]) -> Path:
+    """Returns a folder of results, which is new, empty, or that of a benchmark, since results never replace other files."""
+    place = Path(folder)
+    place.mkdir(parents=True, exist_ok=True)
+    if not (place / _ROWS).exists() and any(not entry.name.startswith(".") for entry in place.iterdir()):
+        raise FileExistsError(f"{place} is not empty, and its files would mix with the results or be replaced; choose another folder")
+    return place
+
+
+_ROWS = "rows.jsonl"
+
+
 class _Store:
     """The rows that are measured, in a file if there is a folder."""
 
     def __init__(self, out: str | os.PathLike[str] | None) -> None:
-        self._file = None if out is None else Path(out) / "rows.jsonl"
+        self._file = None if out is None else _place(out) / _ROWS
         self._rows: dict[str, Row] = {}
         self._new: set[str] = set()
         if self._file:
-            self._file.parent.mkdir(parents=True, exist_ok=True)
             lines = self._file.read_text().splitlines() if self._file.exists() else []
             for line in lines:
                 try:

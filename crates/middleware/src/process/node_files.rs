@@ -4,7 +4,7 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use modulo_runtime::{NodeName, NodeReport, Parameters, Value, launcher};
+use modulo_runtime::{NodeName, NodeReport, Parameters, Value, launcher, output};
 
 /// The pause between two reports of a listener that has taken a message.
 pub const AFTER_STEP_NS: u64 = 10_000_000;
@@ -35,7 +35,7 @@ impl ReportFile {
                 Err(why) if why.kind() == io::ErrorKind::AlreadyExists => {}
                 Err(why) => return Err(why),
                 Ok(_) => {
-                    launcher::replace(&file, &text(&NodeReport { running: true, ..NodeReport::new(node) })?)?;
+                    output::replace(&file, &text(&NodeReport { running: true, ..NodeReport::new(node) })?)?;
                     return Ok(Self { file, written_ns: 0, failed: false });
                 }
             }
@@ -51,7 +51,7 @@ impl ReportFile {
     /// Writes `report`. An error, such as a full disk, does not end the node; it is logged once.
     pub fn write(&mut self, report: &NodeReport, now_ns: u64) {
         self.written_ns = now_ns;
-        let written = text(report).and_then(|text| launcher::replace(&self.file, &text));
+        let written = text(report).and_then(|text| output::replace(&self.file, &text));
         if let Err(why) = &written
             && !self.failed
         {
@@ -114,7 +114,7 @@ impl SavedState {
         let changeable = accepted.descriptors().iter().filter(|d| !d.read_only);
         let values: Vec<_> = changeable.filter_map(|d| Some((d.name, accepted.get(d.name)?))).collect();
         let text = serde_json::to_vec(&values).map_err(io::Error::from);
-        if let Err(why) = text.and_then(|text| launcher::replace(&self.parameters, &text)) {
+        if let Err(why) = text.and_then(|text| output::replace(&self.parameters, &text)) {
             tracing::warn!("{}: {why}; the parameters would not outlast a crash", self.parameters.display());
         }
     }
@@ -129,7 +129,7 @@ impl SavedState {
 
     /// Keeps the position of a source, to be called before the frame that leads to it is sent.
     pub fn keep_position(&self, position: u64) {
-        if let Err(why) = launcher::replace(&self.position, position.to_string().as_bytes()) {
+        if let Err(why) = output::replace(&self.position, position.to_string().as_bytes()) {
             let file = self.position.display();
             tracing::warn!("{file}: {why}; after a crash the source would send frames again");
         }

@@ -21,18 +21,17 @@ use modulo_images::save_png;
 use ndarray::{Array3, Axis, concatenate, s};
 use report::{SceneRow, StabilityReport, Trial};
 
-use crate::{BenchError, BenchEvent, make_folder, write, write_json};
+use crate::{BenchError, BenchEvent, write, write_json};
 pub use case::{Case, cases};
 pub use report::StabilityOutcome;
 
-/// Runs all methods on all scenes and writes `index.html`, `results.json`, `pictures/` and `figures/` into `out`, which is
-/// created if it is missing.
+/// Runs all methods on all scenes and writes `index.html`, `results.json`, `pictures/` and `figures/` into `out`.
 ///
 /// # Errors
 /// [`BenchError`] if `out` cannot be written. A broken expectation is not an error: see [`StabilityOutcome`].
 pub fn run(out: &Path, mut progress: impl FnMut(BenchEvent<'_>)) -> Result<StabilityOutcome, BenchError> {
-    for folder in ["pictures", "figures"] {
-        make_folder(&out.join(folder))?;
+    for folder in ["pictures", "figures"].map(|name| out.join(name)) {
+        std::fs::create_dir_all(&folder).map_err(|why| BenchError::Io(folder, why))?;
     }
     let cases = cases();
     let mut scenes = Vec::new();

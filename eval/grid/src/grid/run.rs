@@ -2,7 +2,7 @@
 
 use modulo_ap::{average, difficulty};
 use modulo_runtime::Clock;
-use modulo_runtime::output::prepare_folder;
+use modulo_runtime::output::ResultFolder;
 
 use super::frames::Frames;
 use super::pipeline::{self, MakeDetector, RECOVERY_DEFINITION};
@@ -11,7 +11,7 @@ use super::score::Scorer;
 use super::{GridEvent, GridOptions, Request, timing};
 use crate::classes::Table;
 use crate::metric::{bootstrap, latency, paper};
-use crate::results::{Point, Results};
+use crate::results::{Point, RESULTS, Results};
 use crate::{GridError, store};
 
 /// Runs the cells that are not finished yet, and writes `results.json` and the lines of their frames into the
@@ -35,7 +35,8 @@ pub fn run(
     let setup = request.setup(&map, &groups, &points)?;
     let mut frames = Frames::inspect(&request.data, &request.source())?;
     // After the checks of the request, so that a wrong one makes no folder, and before the first cell.
-    prepare_folder(&request.out).map_err(|why| GridError::Request(why.to_string()))?;
+    let folder = ResultFolder::take(Some(&request.out), "eval", Some(RESULTS));
+    let _folder = folder.map_err(|why| GridError::Request(why.to_string()))?;
     let scorer = Scorer::new(request, map, groups, &mut frames)?;
     // Few drives are no loss, so that this warning is not among those of the input.
     frames.input.warnings.iter().chain(&frames.input.interval_warning()).for_each(warn);

@@ -2,7 +2,6 @@
 //! camera.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
 use std::time::Duration;
 
 use modulo_detector::TRUSTED;
@@ -49,13 +48,11 @@ pub struct CameraPlan {
     pub streams: Vec<DetectorStream>,
 }
 
-/// The cameras of an evaluation and the place of its files.
+/// The cameras of an evaluation.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct EvaluationPlan {
     /// The cameras, each with its detectors.
     pub cameras: Vec<CameraPlan>,
-    /// Folder for images and results.
-    pub folder: PathBuf,
     /// Topics that are written into the bag, if there is one.
     pub bagged: Vec<String>,
 }
@@ -99,11 +96,11 @@ impl Ports {
 }
 
 impl EvaluationPlan {
-    /// Finds the cameras among `nodes` and the detectors of each. Results go into `folder`, and messages on `bagged` into a bag.
+    /// Finds the cameras among `nodes` and the detectors of each. Messages on `bagged` go into a bag.
     ///
     /// # Errors
     /// The reason with its remedy where a detector would get no image, or it is not known from which camera.
-    pub fn new(nodes: &NamedNodes, folder: PathBuf, bagged: Vec<String>) -> Result<Self, String> {
+    pub fn new(nodes: &NamedNodes, bagged: Vec<String>) -> Result<Self, String> {
         let ports =
             nodes.iter().map(Ports::of).collect::<Result<Vec<_>, _>>().map_err(|why| why.to_string())?;
         let mut names = BTreeSet::new();
@@ -141,7 +138,7 @@ impl EvaluationPlan {
             let why = "no node of the launch file turns images into boxes: a detector is needed";
             return Err(why.to_owned());
         }
-        Ok(Self { cameras, folder, bagged })
+        Ok(Self { cameras, bagged })
     }
 
     /// Returns the detectors of all cameras.

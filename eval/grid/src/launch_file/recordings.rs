@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::error::Error;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use modulo_bags::bag::{BagTopic, BagWriter};
 use modulo_core::{Detection, Frame};
@@ -27,6 +27,8 @@ pub const GRID: &str = "grid.png";
 /// The recordings of an evaluation.
 #[derive(Default)]
 pub struct Recordings {
+    /// The folder of the pictures.
+    folder: PathBuf,
     /// The messages on the topics of the plan.
     bag: Option<BagWriter>,
     /// The annotated images of all streams.
@@ -50,9 +52,10 @@ struct Shown {
 }
 
 impl Recordings {
-    /// Creates the recordings of an evaluation. The folders of the images, with the names of the streams, must be there.
-    pub fn new(bag: Option<BagWriter>, video: Option<AnnotatedVideo>, images: bool) -> Self {
-        Self { bag, video, images, ..Self::default() }
+    /// Creates the recordings of an evaluation, with pictures in `folder`. The folders of the `images`, with the names of the streams, must be
+    /// in it.
+    pub fn new(folder: &Path, bag: Option<BagWriter>, video: Option<AnnotatedVideo>, images: bool) -> Self {
+        Self { folder: folder.to_owned(), bag, video, images, ..Self::default() }
     }
 
     /// Returns the topics whose messages are needed for `plan`.
@@ -97,7 +100,7 @@ impl Recordings {
         }
         for stream in camera.streams.iter().filter(|_| self.images) {
             if let Some(frame) = image(out, &stream.images) {
-                save_png(&plan.folder.join(&stream.name).join(file_name(number)), &frame.frame)?;
+                save_png(&self.folder.join(&stream.name).join(file_name(number)), &frame.frame)?;
             }
         }
         let shown = camera.streams.iter().map(|stream| (stream.name.clone(), Shown::of(stream, out)));
@@ -112,7 +115,7 @@ impl Recordings {
         }
         let Some(sheet) = self.sheet(plan) else { return Ok(()) };
         if is_largest {
-            save_sheet(&plan.folder, &sheet)?;
+            save_sheet(&self.folder, &sheet)?;
             self.pictured = Some((number, spread));
         }
         match (&mut self.video, out.first()) {

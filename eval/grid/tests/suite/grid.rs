@@ -248,9 +248,9 @@ fn record(sources: &[&Path], more: &[(&str, &str)], bag: &Path) {
         streams: Vec::new(),
     };
     let plan =
-        EvaluationPlan { cameras: vec![camera], folder: bag.with_extension("out"), bagged: topics.clone() };
+        EvaluationPlan { cameras: vec![camera], bagged: topics.clone() };
     let recorder = BagWriter::create(bag, Compression::None).expect("a new bag");
-    let mut recordings = Recordings::new(Some(recorder), None, false);
+    let mut recordings = Recordings::new(&bag.with_extension("out"), Some(recorder), None, false);
     for source in sources {
         let source = source.to_str().expect("UTF-8");
         let pairs = [&[("source", source), ("rate", "0"), ("optical_black", "0")], more].concat();
