@@ -16,6 +16,9 @@ import time
 from pathlib import Path
 
 import numpy as np
+from mcap.reader import make_reader
+from mcap.writer import CompressionType
+from mcap.writer import Writer as McapWriter
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
@@ -109,10 +112,41 @@ def converted(folder: Path, name: str, bag: Path) -> None:
     print(name, "returned with", len(expected), "messages in", len(list(out.glob("*.mcap"))), "files")
 
 
+def beside(folder: Path, compression: CompressionType) -> None:
+    """An attachment and a metadata record of PyPI mcap, copied by the suite, and returned to it."""
+    data = np.random.default_rng(3).integers(0, 256, 3_000_001, dtype=np.uint8).tobytes()
+    bag, expected = folder / f"beside_{compression.name}.mcap", {"weather": "rain", "car": "7"}
+    with open(bag, "wb") as file:
+        writer = McapWriter(file, compression=compression)
+        writer.start("ros2")
+        channel = writer.register_channel("/text", "cdr", writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data"), {"own": "kept"})
+        writer.add_message(channel, 1, b"\0\1\0\0\1\0\0\0\0", 1)
+        writer.add_attachment(create_time=2, log_time=3, name="calib.yaml", media_type="text/yaml", data=data)
+        writer.add_metadata("drive", expected)
+        writer.finish()
+    for command in ("convert", "recover"):
+        out = folder / f"beside_{compression.name}_{command}"
+        modulo("bag", command, str(bag), str(out))
+        with open(next(out.glob("*.mcap")), "rb") as file:
+            reader = make_reader(file, validate_crcs=True)
+            (attachment,) = reader.iter_attachments()
+            assert (attachment.name, attachment.media_type, attachment.create_time, attachment.log_time) == ("calib.yaml", "text/yaml", 2, 3)
+            assert attachment.data == data
+            metadata = {record.name: record.metadata for record in reader.iter_metadata()}
+            assert metadata["drive"] == expected, metadata
+            (channel,) = reader.get_summary().channels.values()
+            assert channel.metadata["own"] == "kept", channel
+    said = modulo("bag", "info", str(out))
+    assert "Name: calib.yaml | Media type: text/yaml | Size: 2.9 MiB" in said and "Name: drive" in said, said
+    print("what is beside the messages returned from", bag.name)
+
+
 def main() -> None:
     os.environ["ROS_DOMAIN_ID"] = "149"
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
+        for compression in CompressionType:
+            beside(folder, compression)
         recorded(folder, "plain")
         recorded(folder, "zstd_by_time", "--compression", "zstd", "--max-bag-duration", "1")
         recorded(folder, "lz4_by_size", "--compression", "lz4", "--max-bag-size", "4000000")

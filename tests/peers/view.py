@@ -8,14 +8,18 @@ one text over another, draws a line between two nodes that have none, shows a fr
 when a control does not reach its node, the console has an error, the page asks for anything outside of its origin, or a script without the token can connect.
 """
 
+import contextlib
 import json
 import os
 import re
 import shutil
 import signal
+import socket
+import socketserver
 import subprocess
 import sys
 import tempfile
+import threading
 from pathlib import Path
 
 from playwright.sync_api import sync_playwright
@@ -566,6 +570,54 @@ def open_the_recording(page, file, topics):
     check(not clashes and not errors, f"a recording of {file.stat().st_size >> 10} KiB shows its frames without a viewer: {clashes[:3]} {errors}")
 
 
+class Proxy(socketserver.ThreadingTCPServer):
+    """A reverse proxy that serves the viewer below /modulo/, and passes on the host of the browser or hides it."""
+
+    daemon_threads = True
+
+    def __init__(self, upstream):
+        self.upstream, self.passes_host = upstream, True
+        super().__init__(("127.0.0.1", 0), Proxied)
+        threading.Thread(target=self.serve_forever, daemon=True).start()
+
+
+class Proxied(socketserver.StreamRequestHandler):
+    def handle(self):
+        method, path, _ = self.rfile.readline().decode().split()
+        headers = dict(line.decode().strip().split(": ", 1) for line in iter(self.rfile.readline, b"\r\n"))
+        if not self.server.passes_host:
+            headers["Host"] = "%s:%d" % self.server.upstream
+        if "Upgrade" not in headers:
+            headers["Connection"] = "close"
+        head = [f"{method} {path.removeprefix('/modulo')} HTTP/1.1", *(f"{name}: {value}" for name, value in headers.items())]
+        with socket.create_connection(self.server.upstream) as viewer:
+            viewer.sendall("\r\n".join([*head, "", ""]).encode())
+            threading.Thread(target=self.answer, args=(viewer,), daemon=True).start()
+            while asked := self.rfile.read1():
+                viewer.sendall(asked)
+
+    def answer(self, viewer):
+        with contextlib.suppress(OSError):
+            while answered := viewer.recv(1 << 16):
+                self.connection.sendall(answered)
+            self.connection.shutdown(socket.SHUT_RDWR)
+
+
+def look_through_a_proxy(page, at):
+    """The page works below a path, and says what is wrong where the proxy hides the host that the browser asks for."""
+    place, token = at.removeprefix("http://").split("/")
+    host, port = place.split(":")
+    with Proxy((host, int(port))) as proxy:
+        page.goto(f"http://127.0.0.1:{proxy.server_address[1]}/modulo/{token}")
+        wait(page, f"(topic) => ({MEAN})(topic) > 5", "/recovered")
+        check(True, "the page shows a frame behind a reverse proxy, below a path")
+        proxy.passes_host = False
+        page.reload()
+        wait_text(page, "notice", "proxy_set_header Host $http_host;")
+        check(True, "the page says what a proxy that hides its host has to pass on")
+        proxy.shutdown()
+
+
 def opened(browser):
     """A page that is closed before the next one: one without its viewer goes on trying to connect."""
     return browser.new_page(viewport={"width": 1500, "height": 1000})
@@ -579,6 +631,8 @@ def main():
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
         with viewer(MODULO, "139", "--record", str(recordings[0])) as process, opened(browser) as page:
             drive(page, address(process, "http://"), folder)
+        with viewer(MODULO, "143") as process, opened(browser) as page:
+            look_through_a_proxy(page, address(process, "http://"))
         # Each suite has a domain of its own: the nodes of the one before may still be ending.
         scenes = [f"{camera}:=scene://{scene}?seed=3&frames=100000" for camera, scene in {"front": "tunnel", "rear": "glare"}.items()]
         suite = [["launch", "launch/cameras.launch.yaml", "shared:=true", "engine:=rten", *scenes]]

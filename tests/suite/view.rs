@@ -178,10 +178,10 @@ fn a_page_shows_images_with_their_boxes_and_sets_parameters() {
     page.event("error", |why| why.as_str().is_some_and(|why| why.contains("/no_such_node")));
 }
 
-/// The response to a request of HTTP, as text.
-fn get(host: &str, path: &str) -> String {
+/// The response to a request of HTTP that begins with `head`, as text.
+fn request(host: &str, head: &str) -> String {
     let mut stream = TcpStream::connect(host).expect("a connection");
-    write!(stream, "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").expect("sent");
+    write!(stream, "{head}\r\nHost: {host}\r\nConnection: close\r\n\r\n").expect("sent");
     let mut response = String::new();
     stream.read_to_string(&mut response).expect("a response");
     response
@@ -192,7 +192,7 @@ fn only_the_holder_of_the_token_is_served() {
     let bench = Bench::new();
     let (viewer, address) = viewer(&bench);
     let (host, token) = parts(&address);
-    let page = get(host, "/");
+    let page = request(host, "GET / HTTP/1.1");
     assert_has(&page, &["HTTP/1.1 200", "content-security-policy: default-src 'none'"]);
     assert!(!page.contains(token), "the page is for everybody");
     let refusal = |path: &str, origin: Option<&str>| {
@@ -209,9 +209,20 @@ fn only_the_holder_of_the_token_is_served() {
     assert_eq!(refusal("/socket", None), Some(401));
     assert_eq!(refusal("/socket?token=0123456789abcdef", None), Some(401));
     let right = format!("/socket?token={token}");
-    assert_eq!(refusal(&right, Some("http://elsewhere.example")), Some(401), "a page of another place");
+    assert_eq!(refusal(&right, Some("http://elsewhere.example")), Some(403), "a page of another place");
     assert_eq!(refusal(&right, Some(&format!("http://{host}"))), None);
     assert_eq!(refusal(&right, None), None);
+    // The page asks for the reason, which a browser hides from it.
+    for (path, origin, reason) in [
+        ("/socket?token=0123456789abcdef", "https://robot.example.com", "401 The token is missing or wrong"),
+        (&*right, "https://robot.example.com", "403 `proxy_set_header Host $http_host;`"),
+        (&right, &format!("http://{host}"), "426 Upgrade and Connection"),
+        ("/modulo/", "", "404 `proxy_pass`"),
+    ] {
+        let response = request(host, &format!("POST {path} HTTP/1.1\r\nOrigin: {origin}\r\nContent-Length: 0"));
+        let (status, sentence) = reason.split_once(' ').expect("two parts");
+        assert_has(&response, &[&format!("HTTP/1.1 {status} "), "content-type: text/plain", sentence]);
+    }
     // Port and token are checked before anything is opened.
     bench.ends(1, &["view", "--port", host.rsplit_once(':').expect("a port").1]);
     bench.says(2, "view --token short");

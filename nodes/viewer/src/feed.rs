@@ -20,8 +20,13 @@ use crate::protocol::{DetectorView, GraphView, LinkView};
 pub(crate) const PLAYER: &str = "/rosbag2_player";
 /// The input that follows the trust of the unwrapper.
 const AUTO: &str = "auto";
-/// Names of statuses that are kept; a publisher may invent more.
-const STATUSES: usize = 256;
+/// Names of one kind that are kept, such as those of statuses; publishers may invent more.
+pub(crate) const NAMES: usize = 256;
+
+/// Whether there is room in `kept` for the name `name`.
+pub(crate) fn has_room<T>(kept: &BTreeMap<String, T>, name: &str) -> bool {
+    kept.len() < NAMES || kept.contains_key(name)
+}
 
 pub(crate) struct Session {
     pub transport: ZenohTransport,
@@ -117,7 +122,7 @@ impl Statuses {
     /// Takes a status under its own name, or under another one where several publishers share that; names beyond the first 256 are left
     /// out.
     pub fn note(&mut self, name: &str, status: &DiagnosticStatus) {
-        if self.by_name.len() < STATUSES || self.by_name.contains_key(name) {
+        if has_room(&self.by_name, name) {
             self.by_name
                 .insert(name.to_owned(), DiagnosticStatus { name: name.to_owned(), ..status.clone() });
             self.fresh.insert(name.to_owned());

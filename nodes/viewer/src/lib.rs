@@ -30,6 +30,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use axum::Router;
 use axum::extract::ws::WebSocketUpgrade;
+use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::{RawQuery, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -188,7 +189,8 @@ pub(crate) async fn serve(viewer: Arc<Viewer>, listener: TcpListener, stop: &Sto
     let listener = tokio::net::TcpListener::from_std(listener)?;
     let mut routes = Router::new()
         .route("/", get(|| file("text/html; charset=utf-8", page::DOCUMENT)))
-        .route("/socket", get(socket))
+        .route("/socket", get(socket).post(socket))
+        .fallback(elsewhere)
         .with_state(viewer);
     for &PageFile { path, kind, text } in page::FILES {
         routes = routes.route(path, get(move || file(kind, text)));
@@ -213,22 +215,30 @@ async fn file(kind: &'static str, text: &'static str) -> impl IntoResponse {
     (headers, text)
 }
 
-/// Opens the connection of a browser that knows the token. A page of another place cannot know it.
+/// Opens the connection of a browser that knows the token. A page of another place cannot know it. A script of the page that has failed to
+/// connect asks without an upgrade, since only such a request shows it the reason.
 async fn socket(
     State(viewer): State<Arc<Viewer>>,
     RawQuery(query): RawQuery,
     headers: HeaderMap,
-    upgrade: WebSocketUpgrade,
+    upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Response {
     let given =
         query.as_deref().and_then(|query| query.split('&').find_map(|pair| pair.strip_prefix("token=")));
-    if given != Some(&viewer.token) || !is_same_origin(&headers) {
+    if given != Some(&viewer.token) {
         let why = "The token is missing or wrong: open the address that `modulo view` has printed.";
         return (StatusCode::UNAUTHORIZED, why).into_response();
+    }
+    if let Some(why) = other_origin(&headers) {
+        return (StatusCode::FORBIDDEN, why).into_response();
     }
     let Ok(seat) = viewer.seats.clone().try_acquire_owned() else {
         let why = format!("{BROWSERS} browsers are connected already: close one of them.");
         return (StatusCode::SERVICE_UNAVAILABLE, why).into_response();
+    };
+    let Ok(upgrade) = upgrade else {
+        let why = "The viewer expects a WebSocket: a reverse proxy must pass on the headers Upgrade and Connection.";
+        return (StatusCode::UPGRADE_REQUIRED, why).into_response();
     };
     upgrade.max_message_size(REQUEST_BYTES).on_upgrade(move |socket| async move {
         client::serve(viewer, socket).await;
@@ -236,12 +246,24 @@ async fn socket(
     })
 }
 
-/// A browser names the place of the page that opens the connection; other programs name none.
-fn is_same_origin(headers: &HeaderMap) -> bool {
+/// Returns why a page of this origin is not served. A browser names the place of the page that opens the connection; other programs name
+/// none.
+fn other_origin(headers: &HeaderMap) -> Option<String> {
     let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
-    let origin = text(header::ORIGIN)
-        .map(|origin| origin.trim_start_matches("http://").trim_start_matches("https://"));
-    origin.is_none() || origin == text(header::HOST)
+    let (origin, host) = (text(header::ORIGIN)?, text(header::HOST).unwrap_or_default());
+    let place = origin.trim_start_matches("http://").trim_start_matches("https://");
+    (place != host).then(|| {
+        format!(
+            "The page is one of {origin}, but was asked for at {host}: behind a reverse proxy, the proxy must pass on the host that the browser \
+             asks for, as nginx does with `proxy_set_header Host $http_host;`."
+        )
+    })
+}
+
+async fn elsewhere() -> impl IntoResponse {
+    let why = "The viewer has no such page: a reverse proxy that serves it below a path must take off the path, as nginx does with a slash at the \
+               end of `proxy_pass`.";
+    (StatusCode::NOT_FOUND, why)
 }
 
 /// Wakes the server when the process is asked for an end.

@@ -8,7 +8,7 @@ use base64::engine::general_purpose::STANDARD;
 use modulo_middleware::parameter::client::ParameterClient;
 use tokio::task::spawn_blocking;
 
-use crate::feed::Session;
+use crate::feed::{NAMES, Session, has_room};
 use crate::page;
 use crate::protocol::{Event, GraphView, ParameterView};
 use crate::watch::{Audience, LOOK, Watch, done};
@@ -31,9 +31,18 @@ impl Recording {
     fn note(&mut self, at_ms: f64, event: &Event) {
         let text = serde_json::to_string(event).expect("strings and numbers are JSON");
         match event {
-            Event::Graph(_) => drop(self.lasting.insert(String::new(), text)),
-            Event::Parameters { node, .. } => drop(self.lasting.insert(node.clone(), text)),
+            Event::Graph(_) => self.hold("", KEPT_BYTES, text),
+            Event::Parameters { node, .. } => self.hold(node, KEPT_BYTES / NAMES, text),
             _ => self.keep(at_ms, text),
+        }
+    }
+
+    /// Holds a message of at most `most` bytes until the next one of its kind. Nodes beyond the first 256 are left out.
+    fn hold(&mut self, kind: &str, most: usize, text: String) {
+        if text.len() > most {
+            self.too_large += 1;
+        } else if has_room(&self.lasting, kind) {
+            self.lasting.insert(kind.to_owned(), text);
         }
     }
 
@@ -128,6 +137,11 @@ mod tests {
         }
         let page = recording.page();
         assert!(page.contains("second 99") && page.contains("second 40\"") && page.len() < 1 << 20);
+        for number in 0..2 * NAMES {
+            let node = format!("/node_{number}");
+            recording.note(99_600.0, &Event::Parameters { node, parameters: Vec::new() });
+        }
+        assert_eq!(recording.lasting.len(), NAMES, "nodes may be invented without end");
         assert_eq!((recording.too_large, page.matches("is left out of the recording").count()), (2, 1));
     }
 }

@@ -12,7 +12,7 @@ use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::{LightScale, StampedFrame, StreamScale};
 
 use crate::cameras::namespace;
-use crate::feed::{MessageOrigin, input_topic};
+use crate::feed::{MessageOrigin, has_room, input_topic};
 use crate::protocol::{DetectorView, GraphView, PixelView};
 
 /// Images of one topic that wait for their boxes: two seconds at 30 Hz.
@@ -118,6 +118,9 @@ impl Streams {
     }
 
     pub(crate) fn boxes(&mut self, origin: &MessageOrigin, boxes: Arc<Detection2DArray>, now_ns: u64) {
+        if !has_room(&self.results, &origin.topic) {
+            return;
+        }
         let results = self.results.entry(origin.topic.clone()).or_default();
         self.awaited.insert(origin.topic.clone());
         results.node.clone_from(&origin.node);
@@ -130,7 +133,7 @@ impl Streams {
 
     /// Takes the `~/state` of a detector, which has the stamp of the first image that it holds for.
     pub(crate) fn state(&mut self, node: &str, state: &DiagnosticArray) {
-        let Some(stream) = state.value("stream") else { return };
+        let Some(stream) = state.value("stream").filter(|_| has_room(&self.answered, node)) else { return };
         let stream: Arc<str> = stream.into();
         self.answered.insert(node.to_owned(), stream.clone());
         for results in self.results.values_mut().filter(|results| results.node == node) {
@@ -354,6 +357,7 @@ mod tests {
     use ndarray::Array3;
 
     use super::*;
+    use crate::feed::NAMES;
 
     const SECOND_NS: u64 = 1_000_000_000;
 
@@ -658,6 +662,17 @@ mod tests {
         );
         streams.image("/front/recovered", image(1), 0);
         assert_eq!(stamp(one(&mut streams, &graph, 0)), Some((1, 1)));
+    }
+
+    #[test]
+    fn names_without_end_find_no_room() {
+        let mut streams = Streams::default();
+        for number in 0..2 * NAMES {
+            let (node, topic) = (format!("/detector_{number}"), format!("/detections_{number}"));
+            streams.state(&node, &state(0, "recovered"));
+            streams.boxes(&MessageOrigin { node, topic }, boxes(1), 0);
+        }
+        assert_eq!([streams.results.len(), streams.answered.len(), streams.awaited.len()], [NAMES; 3]);
     }
 
     #[test]

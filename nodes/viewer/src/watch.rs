@@ -15,7 +15,7 @@ use tokio::sync::Notify;
 use tokio::task::{JoinHandle, spawn_blocking};
 
 use crate::cameras::{FirstStreams, namespace};
-use crate::feed::{Feed, Heard, MessageOrigin, Session, Statuses, state_topic};
+use crate::feed::{Feed, Heard, MessageOrigin, Session, Statuses, has_room, state_topic};
 use crate::protocol::{BoxView, Event, GraphView, ImageHeader, MomentHeader, Notice, Step, moment_message};
 use crate::shown::ShownImage;
 use crate::streams::{NextImage, Streams};
@@ -213,8 +213,11 @@ impl Inbox {
         }
         let is_sensor = sensor_info::is_topic(&origin.topic);
         if is_sensor {
-            // A description that cannot be read is counted by its readers in the suite.
-            let _ = self.sensors.entry(namespace(&origin.topic).to_owned()).or_default().note(array);
+            let camera = namespace(&origin.topic);
+            if has_room(&self.sensors, camera) {
+                // A description that cannot be read is counted by its readers in the suite.
+                let _ = self.sensors.entry(camera.to_owned()).or_default().note(array);
+            }
             self.note(watch, origin, array.header.stamp, Step::Sensed);
         } else if origin.topic.rsplit('/').next() == Some(RECOVERY_TOPIC) {
             let trusted = array.value("trusted").map(|trusted| trusted == "true");

@@ -228,14 +228,8 @@ const listen = {
     watch();
     redraw();
   },
-  closed(opened) {
-    state.link = {
-      text:
-        opened || state.nowAt
-          ? "The viewer has gone; trying again."
-          : "No connection: open the address that modulo view has printed.",
-      level: "off",
-    };
+  closed(why) {
+    state.link = { text: why || "The viewer has gone; trying again.", level: "off" };
     redraw();
   },
 };

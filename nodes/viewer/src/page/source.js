@@ -26,13 +26,24 @@ export function playRecording(text, listen) {
   }
 }
 
+// Why the viewer refuses a connection: a browser shows a script only the answer to another request.
+async function refusal(address) {
+  try {
+    const answer = await fetch(address, { method: "POST" });
+    return answer.headers.get("content-type")?.startsWith("text/plain") ? await answer.text() : "";
+  } catch {
+    return "";
+  }
+}
+
 // Connects to the viewer, again and again. Returns the function that sends a request.
 export function openSocket(listen) {
   const token = new URLSearchParams(location.search).get("token") ?? "";
-  const scheme = location.protocol === "https:" ? "wss" : "ws";
+  // Beside the page, which a reverse proxy may serve below a path.
+  const address = new URL(`socket?token=${encodeURIComponent(token)}`, location.href);
   let socket = null;
   const connect = () => {
-    socket = new WebSocket(`${scheme}://${location.host}/socket?token=${encodeURIComponent(token)}`);
+    socket = new WebSocket(address.href.replace(/^http/, "ws"));
     socket.binaryType = "arraybuffer";
     let opened = false;
     socket.onopen = () => {
@@ -41,8 +52,8 @@ export function openSocket(listen) {
     };
     socket.onmessage = ({ data }) =>
       typeof data === "string" ? listen.event(JSON.parse(data), 0) : listen.images(...partsOf(data));
-    socket.onclose = () => {
-      listen.closed(opened);
+    socket.onclose = async () => {
+      listen.closed(opened ? "" : await refusal(address));
       setTimeout(connect, RETRY_MS);
     };
   };

@@ -10,6 +10,7 @@ mod session;
 mod topic;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -247,9 +248,7 @@ fn watch_graph(
                 SampleKind::Put => {
                     for conflict in appear(&graph, key, &own) {
                         // A token comes again after each reconnection, but its conflict is reported once.
-                        if lock(&warned).insert(conflict.clone()) {
-                            tracing::warn!("{conflict}");
-                        }
+                        warn_once(&mut lock(&warned), &conflict, &conflict);
                     }
                 }
                 SampleKind::Delete => lock(&graph).disappear(key),
@@ -257,6 +256,19 @@ fn watch_graph(
         })
         .wait()
         .map_err(|why| TransportError::new(format!("watch of domain {domain}"), why))
+}
+
+/// Most warnings of one kind: peers may invent names without end.
+const WARNINGS: usize = 256;
+
+/// Gives `warning`, unless `what` was warned of before.
+fn warn_once<T: Ord + Clone>(warned: &mut BTreeSet<T>, what: &T, warning: &dyn fmt::Display) {
+    if warned.len() < WARNINGS && warned.insert(what.clone()) {
+        tracing::warn!("{warning}");
+        if warned.len() == WARNINGS {
+            tracing::warn!("these were {WARNINGS} warnings of this kind, and no more of them are given");
+        }
+    }
 }
 
 /// Time between two looks at the graph and the sockets.
@@ -276,9 +288,7 @@ fn look_each_second(graph: &Arc<Mutex<Graph>>, own: String) -> Result<(), Transp
             sockets::close_without_waiting();
             let now = lock(&graph).twins_of(&own);
             for twins in now.iter().filter(|twins| seen.contains(*twins)) {
-                if warned.insert(twins.nodes.clone()) {
-                    tracing::warn!("{twins}");
-                }
+                warn_once(&mut warned, &twins.nodes, twins);
             }
             seen = now;
         }
@@ -296,4 +306,18 @@ fn appear(graph: &Mutex<Graph>, key: &str, own: &str) -> Vec<String> {
     let conflicts = graph.conflicts_with(&token);
     let ours = conflicts.filter(|(other, _)| token.session == own || other.session == own);
     ours.map(|(_, conflict)| conflict).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_without_end_are_not_remembered_without_end() {
+        let mut warned = BTreeSet::new();
+        for number in 0..2 * WARNINGS {
+            warn_once(&mut warned, &number, &"a peer does not fit");
+        }
+        assert_eq!(warned.len(), WARNINGS);
+    }
 }
