@@ -8,7 +8,9 @@ use clap::{CommandFactory, FromArgMatches, Parser};
 use clap_complete::CompleteEnv;
 
 use crate::LONG_VERSION;
-use crate::command::{bag, bench, demo, detect, eval, graph, images, launch, model, param, run, terminal, view};
+use crate::command::{
+    bag, bench, demo, detect, eval, graph, images, launch, model, param, run, terminal, view,
+};
 
 /// Simulate a modulo camera, unwrap its images to high dynamic range and detect objects in them, as ROS 2 nodes
 #[derive(Parser)]

@@ -70,7 +70,9 @@ fn main() -> ExitCode {
         }
     };
     match (ended, terminal::failure()) {
-        (Ok(_), Some(why)) => fail(1, &anyhow!("standard output takes no more, and a part of the result is missing: {why}")),
+        (Ok(_), Some(why)) => {
+            fail(1, &anyhow!("standard output takes no more, and a part of the result is missing: {why}"))
+        }
         (ended, _) => exit_code(ended),
     }
 }
@@ -91,7 +93,11 @@ fn is_missing_file(why: &anyhow::Error) -> bool {
 }
 
 fn fail(code: u8, why: &anyhow::Error) -> ExitCode {
-    terminal::note(format_args!("{} {}", command::colour::error("modulo:"), without_secrets(&message_of(why))));
+    terminal::note(format_args!(
+        "{} {}",
+        command::colour::error("modulo:"),
+        without_secrets(&message_of(why))
+    ));
     ExitCode::from(code)
 }
 

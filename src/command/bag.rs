@@ -7,7 +7,8 @@ use std::time::Duration;
 use anyhow::{Context, anyhow};
 use clap::{Args, Subcommand};
 use modulo_bags::bag::{
-    self, BagError, BagInfo, BagReader, BagWarning, BagWriter, Compression, Extra, ExtraKind, TopicCount, WriteOptions,
+    self, BagError, BagInfo, BagReader, BagWarning, BagWriter, Compression, Extra, ExtraKind, TopicCount,
+    WriteOptions,
 };
 use modulo_bags_live::LiveError;
 use modulo_bags_live::capture::capture;

@@ -102,7 +102,9 @@ fn free_domain() -> Result<(u32, TcpListener), Failure> {
         listen(meeting_port(domain)).map(|_| (domain, lock))
     };
     let found = (70..100).rev().find_map(take);
-    found.ok_or_else(|| anyhow!("the ROS domains 70 to 99 are all in use: end what runs in one of them").into())
+    found.ok_or_else(|| {
+        anyhow!("the ROS domains 70 to 99 are all in use: end what runs in one of them").into()
+    })
 }
 
 /// Prints a line for each way to run the suite, and its stages.

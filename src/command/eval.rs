@@ -8,9 +8,7 @@ use anyhow::{Context, anyhow, bail};
 use clap::{Args, Subcommand};
 use modulo_bags::bag::{BagWriter, Compression};
 use modulo_bags::source::{SourceError, is_endless};
-use modulo_eval::launch_file::{
-    Evaluation, EvaluationPlan, GRID, NamedNodes, Recordings, StreamResult,
-};
+use modulo_eval::launch_file::{Evaluation, EvaluationPlan, GRID, NamedNodes, Recordings, StreamResult};
 use modulo_eval::report::PAGE;
 use modulo_eval::results::RESULTS;
 use modulo_eval::video::AnnotatedVideo;
@@ -83,9 +81,7 @@ pub fn eval(args: &Eval) -> Result<Ended, Failure> {
     }
     let out = |continued| ResultFolder::take(args.out.as_deref(), "eval", continued).map_err(usage);
     match &args.file {
-        Some(file) => {
-            launch_file(args, &modulo_launch::launch_file(file).map_err(usage)?, out(None)?.path())
-        }
+        Some(file) => launch_file(args, &modulo_launch::launch_file(file).map_err(usage)?, out(None)?.path()),
         // A grid goes on where an earlier run has ended.
         None => grid::grid(&args.grid, &args.source, out(Some(RESULTS))?.path()),
     }

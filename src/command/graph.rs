@@ -264,10 +264,7 @@ fn echo(transport: &ZenohTransport, topic: &str, once: bool) -> Result<(), Failu
         }
     }
     if listening.lost() > 0 {
-        note!(
-            "{} messages are not shown: they came faster than they could be printed",
-            listening.lost()
-        );
+        note!("{} messages are not shown: they came faster than they could be printed", listening.lost());
     }
     Ok(())
 }

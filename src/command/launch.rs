@@ -26,8 +26,7 @@ use super::colour::say_summary;
 use super::eval::evaluable;
 use super::progress::ProgressLine;
 use super::run::{NodeKind, kind_of};
-use super::terminal::Lines;
-use super::{completion, pairs, start_log, usage};
+use super::{completion, pairs, start_log, terminal, usage};
 use crate::{Ended, Failure};
 
 /// Time between two looks at the reports of nodes in this process.
@@ -129,7 +128,8 @@ fn places(args: &Launch) -> Result<(), Failure> {
     let (summary, trace) = (args.summary.as_deref(), args.trace.as_deref());
     summary.map_or(Ok(()), |file| prepare_file(file, Some(SUMMARY_BEGIN))).map_err(usage)?;
     trace.map_or(Ok(()), |file| prepare_file(file, Some(TRACE_BEGIN))).map_err(usage)?;
-    let real = |file: Option<&Path>| file.and_then(|file| file.canonicalize().ok()).filter(|file| file.is_file());
+    let real =
+        |file: Option<&Path>| file.and_then(|file| file.canonicalize().ok()).filter(|file| file.is_file());
     match real(summary).filter(|file| real(trace).as_ref() == Some(file)) {
         Some(file) => Err(usage(anyhow!("{}: --summary and --trace need a file each", file.display()))),
         None => Ok(()),
@@ -294,16 +294,15 @@ fn run_processes(mut plan: Plan, args: &Launch) -> Result<LaunchResult, Failure>
     let line = Arc::new(ProgressLine::start());
     let shown = line.is_shown().then(|| line.clone());
     let watch = shown.map(|line| -> Watch { Arc::new(move |reports| line.show(|| reports.to_vec())) });
-    let lines = Lines::start();
     let supervision = Supervision {
         hang_timeout: Some(args.hang_timeout).filter(|limit| !limit.is_zero()),
         max_restarts: Some(args.max_restarts).filter(|most| *most > 0),
         trace: args.trace.clone(),
-        ..Supervision::new(Arc::new(move |channel, line: &str| lines.print(channel, line)), watch)?
+        ..Supervision::new(Arc::new(terminal::relay), watch)?
     };
     let runtime = tokio::runtime::Runtime::new().context("tokio runtime")?;
     let outcome = runtime.block_on(modulo_launch::run(plan, &supervision))?;
-    // The lines are printed, and the progress line leaves the screen, before the summary is printed.
+    // The line leaves the screen before the summary is printed.
     drop((supervision, line));
     let mut others = Vec::new();
     match (&args.trace, &outcome.trace) {

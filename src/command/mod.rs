@@ -120,7 +120,9 @@ fn start_log_with(level: &str, screen: LevelFilter, rosout: Option<RosoutLayer>)
         .with_filter(screen);
     // Fails only when a log was started before, which then goes on.
     let _ = tracing_subscriber::registry().with(filter).with(lines).with(rosout).try_init();
-    unknown.iter().for_each(|text| tracing::warn!("RUST_LOG: '{text}' is left out, a directive is such as modulo=debug"));
+    unknown.iter().for_each(|text| {
+        tracing::warn!("RUST_LOG: '{text}' is left out, a directive is such as modulo=debug")
+    });
     Box::new(apply)
 }
 

@@ -10,7 +10,7 @@ use modulo_runtime::report::{Histogram, quantile};
 use modulo_runtime::{Clock as _, SystemClock};
 
 use super::bench::style;
-use super::terminal::LINE;
+use super::terminal::{LINE, takes_log};
 
 /// Shortest time between two texts of the line.
 const PAUSE: Duration = Duration::from_millis(100);
@@ -45,7 +45,7 @@ impl ProgressLine {
         let (progress, drawn) = &mut *state;
         let now = Duration::from_nanos(self.clock.ticks_ns()).saturating_sub(self.start);
         // To collect the reports takes time, so it is done only for a text that is shown.
-        if !self.is_shown() || drawn.is_some_and(|drawn| now.saturating_sub(drawn) < PAUSE) {
+        if !self.is_shown() || !takes_log() || drawn.is_some_and(|drawn| now.saturating_sub(drawn) < PAUSE) {
             return;
         }
         *drawn = Some(now);

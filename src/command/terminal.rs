@@ -7,13 +7,13 @@
 
 use std::fmt::Arguments;
 use std::io::{self, ErrorKind, Write};
-use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
-use std::sync::{LazyLock, Mutex, OnceLock, PoisonError};
-use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant};
+use std::os::fd::AsFd;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{LazyLock, OnceLock};
 
 use indicatif::ProgressBar;
 use modulo_launch::supervisor::Channel;
+use nix::poll::{PollFd, PollFlags, poll};
 
 /// The progress line of a run; hidden while nothing runs. Other lines are written above it.
 pub static LINE: LazyLock<ProgressBar> = LazyLock::new(ProgressBar::hidden);
@@ -28,8 +28,54 @@ pub fn say(text: Arguments<'_>) -> bool {
 /// Prints a line of the log.
 pub fn note(text: Arguments<'_>) {
     // In one piece, so that the lines of several processes do not mix.
-    let line = format!("{text}\n");
-    let _ = LINE.suspend(|| io::stderr().write_all(line.as_bytes()));
+    log(&mut io::stderr(), &format!("{text}\n"));
+}
+
+/// Prints a line of a process, whose output is a log here, also what it has printed to standard output.
+pub fn relay(channel: Channel, line: &str) {
+    match channel {
+        Channel::Out => log(&mut io::stdout(), &format!("{line}\n")),
+        Channel::Err => note(format_args!("{line}")),
+    }
+}
+
+/// Lines of the log that were dropped since the last one that was taken.
+static DROPPED: AtomicU64 = AtomicU64::new(0);
+/// How long a terminal or the reader of a pipe may take nothing, ms, before lines are dropped.
+const PATIENCE_MS: u16 = 1000;
+/// A pipe that is ready takes so many bytes without a wait.
+const PIECE: usize = 4096;
+
+/// Writes a line of the log. Neither an error nor a reader that stands still holds up the work.
+fn log<T: AsFd + Write>(channel: &mut T, line: &str) {
+    LINE.suspend(|| {
+        let dropped = DROPPED.load(Ordering::Relaxed);
+        if dropped > 0 && is_ready(channel, 0) {
+            DROPPED.store(0, Ordering::Relaxed);
+            let _ = writeln!(channel, "modulo: {dropped} lines found no reader");
+        }
+        for piece in line.as_bytes().chunks(PIECE) {
+            // Where the line before found none, this one does not wait for a reader.
+            let patience = if DROPPED.load(Ordering::Relaxed) > 0 { 0 } else { PATIENCE_MS };
+            if !is_ready(channel, patience) {
+                DROPPED.fetch_add(1, Ordering::Relaxed);
+                return;
+            }
+            let _ = channel.write_all(piece);
+        }
+    });
+}
+
+/// Whether [`PIECE`] bytes can be written without a wait, after at most `patience` ms.
+fn is_ready(channel: &impl AsFd, patience: u16) -> bool {
+    let mut asked = [PollFd::new(channel.as_fd(), PollFlags::POLLOUT)];
+    // Where it cannot be asked, the write has an error of its own.
+    poll(&mut asked, patience).map_or(true, |ready| ready > 0)
+}
+
+/// Whether standard error takes a line now.
+pub fn takes_log() -> bool {
+    is_ready(&io::stderr(), 0)
 }
 
 /// Keeps the error of a result that could not be printed. Returns whether it was printed.
@@ -52,77 +98,11 @@ pub struct LogWriter;
 
 impl Write for LogWriter {
     fn write(&mut self, text: &[u8]) -> io::Result<usize> {
-        let _ = LINE.suspend(|| io::stderr().write_all(text));
+        log(&mut io::stderr(), &String::from_utf8_lossy(text));
         Ok(text.len())
     }
 
     fn flush(&mut self) -> io::Result<()> {
         Ok(())
-    }
-}
-
-/// Lines of processes that wait for a terminal, or for the reader of a pipe.
-const WAITING: usize = 1024;
-/// How long a process is held up by a terminal that takes nothing, before its lines are dropped.
-const PATIENCE: Duration = Duration::from_secs(1);
-/// Time between two looks at whether there is room.
-const GLANCE: Duration = Duration::from_millis(5);
-
-/// Prints the lines of processes on a thread of its own: a terminal that takes nothing, such as a stopped one, holds up neither the
-/// processes nor who supervises them.
-pub struct Lines {
-    /// `None` at the end.
-    sender: Option<SyncSender<(Channel, String)>>,
-    printer: Option<JoinHandle<()>>,
-    /// Number of lines that were dropped since the last one that was taken.
-    dropped: Mutex<u64>,
-}
-
-impl Lines {
-    /// Starts the thread.
-    pub fn start() -> Self {
-        let (sender, lines) = sync_channel::<(Channel, String)>(WAITING);
-        let printer = thread::spawn(move || lines.iter().for_each(|(channel, line)| print(channel, &line)));
-        Self { sender: Some(sender), printer: Some(printer), dropped: Mutex::default() }
-    }
-
-    /// Prints a line above the progress line, after those before it.
-    pub fn print(&self, channel: Channel, line: &str) {
-        let mut dropped = self.dropped.lock().unwrap_or_else(PoisonError::into_inner);
-        let Some(sender) = &self.sender else { return };
-        if *dropped > 0 && sender.try_send((Channel::Err, format!("[launch] {dropped} lines were dropped"))).is_ok() {
-            *dropped = 0;
-        }
-        let (start, mut next) = (Instant::now(), (channel, line.to_owned()));
-        // After a time without room, each line is tried once, until there is room again.
-        let patience = if *dropped == 0 { PATIENCE } else { Duration::ZERO };
-        while let Err(TrySendError::Full(back)) = sender.try_send(next) {
-            if start.elapsed() >= patience {
-                *dropped += 1;
-                return;
-            }
-            next = back;
-            thread::sleep(GLANCE);
-        }
-    }
-}
-
-impl Drop for Lines {
-    /// Waits for the last lines, as long as somebody takes them.
-    fn drop(&mut self) {
-        drop(self.sender.take());
-        let Some(printer) = self.printer.take() else { return };
-        let start = Instant::now();
-        while !printer.is_finished() && start.elapsed() < PATIENCE {
-            thread::sleep(GLANCE);
-        }
-    }
-}
-
-/// The output of a process is a log here, also what it has printed to standard output.
-fn print(channel: Channel, line: &str) {
-    match channel {
-        Channel::Out => drop(LINE.suspend(|| writeln!(io::stdout().lock(), "{line}"))),
-        Channel::Err => note(format_args!("{line}")),
     }
 }

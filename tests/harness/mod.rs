@@ -136,7 +136,10 @@ impl Bench {
 /// Returns `command` as a shell starts it after `script`, such as a redirection.
 pub fn in_shell(command: &Command, script: &str) -> Command {
     let mut shell = Command::new("sh");
-    shell.args(["-c", &format!("{script}; exec \"$@\""), "sh"]).arg(command.get_program()).args(command.get_args());
+    shell
+        .args(["-c", &format!("{script}; exec \"$@\""), "sh"])
+        .arg(command.get_program())
+        .args(command.get_args());
     shell.current_dir(command.get_current_dir().unwrap_or(Path::new("."))).stdin(Stdio::null());
     for (name, value) in command.get_envs() {
         match value {

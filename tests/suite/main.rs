@@ -13,6 +13,7 @@ mod crash;
 mod eval;
 mod launch;
 mod live;
+mod outputs;
 mod parameters;
 mod refused;
 mod repository;

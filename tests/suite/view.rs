@@ -219,7 +219,8 @@ fn only_the_holder_of_the_token_is_served() {
         (&right, &format!("http://{host}"), "426 Upgrade and Connection"),
         ("/modulo/", "", "404 `proxy_pass`"),
     ] {
-        let response = request(host, &format!("POST {path} HTTP/1.1\r\nOrigin: {origin}\r\nContent-Length: 0"));
+        let response =
+            request(host, &format!("POST {path} HTTP/1.1\r\nOrigin: {origin}\r\nContent-Length: 0"));
         let (status, sentence) = reason.split_once(' ').expect("two parts");
         assert_has(&response, &[&format!("HTTP/1.1 {status} "), "content-type: text/plain", sentence]);
     }

@@ -89,7 +89,8 @@ impl Extra {
             ExtraKind::Attachment { name, media_type, size } => {
                 let mut times = [0; 16];
                 file.read_exact_at(&mut times, self.offset)?;
-                let time = |at: usize| times[at..at + 8].try_into().map(u64::from_le_bytes).expect("eight bytes");
+                let time =
+                    |at: usize| times[at..at + 8].try_into().map(u64::from_le_bytes).expect("eight bytes");
                 let (name, media_type) = (name.clone(), media_type.clone());
                 let header = AttachmentHeader { log_time: time(0), create_time: time(8), name, media_type };
                 out.start_attachment(*size, header)?;
@@ -105,7 +106,9 @@ impl Extra {
             }
             _ => match self.read(file)? {
                 Record::Metadata(record) => out.write_metadata(&record),
-                Record::Unknown { opcode, data } => out.write_private_record(opcode, &data, Default::default()),
+                Record::Unknown { opcode, data } => {
+                    out.write_private_record(opcode, &data, Default::default())
+                }
                 _ => unreachable!("the opcode tells the record"),
             },
         }

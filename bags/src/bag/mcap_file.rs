@@ -310,13 +310,5 @@ fn topic(channel: &mcap::Channel<'_>) -> BagTopic {
         Some(schema) => (schema.name.clone(), schema.encoding.clone(), schema.data.to_vec()),
         None => (String::new(), String::new(), Vec::new()),
     };
-    BagTopic {
-        name: channel.topic.clone(),
-        type_name,
-        type_hash,
-        qos,
-        schema_encoding,
-        schema,
-        metadata,
-    }
+    BagTopic { name: channel.topic.clone(), type_name, type_hash, qos, schema_encoding, schema, metadata }
 }

@@ -72,7 +72,8 @@ impl BagReader {
         // Files without messages have no start and must not come first.
         files.sort_by_key(|(_, file)| file.summary().span.map_or(u64::MAX, |(start, _)| start));
         let ros_distro = metadata.as_ref().and_then(|metadata| metadata.ros_distro.clone());
-        let custom_data = metadata.as_ref().map_or_else(CustomData::new, |metadata| metadata.custom_data.clone());
+        let custom_data =
+            metadata.as_ref().map_or_else(CustomData::new, |metadata| metadata.custom_data.clone());
         let mut bag = Self { path: path.to_owned(), files, ros_distro, custom_data, warnings };
         if let Some(metadata) = metadata {
             bag.compare(&metadata);
@@ -292,7 +293,8 @@ fn write_extras(f: &mut fmt::Formatter<'_>, bag: &BagReader) -> fmt::Result {
     for (_, Extra { kind, .. }) in bag.extras() {
         match kind {
             ExtraKind::Attachment { name, media_type, size } => {
-                attachments.push(format!("Name: {name} | Media type: {media_type} | Size: {}", size_text(*size)));
+                attachments
+                    .push(format!("Name: {name} | Media type: {media_type} | Size: {}", size_text(*size)));
             }
             ExtraKind::Metadata { name } => metadata.push(format!("Name: {name}")),
             ExtraKind::Private(_) => {}

@@ -212,7 +212,9 @@ fn counts_that_contradict_each_other_are_not_believed() {
     let (_folder, path) = temporary("counts.mcap");
     let bytes = nine_messages(mcap::WriteOptions::new().compression(None));
     // The record of the statistics: opcode, length, messages, five other counts, two times, the length of the list, a channel, its messages.
-    let place = bytes.windows(17).rposition(|w| w[0] == mcap::records::op::STATISTICS && w[9..] == 9u64.to_le_bytes());
+    let place = bytes
+        .windows(17)
+        .rposition(|w| w[0] == mcap::records::op::STATISTICS && w[9..] == 9u64.to_le_bytes());
     let (all, of_channel) = (place.expect("there") + 9, place.expect("there") + 9 + 48);
     assert_eq!(bytes[of_channel..][..8], 9u64.to_le_bytes());
     for (what, counts) in [

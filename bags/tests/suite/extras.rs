@@ -5,7 +5,9 @@ use std::io::Cursor;
 use std::path::Path;
 
 use mcap::records::{AttachmentHeader, MessageHeader, Metadata};
-use modulo_bags::bag::{BagInfo, BagReader, BagWarning, Compression, Copied, Extra, ExtraKind, Selection, copy};
+use modulo_bags::bag::{
+    BagInfo, BagReader, BagWarning, Compression, Copied, Extra, ExtraKind, Selection, copy,
+};
 
 use crate::{read_all, temporary, write_bag};
 
@@ -80,7 +82,10 @@ fn attachments_and_metadata_survive_a_copy() {
         ("plain", file(plain())),
         ("compressed", file(mcap::WriteOptions::new().compression(Some(mcap::Compression::Zstd)))),
         ("without chunks", file(plain().use_chunks(false))),
-        ("without an index of them", file(plain().emit_attachment_indexes(false).emit_metadata_indexes(false))),
+        (
+            "without an index of them",
+            file(plain().emit_attachment_indexes(false).emit_metadata_indexes(false)),
+        ),
         ("without an index", file(plain().emit_summary_records(false).emit_summary_offsets(false))),
         ("cut", cut),
         ("without CRCs", file(plain().calculate_attachment_crcs(false))),
@@ -117,7 +122,9 @@ fn an_attachment_that_is_damaged_is_left_out_by_name() {
     let (bag, copied) = copied(&bytes, &out);
     assert!(!bag.warnings().iter().any(BagWarning::is_loss), "its data are not read: {:?}", bag.warnings());
     let [left_out] = &copied.left_out[..] else { panic!("{:?}", copied.left_out) };
-    assert!(left_out.is_loss() && left_out.to_string().contains("'calib.yaml' is left out: its CRC is wrong"));
+    assert!(
+        left_out.is_loss() && left_out.to_string().contains("'calib.yaml' is left out: its CRC is wrong")
+    );
     assert_eq!(kinds(&BagReader::open(&out).expect("a bag")), expected()[1..]);
 
     // A length that contradicts the record is told when the bag is opened.

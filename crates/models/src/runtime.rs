@@ -87,7 +87,9 @@ fn write(target: &Path, folder: &Path, data: &[u8]) -> io::Result<()> {
     let Err(why) = unfinished.persist_noclobber(target) else { return Ok(()) };
     match std::fs::read(target) {
         Ok(there) if there == std::fs::read(why.file.path())? => Ok(()),
-        Ok(_) => Err(io::Error::other("is already there, but not of this version; move it away or choose another folder")),
+        Ok(_) => Err(io::Error::other(
+            "is already there, but not of this version; move it away or choose another folder",
+        )),
         Err(_) => Err(why.error),
     }
 }

@@ -68,11 +68,7 @@ impl ResultFolder {
     ///
     /// # Errors
     /// [`OutputError`] when no file can be written into it, or there are others in it.
-    pub fn take(
-        given: Option<&Path>,
-        command: &str,
-        continued: Option<&str>,
-    ) -> Result<Self, OutputError> {
+    pub fn take(given: Option<&Path>, command: &str, continued: Option<&str>) -> Result<Self, OutputError> {
         let Some(path) = given else {
             let runs = Path::new("runs").join(command);
             return Self::number(&runs).map_err(|why| OutputError::new(&runs, why));
@@ -105,7 +101,8 @@ impl ResultFolder {
                     made.insert(0, path.clone());
                     return Ok(Self { path, made });
                 }
-                Err(why) if [io::ErrorKind::AlreadyExists, io::ErrorKind::NotFound].contains(&why.kind()) => {}
+                Err(why) if [io::ErrorKind::AlreadyExists, io::ErrorKind::NotFound].contains(&why.kind()) => {
+                }
                 Err(why) => return Err(why),
             }
         }

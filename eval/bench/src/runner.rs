@@ -135,7 +135,12 @@ impl<'a> Runner<'a> {
     /// named.
     pub fn new(options: &'a RunOptions, out: &'a Path, sensor: &SensorModel) -> Result<Self, BenchError> {
         let methods = methods(options, sensor.gains)?;
-        Ok(Self { options, out, methods, outcome: RunOutcome { folder: out.to_owned(), ..RunOutcome::default() } })
+        Ok(Self {
+            options,
+            out,
+            methods,
+            outcome: RunOutcome { folder: out.to_owned(), ..RunOutcome::default() },
+        })
     }
 
     /// Takes the pictures of each of `files`, `total` in number, by each of `sensors` with `capture`, and unwraps them. After each
@@ -177,7 +182,10 @@ impl<'a> Runner<'a> {
         // The ratio of the gains depends on alpha, so that this method belongs to one sensor.
         let mut of_gains = of_gains(capture.sensor.gains()?);
         let methods = of_gains.as_mut().map_or(&mut self.methods[..], slice::from_mut);
-        methods.iter_mut().map(|method| recover((self.options, self.out), (file, capture), method.as_mut())).collect()
+        methods
+            .iter_mut()
+            .map(|method| recover((self.options, self.out), (file, capture), method.as_mut()))
+            .collect()
     }
 }
 

@@ -247,8 +247,7 @@ fn record(sources: &[&Path], more: &[(&str, &str)], bag: &Path) {
         truth: Some(topics[1].clone()),
         streams: Vec::new(),
     };
-    let plan =
-        EvaluationPlan { cameras: vec![camera], bagged: topics.clone() };
+    let plan = EvaluationPlan { cameras: vec![camera], bagged: topics.clone() };
     let recorder = BagWriter::create(bag, Compression::None).expect("a new bag");
     let mut recordings = Recordings::new(&bag.with_extension("out"), Some(recorder), None, false);
     for source in sources {
