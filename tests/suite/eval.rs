@@ -159,7 +159,7 @@ fn scores_are_printed_where_they_cannot_be_written() {
     let bench = Bench::new();
     let source = "source:=scene://day?seed=3&frames=3&width=320&height=128 --images";
     // In blocks of 512 bytes. What does not fit into one is lost; the scores fit into eight.
-    for (blocks, lost) in [(1, &["summary.json", "recovered.json"][..]), (8, &["recovered/000000.png"])] {
+    for (blocks, lost) in [(1, &["summary.json", "report.html"][..]), (8, &["recovered/000000.png"])] {
         std::fs::remove_dir_all(bench.path("out")).ok();
         let words = bench.words(&format!("eval {RECOVERED} {source} -o @/out"));
         let full = format!("trap '' XFSZ; ulimit -f {blocks}");

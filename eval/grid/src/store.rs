@@ -54,16 +54,15 @@ pub fn save(folder: &Path, results: &Results) -> Result<(), GridError> {
 }
 
 /// The results in `folder` with the grid of `empty`, which has no cell yet, or `empty` alone if there are none or they are
-/// `replaced`. Cells that cannot be shown together are refused, and the folder stays as it is.
+/// `replaced`. Cells that cannot be shown together, and a file that is none of a grid, are refused, and the folder stays as it is.
 pub(crate) fn resume(folder: &Path, replaced: bool, empty: Results) -> Result<Results, GridError> {
+    let other = |why| GridError::Request(format!("{why}; the file is none of a grid, so choose another folder"));
+    let Some(old) = load(folder).map_err(other)? else { return Ok(empty) };
     if replaced {
-        // Damaged results are replaced as well.
-        let old = load(folder).ok().flatten().unwrap_or_default();
         // It fails where a cell has no frames.
         old.cells.iter().for_each(|cell| drop(std::fs::remove_file(frames_of(folder, cell))));
         return Ok(empty);
     }
-    let Some(old) = load(folder)? else { return Ok(empty) };
     check_same(&folder.join(RESULTS), &old, &empty)?;
     Ok(joined(old, empty))
 }
