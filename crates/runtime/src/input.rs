@@ -1,5 +1,6 @@
 //! Files that a user names: regular ones of a bounded size.
 
+use std::fmt::Display;
 use std::io::{Error, ErrorKind, Read as _, Result};
 use std::path::Path;
 
@@ -23,13 +24,31 @@ pub fn read_bytes(path: &Path, most: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Reads the text in the regular file at `path`, which has at most `most` bytes.
+/// Reads the text in the regular file at `path`, which has at most `most` bytes: UTF-8, or UTF-16 with the byte order mark that editors of
+/// Windows write. A mark is no part of the text.
 ///
 /// # Errors
-/// Those of [`read_bytes`], and one for a file that is no UTF-8 text.
+/// Those of [`read_bytes`], and one for a file that is no such text.
 pub fn read_text(path: &Path, most: u64) -> Result<String> {
-    let no_text = |why| Error::new(ErrorKind::InvalidData, format!("is no UTF-8 text: {why}"));
-    String::from_utf8(read_bytes(path, most)?).map_err(no_text)
+    let bytes = read_bytes(path, most)?;
+    let unit: fn([u8; 2]) -> u16 = match bytes.get(..2) {
+        Some([0xff, 0xfe]) => u16::from_le_bytes,
+        Some([0xfe, 0xff]) => u16::from_be_bytes,
+        _ => {
+            let text = String::from_utf8(bytes).map_err(|why| no_text("UTF-8", why))?;
+            return Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text));
+        }
+    };
+    let (units, rest) = bytes[2..].as_chunks();
+    if !rest.is_empty() {
+        return Err(no_text("UTF-16", "it ends within a character"));
+    }
+    let units: Vec<u16> = units.iter().map(|bytes| unit(*bytes)).collect();
+    String::from_utf16(&units).map_err(|why| no_text("UTF-16", why))
+}
+
+fn no_text(encoding: &str, why: impl Display) -> Error {
+    Error::new(ErrorKind::InvalidData, format!("is no {encoding} text: {why}"))
 }
 
 #[cfg(test)]
@@ -56,6 +75,25 @@ mod tests {
             let why = read_text(special, 4).expect_err("special").to_string();
             assert!(why.contains("is not a regular file"), "{why}");
         }
+    }
+
+    #[test]
+    fn texts_of_windows_editors_are_read() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let file = folder.path().join("names.txt");
+        let units =
+            |bytes: fn(u16) -> [u8; 2]| "\u{feff}Fußgänger\r\n".encode_utf16().flat_map(bytes).collect();
+        let forms: [Vec<u8>; 3] =
+            ["\u{feff}Fußgänger\r\n".into(), units(u16::to_le_bytes), units(u16::to_be_bytes)];
+        for bytes in forms {
+            std::fs::write(&file, &bytes).expect("writable");
+            assert_eq!(read_text(&file, 99).expect("a text"), "Fußgänger\r\n", "{bytes:x?}");
+            // Cut within a character, or wrong.
+            std::fs::write(&file, &bytes[..bytes.len() - 1]).expect("writable");
+            assert_eq!(read_text(&file, 99).is_err(), bytes[0] != 0xef, "{bytes:x?}");
+        }
+        std::fs::write(&file, [0xff, 0xfe, 0, 0xd8]).expect("writable");
+        assert!(read_text(&file, 99).expect_err("half a pair").to_string().contains("no UTF-16 text"));
     }
 
     #[test]
