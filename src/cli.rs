@@ -3,9 +3,11 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
+use clap::builder::{PathBufValueParser, TypedValueParser as _};
 use clap::error::ErrorKind;
 use clap::{CommandFactory, FromArgMatches, Parser};
 use clap_complete::CompleteEnv;
+use modulo_runtime::input::in_home;
 
 use crate::LONG_VERSION;
 use crate::command::{
@@ -93,7 +95,7 @@ pub fn parse() -> Result<Option<Cli>, clap::Error> {
         arguments.splice(0..1, ["modulo", "run", called].map(OsString::from));
     }
     // The long version replaces only the text of --version; -V stays one line.
-    let command = with_short_help(with_negative_numbers(Cli::command()));
+    let command = with_short_help(with_home(with_negative_numbers(Cli::command())));
     let matches = command.long_version(LONG_VERSION).try_get_matches_from(arguments)?;
     Cli::from_arg_matches(&matches).map(Some)
 }
@@ -155,6 +157,16 @@ pub(crate) fn with_negative_numbers(command: clap::Command) -> clap::Command {
         value => argument.allow_negative_numbers(value),
     };
     command.mut_args(takes).mut_subcommands(with_negative_numbers)
+}
+
+/// Lets each path begin with `~`, which a shell leaves as it is behind `=`.
+fn with_home(command: clap::Command) -> clap::Command {
+    let of_path = clap::value_parser!(PathBuf).type_id();
+    let expand = |argument: clap::Arg| match argument.get_value_parser().type_id() == of_path {
+        true => argument.value_parser(PathBufValueParser::new().map(|path| in_home(&path))),
+        false => argument,
+    };
+    command.mut_args(expand).mut_subcommands(with_home)
 }
 
 #[cfg(test)]

@@ -241,3 +241,33 @@ fn pictures_are_written_with_their_boxes() {
     );
     assert!(!bench.path("no").exists());
 }
+
+/// A shell leaves `~` as it is behind `:=` and `=`.
+#[test]
+fn a_tilde_is_the_home_folder_wherever_a_path_is_given() {
+    let bench = Bench::new();
+    bench.images(1);
+    let at_home = |code, line: &str, wanted: &str| {
+        let mut command = bench.modulo(&borrowed(&bench.words(line)));
+        let output = command.env("HOME", bench.folder.path()).output().expect("the binary starts");
+        let message = text(&output);
+        assert_eq!(output.status.code(), Some(code), "{line}\n{message}");
+        assert_has(&message, &[wanted]);
+    };
+    let folder = bench.folder.path().display().to_string();
+    let gone = |name: &str| format!("{folder}/{name}");
+    at_home(
+        0,
+        "eval launch/raw.launch.yaml engine:=rten source:=~/images -o=~/out",
+        &gone("out/report.html"),
+    );
+    at_home(2, "eval launch/raw.launch.yaml source:=~/images model:=~/gone.onnx -o @/no", &gone("gone.onnx"));
+    at_home(2, "eval launch/raw.launch.yaml source:=~/gone.mp4 -o @/no", &gone("gone.mp4"));
+    at_home(2, "eval launch/raw.launch.yaml source:=video:~/gone.dat -o @/no", &gone("gone.dat"));
+    at_home(2, "eval --yolo=~/gone -o @/no", &gone("gone"));
+    at_home(2, "model check ~/gone.onnx", &gone("gone.onnx"));
+    at_home(2, "bag info ~/gone", &gone("gone"));
+    // The home folder of another user, and a name that begins so.
+    at_home(2, "bag info ~other/gone", "~other/gone");
+    at_home(2, "bag info ./~/gone", "./~/gone");
+}

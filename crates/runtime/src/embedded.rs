@@ -5,6 +5,8 @@ use std::io::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
+use crate::input::in_home;
+
 macro_rules! contents {
     ($($path:literal)*) => {
         &[$(($path, include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../", $path)))),*]
@@ -37,7 +39,8 @@ pub fn text(path: &str) -> Option<&'static str> {
     std::str::from_utf8(content).ok()
 }
 
-/// Returns `path`, or the place of the file or folder of the suite with this path where nothing lies at `path` itself.
+/// Returns the place of the file or folder that a person names by `path`: [`in_home`], or that of the file or folder of the suite with this path where
+/// nothing lies at `path` itself.
 ///
 /// # Errors
 /// Those of [`folder`].
@@ -45,7 +48,7 @@ pub fn locate(path: &Path) -> Result<PathBuf> {
     // A single word, such as `launch`, is more likely a folder that the user has forgotten to make.
     let is_ours =
         path.components().count() > 1 && FILES.iter().any(|(name, _)| Path::new(name).starts_with(path));
-    if is_ours && !path.exists() { Ok(folder()?.join(path)) } else { Ok(path.to_owned()) }
+    if is_ours && !path.exists() { Ok(folder()?.join(path)) } else { Ok(in_home(path)) }
 }
 
 /// Returns the folder in the cache of the user that has all these files. It is made, and a file that was changed is written anew.

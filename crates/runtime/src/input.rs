@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 use std::io::{Error, ErrorKind, Read as _, Result};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use modulo_images::open_regular;
 
@@ -51,6 +51,16 @@ fn no_text(encoding: &str, why: impl Display) -> Error {
     Error::new(ErrorKind::InvalidData, format!("is no {encoding} text: {why}"))
 }
 
+/// Returns the path that a person names by `path`: `~` and what begins with `~/` lie in the home folder, also where no shell has put it there, as
+/// behind `source:=` and `--yolo=`. A file whose own name is `~` is `./~`.
+pub fn in_home(path: &Path) -> PathBuf {
+    let home = || std::env::home_dir().filter(|home| home.is_absolute());
+    match path.strip_prefix("~") {
+        Ok(rest) => home().map_or_else(|| path.to_owned(), |home| home.join(rest)),
+        Err(_) => path.to_owned(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -94,6 +104,19 @@ mod tests {
         }
         std::fs::write(&file, [0xff, 0xfe, 0, 0xd8]).expect("writable");
         assert!(read_text(&file, 99).expect_err("half a pair").to_string().contains("no UTF-16 text"));
+    }
+
+    #[test]
+    fn a_tilde_is_the_home_folder() {
+        let home = std::env::home_dir().filter(|home| home.is_absolute());
+        for (given, below) in [("~", ""), ("~/a/b.png", "a/b.png")] {
+            // Without a home folder it stays.
+            let expected = home.as_ref().map_or(PathBuf::from(given), |home| home.join(below));
+            assert_eq!(in_home(Path::new(given)), expected);
+        }
+        for other in ["", "./~", "a/~/b", "~x", "~user/a", "/~/a"] {
+            assert_eq!(in_home(Path::new(other)), Path::new(other));
+        }
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use modulo_runtime::input::in_home;
 use modulo_runtime::secret::without_secrets;
 
 use crate::VideoError;
@@ -65,9 +66,10 @@ impl VideoAddress {
                 None => Ok(None),
             };
         }
-        let extension = Path::new(path).extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+        let path = in_home(Path::new(path));
+        let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
         let is_video = is_forced || extension.is_some_and(|e| EXTENSIONS.contains(&e.as_str()));
-        Ok((is_video && !Path::new(path).is_dir()).then(|| Self::File(PathBuf::from(path))))
+        Ok((is_video && !path.is_dir()).then_some(Self::File(path)))
     }
 }
 

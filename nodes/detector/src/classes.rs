@@ -5,7 +5,7 @@ use std::path::Path;
 
 use modulo_msgs::vision_msgs::VisionClass;
 use modulo_runtime::ParameterError;
-use modulo_runtime::input::read_text;
+use modulo_runtime::input::{in_home, read_text};
 
 use crate::names::ClassNames;
 
@@ -40,8 +40,8 @@ impl ClassMap {
         if path.is_empty() {
             return Ok(Self::default());
         }
-        let map =
-            read_map(Path::new(path), names).map_err(|why| ParameterError::new("class_map", path, why))?;
+        let map = read_map(&in_home(Path::new(path)), names);
+        let map = map.map_err(|why| ParameterError::new("class_map", path, why))?;
         Ok(Self { file: path.to_owned(), names: Some(map) })
     }
 }

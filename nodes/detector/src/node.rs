@@ -168,10 +168,10 @@ impl Loaded {
     /// Loads the model and runs it once at (height, width) of an image, so that the first frame is as fast as all others.
     fn new(parameters: &DetectorParameters, (height, width): (usize, usize)) -> Result<Self, DetectorError> {
         let model = parameters.model()?;
-        let mut engine = engine::open(model, parameters.engine_options()?)?;
+        let mut engine = engine::open(&model, parameters.engine_options()?)?;
         let map = ClassMap::read(&parameters.class_map, &engine.layout.names)?;
         let settings = Settings::new(parameters, &engine.layout, map)?;
-        let head = engine.first_run(model, settings.input_size.tensor(height, width))?;
+        let head = engine.first_run(&model, settings.input_size.tensor(height, width))?;
         tracing::info!("model {} runs on {} ({}); output {head}", parameters.model, engine.name, engine.note);
         Ok(Self { parameters: parameters.clone(), settings, engine, head, boxes_checked: false })
     }

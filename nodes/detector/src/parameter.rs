@@ -1,8 +1,9 @@
 //! The parameters of the `detector` node, and their check against a model.
 
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use modulo_runtime::input::in_home;
 use modulo_runtime::{NodeName, ParameterError, ParameterSet as _, StreamScale};
 
 use crate::classes::{ClassMap, Classes};
@@ -56,13 +57,13 @@ modulo_runtime::parameters! {
 }
 
 impl DetectorParameters {
-    pub(crate) fn model(&self) -> Result<&Path, ParameterError> {
+    pub(crate) fn model(&self) -> Result<PathBuf, ParameterError> {
         self.check()?;
         if self.model.is_empty() {
             let why = "must be demo, or the path of an ONNX detector, such as model:=/data/yolov10n.onnx";
             return Err(ParameterError::new("model", "''", why));
         }
-        Ok(Path::new(&self.model))
+        Ok(in_home(Path::new(&self.model)))
     }
 
     pub(crate) fn engine_options(&self) -> Result<EngineOptions, ParameterError> {
