@@ -352,10 +352,10 @@ fn what_cannot_be_scored_is_said() {
     label("000000.txt", &(kitti_label("Car") + "Car 0.00 0 0 80 10 140 50 1 1 1 1 1 1 0\n"));
     label("000001.txt", "Car 0.00 0 0 ten\n");
     let wanted =
-        ["1 frames are not readable", "000001.txt:1", "1 frames have no labels", "reach outside the image"];
+        ["1 labels cannot be read", "000001.txt:1", "1 frames have no labels", "reach outside the image"];
     assert_has(&eval(3, ""), &wanted);
     let results = bench.json("out/results.json");
-    assert_eq!((&results["input"]["frames"], &results["input"]["labelled"]), (&3.into(), &1.into()));
+    assert_eq!((&results["input"]["frames"], &results["input"]["labelled"]), (&3.into(), &2.into()));
 
     for (list, code, wanted) in [
         ("# nothing\n", 1, "list is empty"),
@@ -463,13 +463,29 @@ fn labels_that_cannot_be_scored_end_with_3_and_a_line() {
 
     sets.write("labels/000001.txt", "0 0.5 0.5 0.4 0.8\n7 0.5 0.5 0.4 0.8\n");
     sets.write("labels/000002.txt", "0 0.5 0.5 0.4 0.8\n");
-    let unnamed: &[&str] = &["1 frames are not readable", "000001.txt:2", "class 7", "0 to 1"];
+    let unnamed: &[&str] = &["1 labels cannot be read", "000001.txt:2", "class 7", "0 to 1"];
     odd("--yolo @", "", &[unnamed, &["1 label files have no image", "000002.txt"]]);
 
     sets.coco("gone.png", "[7, 1], [8, 1], [8, 2], [9, 1], [9, 1]");
     let without: &[&str] = &["2 annotations have no image", "image 9"];
     let gone: &[&str] = &["1 frames are not readable", "gone.png"];
     odd("--coco @/coco.json", "", &[&[no_group, "dog (1)"], without, gone]);
+}
+
+/// Classes are scored in the groups of their names, however a program spells them; without names, the files that may have them are named.
+#[test]
+fn classes_are_scored_by_their_names_in_each_spelling() {
+    let bench = Bench::new();
+    let sets = DataSets::new(&bench);
+    sets.write("data.yaml", "names: [CAR, Person]\n");
+    assert_has(&sets.eval(0, "--yolo @", ""), &["AP50 vehicle "]);
+    assert_has(&sets.eval(0, "--yolo @/data.yaml", ""), &["AP50 vehicle "]);
+    std::fs::remove_file(bench.path("data.yaml")).expect("removed");
+    let wanted =
+        ["2 labels have classes that no group holds", "0 (2)", "no file with the names of the classes"];
+    assert_has(&sets.eval(3, "--yolo @", ""), &wanted);
+    sets.write("groups.yaml", "0: vehicle\n");
+    assert_has(&sets.eval(0, "--yolo @", "--groups @/groups.yaml"), &["AP50 vehicle "]);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Files and arguments that a user writes: launch files, parameters, and labels of images.
 
 use modulo_bags::source::{
-    CocoSource, GroundTruth, KittiSource, Source, SourceOptions, YoloSource, from_detections, to_detections,
+    GroundTruth, LabelledSource, Source, SourceOptions, from_detections, to_detections,
 };
 use modulo_launch::substitution::Template;
 use modulo_launch::{NodeParameter, check, ros_arguments};
@@ -79,7 +79,7 @@ pub fn kitti(data: &[u8]) {
         ("drives/label_02/7.txt", data),
     ]);
     for path in [folder.path().to_owned(), folder.path().join("drives/image_02/7")] {
-        if let Ok(mut source) = KittiSource::open(&path, &SourceOptions::default()) {
+        if let Ok(mut source) = LabelledSource::kitti(&path, None, &SourceOptions::default()) {
             all(&mut source);
         }
     }
@@ -90,7 +90,7 @@ pub fn coco(data: &[u8]) {
     let folder = super::folder(&[("a.json", data), ("images/a.png", PIXEL)]);
     let images = folder.path().join("images");
     if let Ok(mut source) =
-        CocoSource::open(&folder.path().join("a.json"), Some(&images), &SourceOptions::default())
+        LabelledSource::coco(&folder.path().join("a.json"), Some(&images), &SourceOptions::default())
     {
         all(&mut source);
     }
@@ -105,7 +105,7 @@ pub fn yolo(data: &[u8]) {
         ("labels/0.txt", labels),
         ("data.yaml", names.get(1..).unwrap_or(b"names: []")),
     ]);
-    if let Ok(mut source) = YoloSource::open(folder.path(), &SourceOptions::default()) {
+    if let Ok(mut source) = LabelledSource::yolo(folder.path(), &SourceOptions::default()) {
         all(&mut source);
     }
 }

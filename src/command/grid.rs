@@ -51,8 +51,9 @@ pub struct LabelledFrames {
     /// KITTI drives with tracking labels, one folder for each drive
     #[arg(long, value_name = "FOLDER", num_args = 1.., conflicts_with_all = ["yolo", "coco", "source"])]
     pub sequence: Vec<PathBuf>,
-    /// Folder of images with YOLO labels (subfolders images and labels, or both side by side)
-    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["coco", "source"])]
+    /// Images with YOLO labels: a folder (subfolders images and labels, or both side by side), the data.yaml of a data set, of which val is
+    /// taken, or a list of images (.txt)
+    #[arg(long, value_name = "PATH", conflicts_with_all = ["coco", "source"])]
     pub yolo: Option<PathBuf>,
     /// COCO annotation file
     #[arg(long, value_name = "JSON", conflicts_with = "source")]

@@ -100,6 +100,14 @@ cases! {
         let labels = "--coco @/ann.json --coco-images @/images";
         assert_eq!(case.scored(labels, 0, &[]), 1, "the annotations of both entries belong to the file");
     };
+    coco_one_bad_annotation: |case| {
+        let one = ["1 labels cannot be read and are left out"];
+        for (name, code, wanted) in [("unknown_category", 3, &one[..]), ("nan", 3, &one), ("no_bbox", 0, &[])] {
+            let objects = case.scored(&format!("--coco @/{name}.json --coco-images @/images"), code, wanted);
+            assert_eq!(objects, if code == 0 { 2 } else { 1 }, "{name}");
+            std::fs::remove_dir_all(case.bench.path("scored")).expect("removed");
+        }
+    };
     coco_other_size: |case| {
         let labels = "--coco @/ann.json --coco-images @/images";
         let line = "--stream ideal --alpha 1 --psf-sigma 0 --engine rten -o %/scored";
@@ -110,6 +118,14 @@ cases! {
             case.run(&format!("bag info {bag}"), 1, &["zstd -d", "x.mcap.zstd"]);
         }
         case.run("bag info @/unpacked", 0, &["Messages:"]);
+    };
+    frames_with_decimal_times: |case| {
+        let line = "alpha:=1 headroom:=1 optical_black:=0 psf_sigma:=0 --images";
+        case.run(&format!("eval raw source:=@/frames {line} -o %/eval"), 0, &[]);
+        let greys = pictures(&case.bench.path("eval/modulo")).into_values().map(|file| {
+            image::load_from_memory(&file).expect("a picture").to_luma8().get_pixel(0, 0).0[0]
+        });
+        assert_eq!(greys.collect::<Vec<_>>(), [40, 90, 140, 190]);
     };
     half_period_trusted: |case| {
         let message = case.run("unwrap @/stairs.png --alpha 4 --headroom 1 -o %/stairs", 0, &["trusted"]);
@@ -135,9 +151,28 @@ cases! {
     kitti_16_columns: |case| {
         assert_eq!(case.scored("--kitti @/data --difficulty all", 0, &[]), 1);
     };
+    kitti_raw_layout: |case| {
+        for source in ["2011_09_26_drive_0001_sync", "2011_09_26_drive_0001_sync/image_02"] {
+            let folder = source.replace('/', "_");
+            case.run(&format!("eval raw source:=@/{source} -o %/{folder}"), 0, &[]);
+            let boxes = case.bench.json(&format!("{folder}/modulo.json"));
+            assert_eq!(boxes.as_object().map(|frames| frames.len()), Some(3), "{source}");
+        }
+    };
     launch_known_but_unknown: |case| {
         case.run("launch --check @/container.launch.yaml", 1, &["node_container", "ROS 2", "--compose"]);
         case.run("launch --check @/prefix.launch.yaml", 1, &["launch-prefix", "ROS 2"]);
+    };
+    lfs_pointer: |case| {
+        for (line, code) in [
+            ("model check @/model.onnx", 2),
+            ("simulate @/a.png -o %/simulated", 1),
+            ("bag info @/drive.mcap", 1),
+            ("eval raw source:=@/v.mp4 -o %/eval", 2),
+            ("eval raw source:=@/a.png -o %/eval", 2),
+        ] {
+            case.run(line, code, &["is a pointer of git LFS", "git lfs pull"]);
+        }
     };
     mcap_chunk_crc: |case| {
         case.run("bag convert @/crc.mcap %/converted", 3, &["CRC"]);
@@ -208,6 +243,21 @@ cases! {
     };
     video_other_extension: |case| {
         case.run("eval launch/raw.launch.yaml source:=@/dash.ts -o %/eval", 0, &[]);
+    };
+    yolo_names_file: |case| {
+        for folder in ["yml", "darknet"] {
+            assert_eq!(case.scored(&format!("--yolo @/{folder}"), 0, &[]), 2, "{folder}");
+            std::fs::remove_dir_all(case.bench.path("scored")).expect("removed");
+        }
+        case.scored("--yolo @/none", 3, &["no file with the names of the classes was found", "data.yaml", "obj.names"]);
+    };
+    yolo_standard_layout: |case| {
+        let line = "--stream ideal --alpha 1 --psf-sigma 0 --engine rten -o %/scored";
+        let named = ["has the subfolders train, val: choose --yolo ", "data/images/val"];
+        for path in ["data", "data/data.yaml"] {
+            case.run(&format!("eval --yolo @/{path} {line}"), 2, &named);
+        }
+        assert_eq!(case.scored("--yolo @/data/images/val", 0, &[]), 2);
     };
 }
 

@@ -10,9 +10,9 @@ use std::path::{Path, PathBuf};
 
 use modulo_core::BBox;
 
-use super::folder::{
-    FolderSource, LabelledSource, Labels, list_images, read_lines, stem, texts_without_image,
-    warn_without_image,
+use super::folder::{FolderSource, list_images, stem};
+use super::labels::{
+    ImageLabels, LabelSet, LabelledSource, Skipped, kept, rows, texts_without_image, without_image,
 };
 use super::{GroundTruth, SourceError, SourceOptions};
 
@@ -20,120 +20,98 @@ use super::{GroundTruth, SourceError, SourceOptions};
 const LAYOUTS: [(&str, &[&str]); 2] =
     [("image_2", &["label_2"]), ("image_02", &["label_object", "label_track"])];
 
-/// The files of a KITTI folder.
-#[derive(Debug)]
-pub struct KittiFolder {
-    images: Vec<PathBuf>,
-    labels: LabelFiles,
-    /// Whether `images` are those of a list, and not all of the folder.
-    listed: bool,
-}
-
-#[derive(Debug)]
+/// Where the labels of a KITTI folder are.
 enum LabelFiles {
     /// One file for each frame, in folders by preference.
     Folders(Vec<PathBuf>),
-    /// One file for a drive, by frame; a frame without a line contains no object.
-    Drive(BTreeMap<u64, Vec<GroundTruth>>),
+    /// One file for a drive.
+    Drive(PathBuf),
 }
 
-/// A KITTI folder as a source of labelled frames.
-pub type KittiSource = LabelledSource<KittiFolder>;
+/// Returns whether `path` has KITTI's folder of images.
+pub(super) fn is_at(path: &Path) -> bool {
+    layout(path).is_some() || tracking_file(path).is_some()
+}
 
-impl KittiFolder {
-    /// Returns whether `path` has KITTI's folder of images.
-    pub fn is_at(path: &Path) -> bool {
-        layout(path).is_some() || tracking_file(path).is_some()
-    }
-
-    /// Lists the images of `path`, which holds `image_2` or `image_02`, or is a drive of the tracking set.
+impl LabelledSource {
+    /// Opens a KITTI folder, which holds `image_2` or `image_02`, or is a drive of the tracking set; with a `list` only its frames, in that
+    /// order, of which a frame without an image is one that cannot be read. Of `options`, the topic is not used.
     ///
     /// # Errors
-    /// [`SourceError`] when there is no such folder, or no image in it.
-    pub fn open(path: &Path) -> Result<Self, SourceError> {
-        let Some((images, labels)) = layout(path) else {
-            let Some(file) = tracking_file(path) else {
-                let needed = "a KITTI folder has its images in image_2 or image_02";
-                return Err(SourceError::absent(&path.join(LAYOUTS[0].0), needed));
-            };
-            let labels = LabelFiles::Drive(read_drive(&file)?);
-            return Ok(Self { images: list_images(path)?, labels, listed: false });
+    /// [`SourceError`] when there is no such folder or no image in it, when the labels of a drive cannot be read, and for a `white` that is not a
+    /// valid radiance.
+    pub fn kitti(
+        path: &Path,
+        list: Option<&FrameList>,
+        options: &SourceOptions,
+    ) -> Result<Self, SourceError> {
+        let (images, files) = match (layout(path), tracking_file(path)) {
+            (Some((images, labels)), _) => {
+                let folders = labels.iter().map(|name| path.join(name)).collect();
+                (list_images(&path.join(images))?, LabelFiles::Folders(folders))
+            }
+            (None, Some(file)) => (list_images(path)?, LabelFiles::Drive(file)),
+            (None, None) => return Err(absent(path)),
         };
-        let images = list_images(&path.join(images))?;
-        let labels = LabelFiles::Folders(labels.iter().map(|name| path.join(name)).collect());
-        Ok(Self { images, labels, listed: false })
-    }
-
-    /// Opens `path` as [`KittiFolder::open`] does, but only the frames called `frames`, in that order. A frame without an
-    /// image is an image that cannot be read.
-    ///
-    /// # Errors
-    /// Those of [`KittiFolder::open`].
-    pub fn listed(path: &Path, frames: &[String]) -> Result<Self, SourceError> {
-        let Self { images, labels, .. } = Self::open(path)?;
+        let Some(list) = list else {
+            let labels = files.read(&images, true)?;
+            return Ok(Self::of(FolderSource::all_of(images, options)?, labels));
+        };
         let by_name: BTreeMap<String, &PathBuf> = images.iter().map(|image| (stem(image), image)).collect();
+        let folder = images.first().and_then(|image| image.parent()).unwrap_or(path);
         let image = |frame: &String| {
-            let folder = images.first().and_then(|image| image.parent()).unwrap_or(path);
             by_name.get(frame).map_or_else(|| folder.join(format!("{frame}.png")), |image| (*image).clone())
         };
-        Ok(Self { images: frames.iter().map(image).collect(), labels, listed: true })
+        let images: Vec<_> = list.frames.iter().map(image).collect();
+        let labels = files.read(&images, false)?;
+        Ok(Self::of(FolderSource::of(images, options)?, labels))
     }
 }
 
-impl KittiSource {
-    /// Opens `path`, which holds `image_2` or `image_02`. Of `options`, the topic is not used.
-    ///
-    /// # Errors
-    /// Those of [`KittiFolder::open`], and one for a `white` that is not a valid radiance.
-    pub fn open(path: &Path, options: &SourceOptions) -> Result<Self, SourceError> {
-        Self::of(KittiFolder::open(path)?, options)
-    }
-
-    /// Returns the frames of `folder`.
-    ///
-    /// # Errors
-    /// [`SourceError`] for a `white` that is not a valid radiance.
-    pub fn of(folder: KittiFolder, options: &SourceOptions) -> Result<Self, SourceError> {
-        let images = folder.images.first().and_then(|image| image.parent()).filter(|_| !folder.listed);
-        let frames = FolderSource::of(folder.images.clone(), options)?.with_all_of(images);
-        Ok(Self { frames, labels: folder })
-    }
-}
-
-impl Labels for KittiFolder {
-    fn labels(&self, image: &Path, _: (usize, usize)) -> Result<Option<Vec<GroundTruth>>, SourceError> {
-        match &self.labels {
-            LabelFiles::Folders(folders) => {
-                let name = format!("{}.txt", stem(image));
-                let file = folders.iter().map(|folder| folder.join(&name)).find(|file| file.is_file());
-                file.map(|file| read_lines(&file, parse_label)).transpose()
-            }
-            LabelFiles::Drive(frames) => {
-                let number = stem(image).parse().ok();
-                // A frame of a drive without a line is labelled as empty; only a name without a number has no labels.
-                Ok(number.map(|number: u64| frames.get(&number).cloned().unwrap_or_default()))
-            }
-        }
-    }
-
-    fn without_image(&self, images: &[PathBuf]) -> Vec<String> {
-        if self.listed {
-            // The labels of all other frames are left out on purpose.
-            return Vec::new();
-        }
-        let (what, names) = match &self.labels {
-            LabelFiles::Folders(folders) => {
+impl LabelFiles {
+    /// Reads the labels of `images`, which are `all` of their folder or some.
+    fn read(&self, images: &[PathBuf], all: bool) -> Result<LabelSet, SourceError> {
+        let mut labels = LabelSet::default();
+        let without = match self {
+            Self::Folders(folders) => {
+                for image in images {
+                    let name = format!("{}.txt", stem(image));
+                    let file = folders.iter().map(|folder| folder.join(&name)).find(|file| file.is_file());
+                    let read = file.map(|file| ImageLabels::read(&file, parse_label, &mut labels.unread));
+                    labels.of_image.extend(read.map(|read| (image.clone(), read)));
+                }
                 let files = folders.iter().flat_map(|folder| texts_without_image(folder, images));
-                ("label files", files.map(|file| file.display().to_string()).collect())
+                without_image("label files", files.map(|file| file.display().to_string()))
             }
-            LabelFiles::Drive(frames) => {
+            Self::Drive(file) => {
+                let mut frames = read_drive(file, &mut labels.unread)?;
+                for image in images {
+                    // A frame of a drive without a line is labelled as empty; only a name without a number has no labels.
+                    let Ok(number) = stem(image).parse() else { continue };
+                    let objects = frames.get(&number).cloned().unwrap_or_default();
+                    labels.of_image.insert(image.clone(), ImageLabels::of(objects));
+                }
                 let there: BTreeSet<u64> =
                     images.iter().filter_map(|image| stem(image).parse().ok()).collect();
-                let missing = frames.keys().filter(|frame| !there.contains(frame));
-                ("labelled frames", missing.map(|frame| format!("frame {frame}")).collect::<Vec<_>>())
+                frames.retain(|frame, _| !there.contains(frame));
+                without_image("labelled frames", frames.keys().map(|frame| format!("frame {frame}")))
             }
         };
-        warn_without_image(what, &names)
+        // Where only some images are taken, the labels of the others are left out on purpose.
+        labels.warnings.extend(without.filter(|_| all));
+        Ok(labels)
+    }
+}
+
+/// Returns the error of a folder that is not KITTI's, with the one below it that may be meant.
+fn absent(path: &Path) -> SourceError {
+    let inside = std::fs::read_dir(path).into_iter().flatten().flatten().map(|entry| entry.path());
+    let mut inside: Vec<_> = inside.filter(|path| is_at(path)).collect();
+    inside.sort();
+    let needed = "a KITTI folder has its images in image_2 or image_02";
+    match inside.first() {
+        Some(meant) => SourceError::of(path, &format!("{needed}, as {} has", meant.display())),
+        None => SourceError::absent(&path.join(LAYOUTS[0].0), needed),
     }
 }
 
@@ -148,13 +126,13 @@ fn tracking_file(path: &Path) -> Option<PathBuf> {
     (path.is_dir() && file.is_file()).then_some(file)
 }
 
-fn read_drive(path: &Path) -> Result<BTreeMap<u64, Vec<GroundTruth>>, SourceError> {
+fn read_drive(path: &Path, unread: &mut Skipped) -> Result<BTreeMap<u64, Vec<GroundTruth>>, SourceError> {
     let parse = |text: &str| {
         let frame = whole("frame", text.split_whitespace().next().unwrap_or_default())?;
         Ok((frame, parse_label(text)?))
     };
     let mut frames: BTreeMap<u64, Vec<GroundTruth>> = BTreeMap::new();
-    for (frame, label) in read_lines(path, parse)? {
+    for (frame, label) in kept(rows(path, parse)?, unread) {
         frames.entry(frame).or_default().push(label);
     }
     Ok(frames)
@@ -233,7 +211,8 @@ impl FrameList {
                 _ => Err(format!("'{text}' found, FRAME or FRAME DRIVE needed")),
             }
         };
-        let entries: Vec<_> = read_lines(path, parse)?.into_iter().flatten().collect();
+        let entries = rows(path, parse)?.into_iter().collect::<Result<Vec<_>, String>>();
+        let entries: Vec<_> = entries.map_err(SourceError::Unreadable)?.into_iter().flatten().collect();
         let frames: Vec<_> = entries.iter().map(|(frame, _)| frame.clone()).collect();
         let drives = entries.into_iter().filter_map(|(frame, drive)| Some((frame, drive?))).collect();
         if frames.is_empty() {

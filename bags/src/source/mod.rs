@@ -4,10 +4,15 @@
 //! not have.
 
 mod bag;
+mod classes;
 mod coco;
+mod data_set;
 mod folder;
+mod json;
 mod kitti;
+mod labels;
 mod light;
+mod order;
 mod scene;
 mod video;
 mod yolo;
@@ -26,13 +31,13 @@ use modulo_video::{LiveAddress, VideoAddress, VideoError};
 use ndarray::Array3;
 
 pub use bag::{BagSource, RecordedImage};
-pub use coco::CocoSource;
+pub use classes::NAME_FILES;
 pub use folder::FolderSource;
-pub use kitti::{FrameList, KittiFolder, KittiSource};
+pub use kitti::FrameList;
+pub use labels::{LabelledSource, Skipped};
 pub use light::{Light, LightChange, light_of};
 pub use scene::SceneSource;
 pub use video::VideoSource;
-pub use yolo::YoloSource;
 
 use crate::FileError;
 use crate::bag::BagError;
@@ -223,8 +228,8 @@ fn open_unlit(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, So
     if crate::bag::is_bag(path) {
         return Ok(Box::new(BagSource::open(path, options)?));
     }
-    if KittiFolder::is_at(path) {
-        return Ok(Box::new(KittiSource::open(path, options)?));
+    if kitti::is_at(path) {
+        return Ok(Box::new(LabelledSource::kitti(path, None, options)?));
     }
     Ok(Box::new(FolderSource::open(path, options)?))
 }
@@ -245,7 +250,7 @@ pub const CROWD: i32 = 4;
 pub struct GroundTruth {
     /// Box in pixels of the original image.
     pub bbox: BBox,
-    /// The data set's class in lower case; `dontcare` is an area to leave out.
+    /// The class as the data set calls it, but that of KITTI in lower case; `dontcare` is an area to leave out.
     pub class: String,
     /// Fraction of the object outside the image, 0 to 1; -1 when it is unknown.
     pub truncated: f32,

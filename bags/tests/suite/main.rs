@@ -7,6 +7,7 @@ mod damaged_pictures;
 mod data;
 mod extras;
 mod files;
+mod layouts;
 mod sources;
 #[cfg(feature = "sqlite")]
 mod sqlite;

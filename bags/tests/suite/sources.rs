@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use image::{ImageBuffer, Rgb, Rgba};
 use modulo_bags::bag::{BagInfo, BagReader, Compression, Selection, copy};
 use modulo_bags::source::{
-    CocoSource, GroundTruth, Source, SourceFrame, SourceOptions, YoloSource, open, to_detections,
+    GroundTruth, LabelledSource, Source, SourceFrame, SourceOptions, open, to_detections,
 };
 use modulo_core::{BBox, Frame, Samples, Transfer};
 use modulo_images::{Coding, save_png};
@@ -109,12 +109,15 @@ fn write_sources(images: &[Frame], folder: &Path) {
 fn open_sources(folder: &Path) -> Vec<Box<dyn Source>> {
     let opened = |spec: &str| open(spec, &SourceOptions::default()).expect("a source");
     let inside = |name: &str| opened(&folder.join(name).display().to_string());
-    let coco =
-        CocoSource::open(&folder.join("coco.json"), Some(&folder.join("plain")), &SourceOptions::default());
+    let coco = LabelledSource::coco(
+        &folder.join("coco.json"),
+        Some(&folder.join("plain")),
+        &SourceOptions::default(),
+    );
     vec![
         inside("plain"),
         inside("kitti"),
-        Box::new(YoloSource::open(&folder.join("yolo"), &SourceOptions::default()).expect("a source")),
+        Box::new(LabelledSource::yolo(&folder.join("yolo"), &SourceOptions::default()).expect("a source")),
         Box::new(coco.expect("a source")),
         inside("raw"),
         inside("packed"),
@@ -427,14 +430,27 @@ fn a_bag_of_a_folder_is_the_folder() {
 }
 
 #[test]
-fn a_bad_label_names_file_and_line() {
+fn a_bad_label_costs_only_itself() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write_kitti(folder.path(), 1);
+    let whole = frames(folder.path(), 0.0);
     let label = folder.path().join("label_2/000000.txt");
     let text = std::fs::read_to_string(&label).expect("read");
-    std::fs::write(&label, text + "Car 0 0 1 2 3\n").expect("written");
-    let error = error_of(folder.path());
-    assert!(error.contains("000000.txt:3: 6 columns found, 15 needed"), "{error}");
+    std::fs::write(&label, format!("Car 0 0 1 2 3\n\n{text}Van top\n")).expect("written");
+    assert_eq!(frames(folder.path(), 0.0), whole);
+    let source = open(&folder.path().display().to_string(), &SourceOptions::default()).expect("a source");
+    let [line] = &source.losses()[..] else { panic!("one line") };
+    assert!(line.starts_with("2 labels cannot be read and are left out, the first: "), "{line}");
+    assert!(
+        line.ends_with(
+            "000000.txt:1: 6 columns found, 15 needed (17 for tracking, and one more with a score)"
+        ),
+        "{line}"
+    );
+    // Where nothing of a file can be read, it is not known what is on the image.
+    std::fs::write(&label, [0xff, 0xc0]).expect("written");
+    let why = error_of(folder.path());
+    assert!(why.contains("000000.txt: is no UTF-8 text"), "{why}");
 }
 
 #[test]

@@ -5,10 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Parser;
 use clap::builder::{PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
 use modulo_ap::Difficulty;
-use modulo_bags::source::{
-    self, CocoSource, FrameList, KittiFolder, KittiSource, Light, Source, SourceError, SourceOptions,
-    YoloSource,
-};
+use modulo_bags::source::{self, FrameList, LabelledSource, Light, Source, SourceError, SourceOptions};
 use modulo_detector::{EngineChoice, EngineDevice};
 use modulo_runtime::sensor::options::CodingOptions;
 use sha2::{Digest as _, Sha256};
@@ -216,18 +213,16 @@ pub(super) type Drive = (Option<String>, Box<dyn Source>);
 impl Data {
     pub(super) fn open(&self, options: &SourceOptions) -> Result<Vec<Drive>, SourceError> {
         let source: Box<dyn Source> = match self {
-            Self::Kitti { folder, list: None } => Box::new(KittiSource::open(folder, options)?),
-            Self::Kitti { folder, list: Some(list) } => {
-                Box::new(KittiSource::of(KittiFolder::listed(folder, &list.frames)?, options)?)
-            }
-            Self::Yolo(folder) => Box::new(YoloSource::open(folder, options)?),
+            Self::Kitti { folder, list } => Box::new(LabelledSource::kitti(folder, list.as_ref(), options)?),
+            Self::Yolo(path) => Box::new(LabelledSource::yolo(path, options)?),
             Self::Coco { annotations, images } => {
-                Box::new(CocoSource::open(annotations, images.as_deref(), options)?)
+                Box::new(LabelledSource::coco(annotations, images.as_deref(), options)?)
             }
             Self::Sequences(folders) => {
                 let name = |folder: &PathBuf| Some(folder.file_name()?.to_string_lossy().into_owned());
-                let drive =
-                    |folder| Ok((name(folder), Box::new(KittiSource::open(folder, options)?) as Box<_>));
+                let drive = |folder| {
+                    Ok((name(folder), Box::new(LabelledSource::kitti(folder, None, options)?) as Box<_>))
+                };
                 return folders.iter().map(drive).collect();
             }
             Self::Any(specs) => {
