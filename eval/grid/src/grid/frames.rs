@@ -6,12 +6,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use modulo_ap::difficulty::DONT_CARE;
-use modulo_bags::source::{GroundTruth, LightChange, SourceError, SourceFrame, SourceOptions};
+use modulo_bags::source::{GroundTruth, LightChange, Skipped, SourceError, SourceFrame, SourceOptions};
 use ndarray::Array3;
 use sha2::{Digest, Sha256};
 
 use super::request::{Data, Drive};
 use crate::GridError;
+use crate::classes::folded;
 use crate::results::Input;
 
 /// Labels that reach outside the image by at most this many px give no warning: they were rounded.
@@ -53,11 +54,11 @@ pub struct Raw {
 #[derive(Default)]
 struct Notes {
     names: BTreeSet<(Option<String>, String)>,
-    unlabelled: Vec<String>,
-    twice: Vec<String>,
-    unreadable: Vec<String>,
-    outside: Vec<String>,
-    flat: Vec<String>,
+    unlabelled: Skipped,
+    twice: Skipped,
+    unreadable: Skipped,
+    outside: Skipped,
+    flat: Skipped,
     digest: Sha256,
     /// Index of the present drive, and of its first frame over all drives.
     start: (usize, usize),
@@ -119,14 +120,14 @@ impl Frames {
         let (drive, _) = &self.drives[drive];
         let frame = match frame {
             Ok(frame) => frame,
-            Err(why) => return notes.unreadable.push(why.to_string()),
+            Err(why) => return notes.unreadable.add(why.to_string()),
         };
         let drive = drive.clone().or_else(|| data.drive_of(&frame.name));
         // Two drives can have frames of one name. Within a drive, a frame that comes twice would count twice.
         if !notes.names.insert((drive.clone(), frame.name.clone())) {
-            return notes.twice.push(frame.name);
+            return notes.twice.add(frame.name);
         }
-        let Some(truth) = frame.ground_truth else { return notes.unlabelled.push(frame.name) };
+        let Some(truth) = frame.ground_truth else { return notes.unlabelled.add(frame.name) };
         let (height, width, _) = frame.radiance.dim();
         let truth = notes.inside(truth, &frame.name, (height, width));
         notes.digest.update(format!("{drive:?} {} {height} {width} {truth:?}\n", frame.name));
@@ -139,7 +140,7 @@ impl Frames {
 }
 
 impl Notes {
-    /// Clips labels to the image. Labels outside the image are left out.
+    /// Clips labels to the image, with their classes [`folded`]. Labels outside the image are left out.
     fn inside(
         &mut self,
         truth: Vec<GroundTruth>,
@@ -148,32 +149,30 @@ impl Notes {
     ) -> Vec<GroundTruth> {
         let mut kept = Vec::with_capacity(truth.len());
         for label in truth {
+            let label = GroundTruth { class: folded(&label.class), ..label };
             let bbox = label.bbox.clamp(height, width);
             let [old, new] = [label.bbox, bbox].map(|b| [b.x1, b.y1, b.x2, b.y2]);
             let beyond = old.iter().zip(new).any(|(old, new)| (old - new).abs() > TOLERANCE);
             // Cutting a DontCare area changes no score, so that it needs no warning.
             if beyond && label.class != DONT_CARE {
-                self.outside.push(format!("{} of {name}", label.class));
+                self.outside.add(format!("{} of {name}", label.class));
             }
             if bbox.area() > 0.0 {
                 kept.push(GroundTruth { bbox, ..label });
             } else if !beyond && label.class != DONT_CARE {
-                self.flat.push(format!("{} of {name}", label.class));
+                self.flat.add(format!("{} of {name}", label.class));
             }
         }
         kept
     }
 
     fn warnings(&self) -> Vec<String> {
-        let warning = |what: &str, names: &[String]| {
-            names.first().map(|first| format!("{} {what}, the first: {first}", names.len()))
-        };
         [
-            warning("frames are not readable and left out", &self.unreadable),
-            warning("frames have no labels and are left out", &self.unlabelled),
-            warning("frames are there twice and count once", &self.twice),
-            warning("labels reach outside the image and are cut", &self.outside),
-            warning("labels have no area and are left out", &self.flat),
+            self.unreadable.line("frames are not readable and left out"),
+            self.unlabelled.line("frames have no labels and are left out"),
+            self.twice.line("frames are there twice and count once"),
+            self.outside.line("labels reach outside the image and are cut"),
+            self.flat.line("labels have no area and are left out"),
         ]
         .into_iter()
         .flatten()

@@ -194,8 +194,7 @@ fn mapped_classes(
     for model in &request.options.axes.model {
         let name = Axes::model_name(model);
         let own = class_names(model, options)?;
-        let found: BTreeSet<String> =
-            own.iter().filter_map(|class| map.mapped(class)).map(str::to_owned).collect();
+        let found: BTreeSet<String> = own.iter().filter_map(|class| map.mapped(class)).collect();
         // A model without class names may find every class.
         let mapped =
             if own.is_empty() { labels.clone() } else { labels.intersection(&found).cloned().collect() };

@@ -4,10 +4,12 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use modulo_ap::Difficulty;
 use modulo_ap::average::{Sample, ScoredFrame, by_class, images, mean};
+use modulo_bags::source::GroundTruth;
+use modulo_core::Detection;
 use serde_json::{Value, json};
 
 use super::EvaluatedFrame;
-use crate::classes::{ClassGroups, ClassMap};
+use crate::classes::{ClassGroups, ClassMap, folded};
 use crate::metric::bootstrap::Units;
 
 /// The result of a stream.
@@ -62,7 +64,7 @@ impl StreamResult {
         // A frame without an answer counts as one without a box.
         let boxes = |frame: &EvaluatedFrame| frame.found.clone().unwrap_or_default();
         let scored: Vec<ScoredFrame> =
-            labelled.iter().map(|(frame, truth)| (boxes(frame), truth.clone())).collect();
+            labelled.iter().map(|(frame, truth)| by_folded_names(boxes(frame), truth)).collect();
         if scored.is_empty() {
             return Self::NoLabels;
         }
@@ -121,8 +123,8 @@ fn matched(
             true => known
                 .iter()
                 .filter_map(|class| map.mapped(class))
-                .any(|class| groups.of(class) == Some(category)),
-            false => known.contains(category),
+                .any(|class| groups.of(&class) == Some(category)),
+            false => known.iter().any(|class| folded(class) == *category),
         })
     };
     let images = if has_groups {
@@ -137,6 +139,13 @@ fn matched(
     let mut samples: BTreeMap<_, _> = samples.filter(|(_, sample)| sample.objects() > 0).collect();
     let of_model = samples.extract_if(.., is_known).collect();
     (of_model, samples.into_iter().map(|(class, sample)| (class, sample.objects())).collect())
+}
+
+/// A frame whose classes have the names by which they are compared.
+fn by_folded_names(found: Vec<Detection>, truth: &[GroundTruth]) -> ScoredFrame {
+    let found = found.into_iter().map(|one| Detection { class: folded(&one.class), ..one });
+    let truth = truth.iter().map(|one| GroundTruth { class: folded(&one.class), ..one.clone() });
+    (found.collect(), truth.collect())
 }
 
 /// The mean AP50 of the classes of images that come so many `times`. `None` if no object is scored.
@@ -217,8 +226,7 @@ pub(super) fn verdict(streams: &[(&str, &StreamScore)]) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use modulo_bags::source::GroundTruth;
-    use modulo_core::{BBox, Detection};
+    use modulo_core::BBox;
 
     use super::*;
 
@@ -281,5 +289,13 @@ mod tests {
         let of_animals = score(&frames(&["zebra", "car"], ("zebra", 1)), &["zebra", "dog"]);
         assert_eq!(of_animals.classes, BTreeMap::from([("zebra".to_owned(), (1.0, 40))]));
         assert_eq!(of_animals.unknown, BTreeMap::from([("car".to_owned(), 40)]));
+    }
+
+    #[test]
+    fn classes_are_the_same_in_each_spelling() {
+        let of_groups = score(&frames(&["Pedestrian", "Car"], ("CAR", 1)), &["CAR"]);
+        assert_eq!(of_groups.classes, BTreeMap::from([("vehicle".to_owned(), (1.0, 40))]));
+        let of_classes = score(&frames(&["Traffic-Light"], ("traffic light", 1)), &["Traffic_Light"]);
+        assert_eq!(of_classes.classes, BTreeMap::from([("traffic_light".to_owned(), (1.0, 40))]));
     }
 }
