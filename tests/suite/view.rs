@@ -23,7 +23,7 @@ fn suite(bench: &Bench) -> Background {
 }
 
 /// A viewer, and the address that it prints.
-fn viewer(bench: &Bench) -> (Background, String) {
+pub fn viewer(bench: &Bench) -> (Background, String) {
     let (viewer, [address]) = viewer_with(bench, &[], ["http://"]);
     (viewer, address)
 }
@@ -45,7 +45,7 @@ fn viewer_with<const N: usize>(
 }
 
 /// The host and the token of an address.
-fn parts(address: &str) -> (&str, &str) {
+pub fn parts(address: &str) -> (&str, &str) {
     let (host, token) = address.split_once("/?token=").expect("a token");
     (host.trim_start_matches("http://"), token)
 }

@@ -56,7 +56,8 @@ pub fn save(folder: &Path, results: &Results) -> Result<(), GridError> {
 /// The results in `folder` with the grid of `empty`, which has no cell yet, or `empty` alone if there are none or they are
 /// `replaced`. Cells that cannot be shown together, and a file that is none of a grid, are refused, and the folder stays as it is.
 pub(crate) fn resume(folder: &Path, replaced: bool, empty: Results) -> Result<Results, GridError> {
-    let other = |why| GridError::Request(format!("{why}; the file is none of a grid, so choose another folder"));
+    let other =
+        |why| GridError::Request(format!("{why}; the file is none of a grid, so choose another folder"));
     let Some(old) = load(folder).map_err(other)? else { return Ok(empty) };
     if replaced {
         // It fails where a cell has no frames.
