@@ -119,6 +119,11 @@ pub enum ProcessEnd {
     WithLoss(String),
     /// Because it was told to.
     ShutDown,
+    /// A node of this suite that was told to end, did not in time, and was ended by SIGKILL.
+    Killed {
+        /// Whether it was working when it was killed, as on a slow frame.
+        computed: bool,
+    },
     /// By itself, otherwise; with the status in words.
     Crashed(String),
     /// By itself, more often within a minute than restarts are allowed: the crashes within the last minute, and the status of the
@@ -137,6 +142,10 @@ impl fmt::Display for ProcessEnd {
             Self::Exited => write!(f, "ended"),
             Self::WithLoss(why) => write!(f, "ended with a loss: {why}"),
             Self::ShutDown => write!(f, "was shut down"),
+            Self::Killed { computed: true } => write!(f, "was ended by SIGKILL while it computed"),
+            Self::Killed { computed: false } => {
+                write!(f, "did not end when it was told to, and was ended by SIGKILL")
+            }
             Self::Crashed(status) => write!(f, "crashed: {status}"),
             Self::GaveUp(crashes, status) => write!(
                 f,
@@ -164,7 +173,8 @@ impl ProcessEnd {
 impl Outcome {
     /// The nodes' reports added up.
     pub fn summary(&self) -> Summary {
-        let with_loss = self.processes.iter().filter(|p| matches!(p.end, ProcessEnd::WithLoss(_)));
+        let has_lost = |end: &ProcessEnd| matches!(end, ProcessEnd::WithLoss(_) | ProcessEnd::Killed { .. });
+        let with_loss = self.processes.iter().filter(|p| has_lost(&p.end));
         Summary {
             with_loss: with_loss.map(|p| format!("{} {}", p.label, p.end)).collect(),
             ..Summary::new(&self.reports, self.processes.iter().map(|p| (p.label.as_str(), p.restarts)))

@@ -15,7 +15,7 @@ use tempfile::TempDir;
 use tokio::sync::watch;
 
 use super::activity::{Activity, LONG_STEP};
-use super::running::{CommandLine, Running};
+use super::running::{CommandLine, Killed, Running};
 use super::{Channel, Ending, Print, ProcessEnd, ProcessOutcome, Supervision, start_error};
 use crate::LaunchError;
 use crate::package::{SUITE, prefixes};
@@ -229,7 +229,9 @@ impl Job {
             let (end, last_line) = self.live(running, &mut end_signal, restarts.count, &print).await;
             let end = match end {
                 Ok(end) => end,
-                Err(status) => return done(&restarts, after_shutdown(self.origin, &status, last_line)),
+                Err((status, killed)) => {
+                    return done(&restarts, after_shutdown(self.origin, &status, killed, last_line));
+                }
             };
             let delay = match self.after_end(&end, &last_line, start.elapsed(), &mut restarts, &print) {
                 Ok(delay) => delay,
@@ -241,14 +243,15 @@ impl Job {
         }
     }
 
-    /// Returns how a life ended, and the last line of standard error. `Err` has the status of a process that was told to end.
+    /// Returns how a life ended, and the last line of standard error. `Err` has the status of a process that was told to end, and
+    /// whether it took SIGKILL.
     async fn live(
         &self,
         mut running: Running,
         end_signal: &mut watch::Receiver<Option<Ending>>,
         restarts: u32,
         print: &Print,
-    ) -> (Result<ProcessEnd, io::Result<ExitStatus>>, String) {
+    ) -> (Result<ProcessEnd, (io::Result<ExitStatus>, Option<Killed>)>, String) {
         let id = running.id();
         // A process that ends at the same moment is not called shut down: this branch comes first.
         let life = tokio::select! {
@@ -328,9 +331,21 @@ fn is_with_loss(origin: Origin, status: &ExitStatus) -> bool {
 
 /// Programs differ in their status after SIGINT. Nodes of the suite end with 0, but for one that has just been started and
 /// does not catch the signals yet: it has done nothing that could be lost.
-fn after_shutdown(origin: Origin, status: &std::io::Result<ExitStatus>, last_line: String) -> ProcessEnd {
+///
+/// A node that was `killed` was slow, and has not crashed: it has lost what it was working on.
+fn after_shutdown(
+    origin: Origin,
+    status: &io::Result<ExitStatus>,
+    killed: Option<Killed>,
+    last_line: String,
+) -> ProcessEnd {
     let asked = [Signal::SIGINT as i32, Signal::SIGTERM as i32];
     match (origin, status) {
+        (Origin::Suite, Ok(status))
+            if killed.is_some() && status.signal() == Some(Signal::SIGKILL as i32) =>
+        {
+            ProcessEnd::Killed { computed: killed == Some(Killed::Busy) }
+        }
         (_, Ok(status)) if is_with_loss(origin, status) => ProcessEnd::WithLoss(last_line),
         (Origin::Suite, Ok(status))
             if !status.success() && !status.signal().is_some_and(|s| asked.contains(&s)) =>
@@ -438,9 +453,10 @@ mod tests {
     /// One node had refused its arguments, and the run said that another one had crashed: SIGINT had ended it while it started.
     #[test]
     fn a_node_that_is_ended_while_it_starts_has_not_crashed() {
-        let end = |origin, wait_status| {
-            after_shutdown(origin, &Ok(ExitStatus::from_raw(wait_status)), "why".to_owned())
+        let after = |origin, wait_status, killed| {
+            after_shutdown(origin, &Ok(ExitStatus::from_raw(wait_status)), killed, "why".to_owned())
         };
+        let end = |origin, wait_status| after(origin, wait_status, None);
         for signal in [Signal::SIGINT, Signal::SIGTERM] {
             assert_eq!(end(Origin::Suite, signal as i32), ProcessEnd::ShutDown);
         }
@@ -448,6 +464,12 @@ mod tests {
         for status in [Signal::SIGKILL as i32, Signal::SIGSEGV as i32, exit_code_1] {
             assert!(matches!(end(Origin::Suite, status), ProcessEnd::Crashed(_)), "{status}");
         }
+        let sigkill = Signal::SIGKILL as i32;
+        for (killed, computed) in [(Killed::Busy, true), (Killed::Idle, false)] {
+            let end = after(Origin::Suite, sigkill, Some(killed));
+            assert_eq!((&end, end.is_failure()), (&ProcessEnd::Killed { computed }, false));
+        }
+        assert_eq!(after(Origin::Foreign, sigkill, Some(Killed::Busy)), ProcessEnd::ShutDown);
         assert_eq!(end(Origin::Foreign, exit_code_1), ProcessEnd::ShutDown);
         let exit_code_3 = 3 << 8;
         assert_eq!(end(Origin::Foreign, exit_code_3), ProcessEnd::ShutDown);

@@ -297,6 +297,19 @@ trap 'seconds; end=$((now + 4)); while [ $now -lt $end ]; do seconds; done; echo
     assert_eq!(lines.all(), ["[unwrap] answered"]);
 }
 
+/// Ctrl-C beside a detector whose step takes long: the launcher killed it, and said that it had crashed.
+#[tokio::test]
+async fn a_node_that_the_launcher_kills_at_the_end_has_not_crashed() {
+    let node = "{ pkg: modulo, exec: unwrap, sigterm_timeout: 1.0, sigkill_timeout: 1.0 }";
+    let (files, lines) = (Files::new(&format!("launch:\n  - node: {node}\n")), Lines::default());
+    let how = lines.supervision(&suite(&files, "trap '' INT TERM; echo computes; while true; do :; done"));
+    let plan = files.resolve(&[]).expect("resolves");
+    let outcome = run_until(plan, &how, lines.wait_for("[unwrap] computes")).await.expect("runs");
+    assert!(!failed(&outcome));
+    // With these, the command ends with exit status 3.
+    assert_eq!(outcome.summary().with_loss, ["unwrap was ended by SIGKILL while it computed"]);
+}
+
 /// A file on a network drive that is away for a moment ended the whole launch.
 #[tokio::test]
 async fn a_refusal_at_a_restart_is_tried_again() {
