@@ -16,6 +16,7 @@ mod cameras;
 mod client;
 mod feed;
 mod foxglove;
+mod http;
 mod page;
 mod protocol;
 mod record;
@@ -198,7 +199,7 @@ pub(crate) async fn serve(viewer: Arc<Viewer>, listener: TcpListener, stop: &Sto
     let end = Arc::new(End(Notify::new()));
     stop.wakes(&end);
     tokio::select! {
-        served = axum::serve(listener, routes).into_future() => served?,
+        () = http::answer(listener, routes, http::EXCHANGE) => {}
         () = end.reached(stop) => {}
     }
     Ok(())
