@@ -53,4 +53,4 @@ pub use sensor::parameters::{SensorModel, SensorOverride};
 pub use sensor::scale::{LightScale, StreamScale};
 pub use stop::{Stop, Urgency};
 pub use topic::{Address, Qos, Topic};
-pub use warning::warn_once;
+pub use warning::{RareWarnings, shown, warn_once};

@@ -22,6 +22,7 @@ pub use value::Value;
 
 use crate::name::{near_or_all, nearest};
 use crate::secret::without_secrets;
+use crate::warning::shown;
 
 /// The allowed values of a parameter.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,11 +64,18 @@ pub struct ParameterError {
     pub why: String,
 }
 
+/// Longest name and longest value in a refusal, in characters.
+const LONGEST_VALUE: usize = 200;
+/// Longest reason of a refusal, in characters: those that name all parameters of a node are long.
+const LONGEST_REASON: usize = 1500;
+
 impl ParameterError {
-    /// Creates a refusal of `value` for `name`, without a password that a URL in it has.
+    /// Creates a refusal of `value` for `name`, without a password that a URL in it has. All three may come from a peer, and are
+    /// shortened.
     pub fn new(name: impl Into<String>, value: impl fmt::Display, why: impl Into<String>) -> Self {
-        let [value, why] = [value.to_string(), why.into()].map(|text| without_secrets(&text).into_owned());
-        Self { name: name.into(), value, why }
+        let name = shown(&name.into(), LONGEST_VALUE);
+        let value = shown(&without_secrets(&value.to_string()), LONGEST_VALUE);
+        Self { name, value, why: shown(&without_secrets(&why.into()), LONGEST_REASON) }
     }
 }
 
@@ -296,6 +304,20 @@ mod tests {
                 "{message}"
             );
         }
+    }
+
+    /// A peer sent 64 KiB with a line of its own to a running node, whose log and answer repeated them.
+    #[test]
+    fn a_refusal_is_one_short_line() {
+        let long = "a\nWARN forged\0\u{1b}[2J".to_owned() + &"x".repeat(64 << 10);
+        for name in ["engine", &long] {
+            let why = set().with(&[(name.to_owned(), Value::String(long.clone()))], true);
+            let line = why.expect_err("must be refused").to_string();
+            assert!(line.len() < 800 && !line.contains(char::is_control), "{line}");
+            assert!(line.contains("a\\nWARN forged\\u{0}\\u{1b}[2Jxxx"), "{line}");
+        }
+        let error = ParameterError::new("model", "a.onnx", &*long);
+        assert!(error.why.len() < 2000 && !error.why.contains(char::is_control), "{}", error.why);
     }
 
     #[test]

@@ -21,7 +21,7 @@ use modulo_runtime::report::add;
 use modulo_runtime::wire::attachment::{Attachment, Delays};
 use modulo_runtime::{
     Address, Clock, Flow, Message, MessageKind, Node, NodeName, NodeReport, ParameterError, Parameters, Part,
-    Stop, Topic, Urgency,
+    RareWarnings, Stop, Topic, Urgency,
 };
 
 use super::{CommonParameters, GRAPH_GLANCE, ImageTransport, RunError, wait_until_ready};
@@ -36,7 +36,7 @@ use outputs::{LiveOutput, compressed};
 use requests::{EnableRequest, Loading};
 use settings::Settings;
 use telemetry::Telemetry;
-use watch::{Silence, SkipWarnings};
+use watch::Silence;
 
 /// An idle node wakes this often for its periodic tasks.
 const IDLE: Duration = Duration::from_millis(250);
@@ -98,7 +98,10 @@ struct Live<'a> {
     /// The readers of this node's own frames, if it is such a source.
     pacing: Pacing,
     telemetry: Telemetry,
-    skips: SkipWarnings,
+    /// By topic.
+    skips: RareWarnings,
+    /// Of parameters; one source, since a peer may invent names.
+    refusals: RareWarnings,
     delays: Delays,
     silence: Silence,
     /// The part that a request waits for.
@@ -137,7 +140,8 @@ pub fn run(
         queue,
         acks: transport.advertise(&node_name, &Address::resolve(&node_name, &ack_topic())?)?,
         pacing: Pacing::default(),
-        skips: SkipWarnings::default(),
+        skips: RareWarnings::default(),
+        refusals: RareWarnings::default(),
         delays: Delays::default(),
         silence: Silence::default(),
         telemetry: Telemetry::open(&node_name, report_file, &outputs, transport, &**clock)?,
@@ -193,7 +197,10 @@ impl Live<'_> {
         let _ = self.loading.take().map(|loading| loading.thread.join());
         self.inputs.close(&mut self.telemetry.report);
         for (topic, warning) in self.skips.rest() {
-            tracing::warn!(node = %self.telemetry.node(), topic, "{warning}");
+            tracing::warn!(node = %self.telemetry.node(), topic, "skipped: {warning}");
+        }
+        for (parameters, warning) in self.refusals.rest() {
+            tracing::warn!(node = %self.telemetry.node(), "{parameters}: {warning}");
         }
         let report = self.telemetry.close(&*self.node, ended.is_err(), self.time.ticks_ns());
         ended.map(|()| report)
@@ -308,7 +315,7 @@ impl Live<'_> {
     fn skip(&mut self, topic: &str, why: &str) {
         add(&mut self.telemetry.report.bad, topic, 1);
         if let Some(warning) = self.skips.note(topic, why, self.time.ticks_ns()) {
-            tracing::warn!(node = %self.telemetry.node(), topic, "{warning}");
+            tracing::warn!(node = %self.telemetry.node(), topic, "skipped: {warning}");
         }
     }
 }

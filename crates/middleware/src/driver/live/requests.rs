@@ -210,7 +210,10 @@ impl Live<'_> {
         let changes = request.changes.iter().zip(parts);
         let answers: Vec<_> = changes.map(|(values, part)| self.change(values, part?)).collect();
         for why in answers.iter().filter_map(|answer| answer.as_ref().err()) {
-            tracing::warn!(node = %self.telemetry.node(), "{why}");
+            let now = self.time.ticks_ns();
+            if let Some(warning) = self.refusals.note("refused parameters", &why.to_string(), now) {
+                tracing::warn!(node = %self.telemetry.node(), "{warning}");
+            }
         }
         if promised {
             self.publish_state(self.telemetry.diagnostics.next_stamp(&self.time));

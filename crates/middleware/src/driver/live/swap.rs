@@ -18,8 +18,6 @@ use crate::transport::queue::{Lane, LaneCounts};
 /// A new stream without a frame for this long is warned of. An old stream that has not reached the first frame of the
 /// new one within this time is closed.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// Time between two such warnings.
-const WARNING_PERIOD: Duration = Duration::from_secs(1);
 /// The longest time by which one stream may be behind another one. A frame that is older than the last answered one by
 /// more than this belongs to another time base, such as that of a recording.
 const MAX_LAG: Duration = Duration::from_secs(10);
@@ -69,7 +67,7 @@ struct PendingStream {
     /// Where the node has left this stream before, if it has.
     left: Option<Successor>,
     since: u64,
-    warn_at: u64,
+    warned: bool,
 }
 
 /// The stamp of the first frame of the stream after a left one, which is read up to it, and the ticks at its arrival.
@@ -130,7 +128,7 @@ impl Slot {
         } else {
             let (input, left) = opened.map_or_else(|| self.take_back(to), |opened| (opened, None));
             let input = SlotInput { topic, ..input };
-            Some(PendingStream { input, left, since: now, warn_at: now + nanos(PATIENCE) })
+            Some(PendingStream { input, left, since: now, warned: false })
         };
         // The last stream that was asked for has not begun.
         let PendingStream { input, left, .. } = std::mem::replace(&mut self.pending, next)?;
@@ -177,10 +175,9 @@ impl Slot {
     pub fn look(&mut self, now: u64) -> (Option<String>, Option<SlotInput>) {
         let late = |(_, left): &(_, Successor)| now.saturating_sub(left.since) > nanos(PATIENCE);
         let closed = self.leaving.iter().position(late).map(|index| self.leaving.remove(index).0);
-        let Some(pending) = self.pending.as_mut().filter(|pending| now >= pending.warn_at) else {
-            return (None, closed);
-        };
-        pending.warn_at = now + nanos(WARNING_PERIOD);
+        let is_due = |pending: &&mut PendingStream| !pending.warned && now >= pending.since + nanos(PATIENCE);
+        let Some(pending) = self.pending.as_mut().filter(is_due) else { return (None, closed) };
+        pending.warned = true;
         let warning = format!(
             "no frame has come on {} for {} s; the node still answers the frames of {}",
             pending.input.address.topic,

@@ -1,4 +1,4 @@
-//! The warnings of a live node: messages that cannot be read, and images that do not come.
+//! The warning of a live node whose images do not come.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -119,45 +119,6 @@ fn warning_of(topic: &str, publishers: &[String], images: &BTreeSet<String>, sec
     format!("no image has come on {topic} for {seconds} s: {cause}; {others}{remedy}")
 }
 
-/// Shortest time between two warnings about one topic.
-const WARNING_PERIOD_NS: u64 = 1_000_000_000;
-
-/// Warns of skipped messages at most once a second for each topic, with the number of those that were not reported. A
-/// publisher whose images cannot be read would otherwise fill the log at its rate.
-#[derive(Default)]
-pub(super) struct SkipWarnings {
-    /// By topic: ticks of the last warning, and the number of skipped messages since then.
-    topics: BTreeMap<String, (u64, u64)>,
-}
-
-impl SkipWarnings {
-    /// Notes that a message of `topic` was skipped at the ticks `now`; returns the text of a warning if one is due.
-    pub fn note(&mut self, topic: &str, why: &str, now: u64) -> Option<String> {
-        let Some((last, unreported)) = self.topics.get_mut(topic) else {
-            self.topics.insert(topic.to_owned(), (now, 0));
-            return Some(format!("skipped: {why}"));
-        };
-        *unreported += 1;
-        if now.saturating_sub(*last) < WARNING_PERIOD_NS {
-            return None;
-        }
-        *last = now;
-        Some(match std::mem::take(unreported) {
-            1 => format!("skipped: {why}"),
-            count => format!("skipped: {why} (one of {count} since the last warning)"),
-        })
-    }
-
-    /// Returns each topic with skipped messages that no warning has counted, with the text of the last warning.
-    pub fn rest(&mut self) -> Vec<(String, String)> {
-        let topics = std::mem::take(&mut self.topics).into_iter();
-        let unreported = topics.filter(|(_, (_, unreported))| *unreported > 0);
-        unreported
-            .map(|(topic, (_, n))| (topic, format!("skipped: {n} more since the last warning")))
-            .collect()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use modulo_runtime::{Address, NodeName, Topic};
@@ -249,21 +210,5 @@ mod tests {
             "a node that is not ready publishes it, so that the cause is unknown"
         );
         drop((guards, driver));
-    }
-
-    #[test]
-    fn skipped_messages_are_told_once_a_second_and_none_is_left_out_of_the_count() {
-        const MS: u64 = 1_000_000;
-        let mut warnings = SkipWarnings::default();
-        assert_eq!(warnings.note("/a", "cut", 0).as_deref(), Some("skipped: cut"));
-        assert_eq!(warnings.note("/b", "cut", 10 * MS).as_deref(), Some("skipped: cut"), "another topic");
-        assert_eq!(warnings.note("/a", "odd", 500 * MS), None);
-        assert_eq!(warnings.note("/a", "odd", 999 * MS), None);
-        let text = warnings.note("/a", "cut", 1000 * MS);
-        assert_eq!(text.as_deref(), Some("skipped: cut (one of 3 since the last warning)"));
-        assert_eq!(warnings.note("/a", "odd", 9000 * MS).as_deref(), Some("skipped: odd"));
-        assert_eq!(warnings.note("/a", "odd", 9001 * MS), None);
-        assert_eq!(warnings.rest(), [("/a".to_owned(), "skipped: 1 more since the last warning".to_owned())]);
-        assert_eq!(warnings.rest(), []);
     }
 }

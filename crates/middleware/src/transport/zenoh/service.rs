@@ -10,7 +10,7 @@ use modulo_msgs::std_srvs::{SetBoolRequest, SetBoolResponse};
 use modulo_runtime::name::did_you_mean;
 use modulo_runtime::wire::attachment::Attachment;
 use modulo_runtime::wire::keys::{self, Endpoint, EntityKind};
-use modulo_runtime::{Clock, NodeName};
+use modulo_runtime::{Clock, NodeName, RareWarnings};
 use zenoh::Wait;
 use zenoh::qos::Priority;
 use zenoh::query::{ConsolidationMode, Query, QueryTarget};
@@ -118,14 +118,20 @@ impl ZenohTransport {
         thread::Builder::new()
             .name("services".into())
             .spawn(move || {
+                let mut refusals = RareWarnings::default();
                 while let Some(arrived) = calls.take(None) {
                     let (service, query) = arrived.item;
                     let handler = &handlers[service];
                     // The caller gets the error, too: without any reply it would wait for its timeout.
                     if let Err(why) = reply(handler, &query, &*clock) {
-                        tracing::warn!("service {}: {why}", handler.name);
+                        if let Some(warning) = refusals.note(handler.name, &why, clock.ticks_ns()) {
+                            tracing::warn!("service {}: {warning}", handler.name);
+                        }
                         refuse(&query, &why);
                     }
+                }
+                for (name, warning) in refusals.rest() {
+                    tracing::warn!("service {name}: {warning}");
                 }
             })
             .map_err(|why| TransportError::new("thread of the services", why))?;
