@@ -112,6 +112,11 @@ pub fn is_hidden_node(name: &str) -> bool {
     name.rsplit('/').next().is_some_and(|name| name.starts_with('_'))
 }
 
+/// Returns whether `name` is an absolute ROS name, such as `/camera/image_raw`.
+pub(crate) fn is_absolute(name: &str) -> bool {
+    name.strip_prefix('/').is_some_and(|rest| rest.split('/').all(|token| check_token(token, name).is_ok()))
+}
+
 fn check_token(token: &str, name: &str) -> Result<(), NameError> {
     let why = if token.is_empty() {
         "a part of it is empty"

@@ -5,10 +5,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
 use modulo_msgs::ros_name;
-use modulo_runtime::MessageKind;
 use modulo_runtime::name::is_hidden;
 use modulo_runtime::topic::{Durability, Profile, Reliability};
 use modulo_runtime::wire::keys::{Endpoint, EntityKind, NO_HASH, Token};
+use modulo_runtime::{MessageKind, warn_once};
 use xxhash_rust::xxh3::xxh3_128;
 
 /// Returns the global id of the endpoint with this token: XXH3-128 of its key, low half first.
@@ -18,6 +18,9 @@ pub fn gid(key: &str) -> [u8; 16] {
 
 /// Most publishers of buffers, and most readers apart of one of them, that are remembered.
 const REMEMBERED: usize = 256;
+
+/// Most entities that are kept: a peer may declare tokens without end.
+const ENTITIES: usize = 8192;
 
 /// Every entity that is alive now.
 #[derive(Clone, Debug, Default)]
@@ -29,9 +32,15 @@ pub struct Graph {
 }
 
 impl Graph {
-    /// Adds the token of `key`. A key that is not a token is ignored.
+    /// Adds the token of `key`. A key that is not a token is ignored, and one for which there is no room.
     pub fn appear(&mut self, key: &str) {
         let Some(token) = Token::parse(key) else { return };
+        if self.tokens.len() >= ENTITIES && !self.tokens.contains_key(key) {
+            warn_once(format!(
+                "the domain has more than {ENTITIES} nodes, topics and services of nodes; the others are not seen here"
+            ));
+            return;
+        }
         if let Some(Endpoint { topic, .. }) = token.endpoint.as_ref().filter(|_| !token.backends.is_empty()) {
             self.meet(key, &token, topic);
         }
@@ -173,6 +182,9 @@ pub struct Twins {
     pub topics: Vec<String>,
 }
 
+/// Most nodes that a warning names.
+const SHOWN: usize = 8;
+
 impl fmt::Display for Twins {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { nodes, topics } = self;
@@ -189,7 +201,11 @@ impl fmt::Display for Twins {
         let shown: Vec<&str> = topics.iter().filter(|topic| !variant(topic)).map(String::as_str).collect();
         if !shown.is_empty() {
             let (shown, have) = (shown.join(", "), if shown.len() > 1 { "have" } else { "has" });
-            let nodes = nodes.join(", ");
+            let left_out = count.saturating_sub(SHOWN);
+            let mut nodes = nodes[..count - left_out].join(", ");
+            if left_out > 0 {
+                nodes += &format!(" and {left_out} more");
+            }
             write!(
                 f,
                 "{shown} {have} {count} publishers ({nodes}), which mix in each reader, its counts and its boxes; "
@@ -274,6 +290,29 @@ mod tests {
         graph.disappear(publisher);
         assert_eq!(graph.endpoints(EntityKind::Publisher, "/recovered").count(), 0);
         assert_eq!(graph.tokens().count(), 1);
+    }
+
+    /// A peer that declared 10,000 tokens kept each node busy, and one warning had 116 names.
+    #[test]
+    fn entities_without_end_are_neither_kept_nor_printed() {
+        let mut graph = Graph::default();
+        let key = |number: usize| format!("@ros2_lv/0/a/0/{number}/NN/%/%/n{number}");
+        (0..ENTITIES + 9).for_each(|number| graph.appear(&key(number)));
+        assert_eq!((graph.tokens.len(), graph.has_node("/n8192")), (ENTITIES, false));
+        graph.disappear(&key(0));
+        graph.appear(&key(ENTITIES));
+        assert_eq!((graph.tokens.len(), graph.has_node("/n8192")), (ENTITIES, true));
+
+        let twins = |count| {
+            let nodes = (0..count).map(|number| format!("/n{number}")).collect();
+            Twins { nodes, topics: vec!["/modulo".to_owned()] }.to_string()
+        };
+        assert!(
+            twins(8).contains("has 8 publishers (/n0, ") && twins(8).contains(", /n7), "),
+            "{}",
+            twins(8)
+        );
+        assert!(twins(999).contains(", /n7 and 991 more), ") && twins(999).len() < 300, "{}", twins(999));
     }
 
     fn token(kind: EntityKind, node: &str, dds_type: &str, type_hash: &str, qos: Qos) -> Token {

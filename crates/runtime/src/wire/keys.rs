@@ -5,6 +5,7 @@
 use modulo_msgs::dds_name;
 
 use crate::message::MessageKind;
+use crate::name::is_absolute;
 use crate::topic::Qos;
 
 /// The kinds of entities in the graph.
@@ -92,25 +93,37 @@ impl Token {
         key
     }
 
-    /// Reads the key of a token; `None` when it is not one.
+    /// Reads the key of a token; `None` when it is not one, or one with names that ROS does not allow: they come into logs and lists.
     pub fn parse(key: &str) -> Option<Self> {
         let parts: Vec<&str> = key.split('/').collect();
         // The enclave between kind and namespace is ignored: the suite has no secure communication.
+        if parts.len() > MOST_PARTS || parts.iter().any(|part| part.len() > LONGEST_PART) {
+            return None;
+        }
         let (&["@ros2_lv", domain, session, node_id, entity_id, kind, _enclave, namespace, node], rest) =
             parts.split_first_chunk::<9>()?
         else {
             return None;
         };
         let (kind, _) = EntityKind::ALL.into_iter().find(|(_, code)| *code == kind)?;
+        let (namespace, node) = (demangle(namespace), demangle(node));
+        if !(namespace == "/" || is_absolute(&namespace))
+            || !is_absolute(&format!("/{node}"))
+            || !is_word(session)
+        {
+            return None;
+        }
         let endpoint = match (kind, rest) {
             // Tokens of nodes end with the name of the node.
             (EntityKind::Node, _) => None,
-            (_, [topic, dds_type, type_hash, qos, ..]) => Some(Endpoint {
-                topic: demangle(topic),
-                dds_type: demangle(dds_type),
-                type_hash: (*type_hash).to_owned(),
-                qos: (*qos).to_owned(),
-            }),
+            (_, [topic, dds_type, type_hash, qos, ..]) => {
+                let topic = demangle(topic);
+                if !is_absolute(&topic) || !is_word(dds_type) || !is_word(type_hash) {
+                    return None;
+                }
+                let [dds_type, type_hash, qos] = [dds_type, type_hash, qos].map(|part| (*part).to_owned());
+                Some(Endpoint { topic, dds_type, type_hash, qos })
+            }
             _ => return None,
         };
         Some(Self {
@@ -119,8 +132,8 @@ impl Token {
             node_id: node_id.parse().ok()?,
             entity_id: entity_id.parse().ok()?,
             kind,
-            namespace: demangle(namespace),
-            node: demangle(node),
+            namespace,
+            node,
             backends: endpoint.as_ref().and(rest.get(4)).map_or("", |part| part).to_owned(),
             endpoint,
         })
@@ -136,6 +149,15 @@ impl Token {
     pub fn node_name(&self) -> String {
         format!("{}/{}", self.namespace.trim_end_matches('/'), self.node)
     }
+}
+
+/// Most parts of a token, and the longest one: a peer may declare any key. A token of ROS 2 Lyrical has 14 parts.
+const MOST_PARTS: usize = 20;
+const LONGEST_PART: usize = 255;
+
+/// Returns whether `text` may be a type, a hash or the id of a session.
+fn is_word(text: &str) -> bool {
+    !text.is_empty() && text.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == ':')
 }
 
 fn mangle(name: &str) -> String {
@@ -305,13 +327,38 @@ mod tests {
         assert_eq!(Token::parse(sensor.rsplit_once('/').expect("has parts").0), None);
     }
 
+    /// Such names came into the graph, into lists of nodes, and with a line break into the log.
+    #[test]
+    fn impossible_names_are_no_token() {
+        let [_, sensor, _] = golden_tokens();
+        for (part, other) in [
+            ("/golden/", "/../"),
+            ("/golden/", "/%golden/"),
+            ("/golden/", "/1st/"),
+            ("/golden/", "/gol\nden/"),
+            ("/%odmi/", "/odmi/"),
+            ("/%odmi/", "/%odmi%/"),
+            ("/%odmi/", "/%%%%%%16/"),
+            ("/%odmi%image_sensor/", "/odmi%image_sensor/"),
+            ("/%odmi%image_sensor/", "/%<script>/"),
+            ("::dds_::", "::dds_%"),
+            ("/RIHS01_", "/RIHS01_\u{1b}"),
+            ("/golden/", &format!("/{}/", "g".repeat(256))),
+            (SESSION, "se ssion"),
+        ] {
+            assert!(sensor.contains(part), "{part}");
+            assert_eq!(Token::parse(&sensor.replace(part, other)), None, "{other}");
+        }
+        assert_eq!(Token::parse(&(sensor + &"/later".repeat(10))), None);
+    }
+
     proptest! {
         /// A node needs its name, anything else four more parts. What is read is written in the same way.
         #[test]
         fn a_key_with_all_of_its_parts_is_a_token(
             (domain, node, entity) in (0..233_u32, any::<u64>(), any::<u64>()),
             kind in "NN|MP|MS|SS|SC|XX",
-            rest in "/[a-z%]{0,5}/[a-z]{0,4}(/[A-Za-z0-9%:,]{0,6}){0,6}",
+            rest in "/(%|(%[a-z_]{1,5}){1,2})/[a-z]{1,4}(|/(%[a-z]{1,4}){1,3}(/[A-Za-z0-9:]{1,6}){2}(/[A-Za-z0-9%:,]{0,6}){0,4})",
         ) {
             let token = Token::parse(&format!("@ros2_lv/{domain}/1f/{node}/{entity}/{kind}/%{rest}"));
             let more = rest.matches('/').count() - 2;
