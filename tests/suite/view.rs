@@ -50,6 +50,21 @@ pub fn parts(address: &str) -> (&str, &str) {
     (host.trim_start_matches("http://"), token)
 }
 
+/// Eight pages of suspended browsers kept all seats for ever.
+#[test]
+fn pages_that_stand_still_make_room_for_others() {
+    let bench = Bench::new();
+    let (_viewer, address) = viewer(&bench);
+    let (host, token) = parts(&address);
+    let connect = || tungstenite::connect(format!("ws://{host}/socket?token={token}"));
+    // They are never read, and so answer no question.
+    let still: Vec<_> = (0..8).map(|_| connect().expect("a seat")).collect();
+    let refused = connect().expect_err("no seat is free").to_string();
+    assert_has(&refused, &["503"]);
+    wait_until("a seat is free", || connect().is_ok());
+    drop(still);
+}
+
 struct Page(WebSocket<MaybeTlsStream<TcpStream>>);
 
 impl Page {

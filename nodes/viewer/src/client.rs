@@ -12,12 +12,16 @@ use modulo_msgs::rosbag2_interfaces as player;
 use serde::Serialize;
 use tokio::sync::mpsc;
 use tokio::task::spawn_blocking;
+use tokio::time::{MissedTickBehavior, interval, timeout};
 
 use crate::Viewer;
 use crate::feed::PLAYER;
 use crate::protocol::{Event, GraphView, PageRequest, ParameterView, PlayerCall};
 use crate::watch::{Audience, LOOK, Watch};
 
+/// Time between two questions whether the browser is still there, which it answers by itself. One that leaves two of them unanswered
+/// makes room for another one; its page connects again when it goes on.
+const QUESTION: Duration = Duration::from_secs(15);
 /// Requests of a browser that wait for the services of nodes.
 const REQUESTS: usize = 32;
 /// Time limit for an answer of the player of a bag.
@@ -30,15 +34,28 @@ pub(crate) async fn serve(viewer: Arc<Viewer>, mut socket: WebSocket) {
     let caller = client.clone();
     // Nodes answer between two frames: one thread waits for them, so that images go on meanwhile.
     spawn_blocking(move || caller.carry_out(waiting, &answers));
-    let mut look = tokio::time::interval(LOOK);
+    let (mut look, mut question) = (interval(LOOK), interval(QUESTION));
+    // After a pause of the viewer itself, the browser has the whole time again.
+    question.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut unanswered = 0;
     let (mut feed, mut graph) = (client.watch.feed(), GraphView::default());
     loop {
         let sent = tokio::select! {
-            frame = socket.recv() => match frame {
-                Some(Ok(Frame::Text(text))) => client.take(&text, &requests, &mut socket).await,
-                Some(Ok(Frame::Close(_)) | Err(_)) | None => return,
-                Some(Ok(_)) => Ok(()),
-            },
+            frame = socket.recv() => {
+                unanswered = 0;
+                match frame {
+                    Some(Ok(Frame::Text(text))) => client.take(&text, &requests, &mut socket).await,
+                    Some(Ok(Frame::Close(_)) | Err(_)) | None => return,
+                    Some(Ok(_)) => Ok(()),
+                }
+            }
+            _ = question.tick() => {
+                if unanswered == 2 {
+                    return;
+                }
+                unanswered += 1;
+                put(&mut socket, Frame::Ping(Bytes::new())).await
+            }
             Some(event) = answered.recv() => send(&mut socket, &event).await,
             () = client.watch.news.notified() => send_all(&mut socket, client.watch.notices()).await,
             _ = look.tick() => {
@@ -56,7 +73,13 @@ pub(crate) async fn serve(viewer: Arc<Viewer>, mut socket: WebSocket) {
 
 async fn send(socket: &mut WebSocket, event: &Event) -> Result<(), axum::Error> {
     let text = serde_json::to_string(event).expect("strings and numbers are JSON");
-    socket.send(Frame::Text(text.into())).await
+    put(socket, Frame::Text(text.into())).await
+}
+
+/// Sends `frame`. It is an error when the browser does not take it for as long as it may stand still.
+async fn put(socket: &mut WebSocket, frame: Frame) -> Result<(), axum::Error> {
+    let sent = timeout(2 * QUESTION, socket.send(frame)).await;
+    sent.unwrap_or_else(|late| Err(axum::Error::new(late)))
 }
 
 async fn send_all(
@@ -115,7 +138,7 @@ impl Client {
                 self.watch.inbox().streams.sent(&image.header.topic, image.image, image.scale);
             }
             if !is_empty {
-                socket.send(Frame::Binary(Bytes::from(message))).await?;
+                put(socket, Frame::Binary(Bytes::from(message))).await?;
             }
             send_all(socket, moment.errors.into_iter().map(Event::Error)).await?;
         }
