@@ -41,14 +41,11 @@ pub(crate) async fn serve(viewer: Arc<Viewer>, mut socket: WebSocket) {
     let (mut feed, mut graph) = (client.watch.feed(), GraphView::default());
     loop {
         let sent = tokio::select! {
-            frame = socket.recv() => {
-                unanswered = 0;
-                match frame {
-                    Some(Ok(Frame::Text(text))) => client.take(&text, &requests, &mut socket).await,
-                    Some(Ok(Frame::Close(_)) | Err(_)) | None => return,
-                    Some(Ok(_)) => Ok(()),
-                }
-            }
+            frame = socket.recv() => match frame.inspect(|_| unanswered = 0) {
+                Some(Ok(Frame::Text(text))) => client.take(&text, &requests, &mut socket).await,
+                Some(Ok(Frame::Close(_)) | Err(_)) | None => return,
+                Some(Ok(_)) => Ok(()),
+            },
             _ = question.tick() => {
                 if unanswered == 2 {
                     return;

@@ -50,6 +50,16 @@ pub struct Endpoint {
     pub qos: String,
 }
 
+impl Endpoint {
+    /// Reads the parts of a token; `None` when one of them is not possible.
+    fn read(topic: &str, [dds_type, type_hash, qos]: [&str; 3]) -> Option<Self> {
+        let topic = demangle(topic);
+        let is_possible = is_absolute(&topic) && is_word(dds_type) && is_word(type_hash);
+        let [dds_type, type_hash, qos] = [dds_type, type_hash, qos].map(str::to_owned);
+        is_possible.then_some(Self { topic, dds_type, type_hash, qos })
+    }
+}
+
 /// A liveliness token: one entity of the ROS graph.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Token {
@@ -117,12 +127,7 @@ impl Token {
             // Tokens of nodes end with the name of the node.
             (EntityKind::Node, _) => None,
             (_, [topic, dds_type, type_hash, qos, ..]) => {
-                let topic = demangle(topic);
-                if !is_absolute(&topic) || !is_word(dds_type) || !is_word(type_hash) {
-                    return None;
-                }
-                let [dds_type, type_hash, qos] = [dds_type, type_hash, qos].map(|part| (*part).to_owned());
-                Some(Endpoint { topic, dds_type, type_hash, qos })
+                Some(Endpoint::read(topic, [dds_type, type_hash, qos])?)
             }
             _ => return None,
         };

@@ -117,23 +117,7 @@ impl ZenohTransport {
         let (clock, calls) = (self.clock.clone(), queue.clone());
         thread::Builder::new()
             .name("services".into())
-            .spawn(move || {
-                let mut refusals = RareWarnings::default();
-                while let Some(arrived) = calls.take(None) {
-                    let (service, query) = arrived.item;
-                    let handler = &handlers[service];
-                    // The caller gets the error, too: without any reply it would wait for its timeout.
-                    if let Err(why) = reply(handler, &query, &*clock) {
-                        if let Some(warning) = refusals.note(handler.name, &why, clock.ticks_ns()) {
-                            tracing::warn!("service {}: {warning}", handler.name);
-                        }
-                        refuse(&query, &why);
-                    }
-                }
-                for (name, warning) in refusals.rest() {
-                    tracing::warn!("service {name}: {warning}");
-                }
-            })
+            .spawn(move || answer_all(&calls, &handlers, &*clock))
             .map_err(|why| TransportError::new("thread of the services", why))?;
         Ok(Box::new((guards, OnDrop(move || queue.end()))))
     }
@@ -148,6 +132,25 @@ impl ZenohTransport {
             type_hash: self.hash(type_hash),
             qos: keys::SERVICE_QOS.to_owned(),
         })
+    }
+}
+
+/// Answers `calls` until they end.
+fn answer_all(calls: &Queue<(usize, Query)>, handlers: &[RawService], clock: &dyn Clock) {
+    let mut refusals = RareWarnings::default();
+    while let Some(arrived) = calls.take(None) {
+        let (service, query) = arrived.item;
+        let handler = &handlers[service];
+        // The caller gets the error, too: without any reply it would wait for its timeout.
+        if let Err(why) = reply(handler, &query, clock) {
+            if let Some(warning) = refusals.note(handler.name, &why, clock.ticks_ns()) {
+                tracing::warn!("service {}: {warning}", handler.name);
+            }
+            refuse(&query, &why);
+        }
+    }
+    for (name, warning) in refusals.rest() {
+        tracing::warn!("service {name}: {warning}");
     }
 }
 
