@@ -130,26 +130,26 @@ fn launch_file(args: &Eval, file: &Path, out: &Path) -> Result<Ended, Failure> {
     finish(out, (evaluation, recordings, summary), ended)
 }
 
-/// Prints the results before it writes them, so that a full disk does not take them. `ended` is how the run ended.
+/// Writes the results, and prints them all the same where that fails. `ended` is how the run ended.
 fn finish(
     out: &Path,
     (evaluation, recordings, summary): (Evaluation, Recordings, Summary),
     ended: Result<(), Failure>,
 ) -> Result<Ended, Failure> {
-    say_summary(&summary);
-    let results = evaluation.results();
-    results.iter().for_each(|(stream, result)| print_result(stream, result, &evaluation));
-    evaluation.verdicts(&results).iter().for_each(|verdict| say!("{verdict}"));
-    let pictured = recordings.pictured();
-    if summary.stopped {
-        let frames = evaluation.frames();
-        note!("[eval] stopped by a signal: the results are those of the {frames} frames before it");
-    }
+    let (results, pictured) = (evaluation.results(), recordings.pictured());
+    // The files do not wait for a terminal.
     let files = [
         recordings.finish().err().map(|why| anyhow!(why)),
         evaluation.write(out, (&results, pictured), summary.stopped).err().map(anyhow::Error::from),
         summary.write(&out.join(SUMMARY)).err().map(anyhow::Error::from),
     ];
+    say_summary(&summary);
+    results.iter().for_each(|(stream, result)| print_result(stream, result, &evaluation));
+    evaluation.verdicts(&results).iter().for_each(|verdict| say!("{verdict}"));
+    if summary.stopped {
+        let frames = evaluation.frames();
+        note!("[eval] stopped by a signal: the results are those of the {frames} frames before it");
+    }
     let ended = ended.err().map(|(Failure::Usage(why) | Failure::Run(why))| why);
     let failures: Vec<_> = ended.into_iter().chain(files.into_iter().flatten()).collect();
     if !failures.is_empty() {

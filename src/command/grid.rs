@@ -104,11 +104,13 @@ pub fn grid(args: &Grid, source: &[String], out: &Path) -> Result<Ended, Failure
         results => results.map_err(failure)?,
     };
     progress.bar.finish_and_clear();
+    let page = draw_pictures(&request, &detector, &timer, &results).and_then(|pictures| {
+        pictures.iter().try_for_each(|chart| page::save_pictures(out, chart))?;
+        page::write(out, &results)
+    });
     results.cells.iter().for_each(print_cell);
     tell_unscored(&results);
-    let pictures = draw_pictures(&request, &detector, &timer, &results).map_err(failure)?;
-    pictures.iter().try_for_each(|chart| page::save_pictures(out, chart)).map_err(failure)?;
-    say!("{}", page::write(out, &results).map_err(failure)?.display());
+    say!("{}", page.map_err(failure)?.display());
     Ok(Ended::of(results.lost()))
 }
 

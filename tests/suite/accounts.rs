@@ -250,12 +250,15 @@ fn images_of_sick_publishers_are_answered_or_counted() {
 fn a_closed_pipe_costs_neither_the_exit_code_nor_the_summary() {
     let bench = Bench::new();
     bench.images(2);
-    let words = bench.words(&format!("{RECOVERED} --compose"));
-    let words = borrowed(&words);
-    let mut child = bench.modulo(&words).stdout(Stdio::piped()).spawn().expect("it starts");
-    drop(child.stdout.take());
-    assert_eq!(child.wait().expect("it ends").code(), Some(0));
-    assert_eq!(bench.json("summary.json")["frames"], 2);
+    for way in ["", " --compose"] {
+        let words = bench.words(&format!("{RECOVERED}{way}"));
+        let mut child = bench.modulo(&borrowed(&words));
+        let mut child = child.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it starts");
+        drop((child.stdout.take(), child.stderr.take()));
+        assert_eq!(child.wait().expect("it ends").code(), Some(0), "{way}");
+        assert_eq!(bench.json("summary.json")["frames"], 2, "{way}");
+        std::fs::remove_file(bench.path("summary.json")).expect("there");
+    }
 }
 
 /// A detector and what it publishes, in a suite whose camera shows one image again and again at rate 0.

@@ -1,14 +1,16 @@
 //! Inputs of public bug reports, with the result that their users expect: a test for each folder of `cases` in the test data.
 
 use std::collections::BTreeMap;
-use std::io::{Read as _, Write as _};
-use std::net::{TcpListener, TcpStream};
+use std::io::Write as _;
+use std::net::TcpListener;
 use std::path::PathBuf;
 use std::process::Stdio;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 use crate::harness::{Bench, assert_has, borrowed, data, signal, text};
+use crate::outputs::files;
+use crate::view::{parts, request, viewer};
 
 /// A case: its folder, and a bench to run commands on it.
 struct Case {
@@ -166,24 +168,23 @@ cases! {
         case.run(&format!("eval --yolo @/data {model} -o %/eval"), 0, &["100.0"]);
     };
     output_over_input: |case| {
-        let copy = |name: &str| {
-            let folder = case.bench.path(name);
-            std::fs::create_dir_all(&folder).expect("writable");
-            for file in std::fs::read_dir(case.folder.join("pictures")).expect("a folder") {
-                let file = file.expect("an entry").path();
-                std::fs::copy(&file, folder.join(file.file_name().expect("a name"))).expect("copied");
+        let [pictures, folder, video] = ["pictures", "folder/modulo", "drive.mp4"].map(|name| case.bench.path(name));
+        for copy in [&pictures, &folder] {
+            std::fs::create_dir_all(copy).expect("writable");
+            for picture in std::fs::read_dir(case.folder.join("pictures")).expect("a folder").flatten() {
+                std::fs::copy(picture.path(), copy.join(picture.file_name())).expect("copied");
             }
-            pictures(&folder)
-        };
-        let before = [copy("detect"), copy("eval/modulo")];
-        std::fs::copy(case.folder.join("drive.mp4"), case.bench.path("drive.mp4")).expect("copied");
-        case.run("detect %/detect -o %/detect", 2, &[]);
-        case.run("eval raw source:=%/eval/modulo -o %/eval --images", 2, &[]);
-        case.run("eval raw source:=%/drive.mp4 --video %/drive.mp4 -o %/video", 2, &["drive.mp4"]);
-        let after = ["detect", "eval/modulo"].map(|name| pictures(&case.bench.path(name)));
-        assert!(before == after, "no picture has changed");
-        let length = |path: &std::path::Path| path.metadata().expect("the video is there").len();
-        assert_eq!(length(&case.bench.path("drive.mp4")), length(&case.folder.join("drive.mp4")));
+        }
+        std::fs::copy(case.folder.join("drive.mp4"), &video).expect("copied");
+        let before = files(case.bench.folder.path());
+        for line in [
+            "detect %/pictures -o %/pictures",
+            "eval raw source:=%/folder/modulo -o %/folder --images",
+            "eval raw source:=%/drive.mp4 --video %/drive.mp4 -o %/out",
+        ] {
+            case.run(line, 2, &["choose another path"]);
+            assert!(files(case.bench.folder.path()) == before, "{line} has written something");
+        }
     };
     replay_missing_bag: |case| {
         for (bag, reason) in [("/not/there", "/not/there"), ("@/other.mcap", "/modulo")] {
@@ -237,24 +238,11 @@ cases! {
         assert!(frames >= 59, "{frames} frames: {message}");
     };
     viewer_reverse_proxy: |case| {
-        let (_viewer, address) = crate::view::viewer(&case.bench);
-        let (host, token) = crate::view::parts(&address);
-        let headers = [
-            format!("GET /socket?token={token} HTTP/1.1"),
-            format!("Host: {host}"),
-            "Origin: https://robot.example.com".into(),
-            "Connection: Upgrade".into(),
-            "Upgrade: websocket".into(),
-            "Sec-WebSocket-Version: 13".into(),
-            "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==".into(),
-        ];
-        let mut stream = TcpStream::connect(host).expect("a connection");
-        write!(stream, "{}\r\n\r\n", headers.join("\r\n")).expect("sent");
-        let mut answer = [0; 4096];
-        let length = stream.read(&mut answer).expect("an answer");
-        let refused = String::from_utf8_lossy(&answer[..length]);
-        assert_has(&refused, &["proxy_set_header Host $http_host"]);
-        assert!(!refused.contains("The token is missing or wrong"), "{refused}");
+        let (_viewer, address) = viewer(&case.bench);
+        let (host, token) = parts(&address);
+        let upgrade = "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==";
+        let head = format!("GET /socket?token={token} HTTP/1.1\r\n{upgrade}\r\nOrigin: https://robot.example.com");
+        assert_has(&request(host, &head), &["HTTP/1.1 403 ", "proxy_set_header Host $http_host;"]);
     };
     yolo_names_file: |case| {
         for folder in ["yml", "darknet"] {

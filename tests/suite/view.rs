@@ -194,7 +194,7 @@ fn a_page_shows_images_with_their_boxes_and_sets_parameters() {
 }
 
 /// The response to a request of HTTP that begins with `head`, as text.
-fn request(host: &str, head: &str) -> String {
+pub fn request(host: &str, head: &str) -> String {
     let mut stream = TcpStream::connect(host).expect("a connection");
     write!(stream, "{head}\r\nHost: {host}\r\nConnection: close\r\n\r\n").expect("sent");
     let mut response = String::new();

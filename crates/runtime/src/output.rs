@@ -256,7 +256,8 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let (file, link) = (folder.path().join("file"), folder.path().join("link"));
         replace(&file, b"old").expect("writable");
-        let failed = replace_with(&file, |new| new.write_all(b"half").and(Err(taken("no more room"))));
+        let full = || -> io::Result<()> { Err(taken("no more room")) };
+        let failed = replace_with(&file, |new| new.write_all(b"half").and_then(|()| full()));
         assert_eq!((failed.is_err(), fs::read(&file).expect("kept")), (true, b"old".into()));
         std::os::unix::fs::symlink(&file, &link).expect("writable");
         replace(&link, b"new").expect("writable");
