@@ -36,7 +36,7 @@ fn images_of_folder(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
     if !images.is_empty() {
         return Ok(images);
     }
-    match &folders_of_images(folder)[..] {
+    match &folders_of_images(folder).0[..] {
         [only] => images_in(only),
         several => Err(no_image(folder, "--yolo ", several)),
     }
@@ -64,7 +64,14 @@ fn images_of_description(path: &Path) -> Result<(Vec<PathBuf>, bool), SourceErro
         })?;
         if found.is_dir() {
             // The folder and all below it, as Ultralytics reads it.
-            for folder in [vec![found.clone()], folders_of_images(&found)].concat() {
+            let (below, is_all) = folders_of_images(&found);
+            if !is_all {
+                return Err(SourceError::of(
+                    &found,
+                    "has too many folders below it; give one with images itself",
+                ));
+            }
+            for folder in [vec![found], below].concat() {
                 images.extend(images_in(&folder)?);
             }
         } else {

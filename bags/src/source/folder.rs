@@ -104,14 +104,11 @@ pub(super) fn files_of(folder: &Path, extensions: &[&str]) -> Vec<PathBuf> {
 
 /// Returns the images of a folder, sorted by [`by_number`]; at least one. Those of a camera of KITTI raw or EuRoC lie in `data` below it.
 pub(super) fn list_images(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
-    let data = folder.join("data");
-    for place in [folder, &data].into_iter().filter(|place| *place == folder || place.is_dir()) {
-        let images = images_in(place)?;
-        if !images.is_empty() {
-            return Ok(images);
-        }
+    let (mut images, data) = (images_in(folder)?, folder.join("data"));
+    if images.is_empty() && data.is_dir() {
+        images = images_in(&data)?;
     }
-    Err(no_image(folder, "", &folders_of_images(folder)))
+    if images.is_empty() { Err(no_image(folder, "", &folders_of_images(folder).0)) } else { Ok(images) }
 }
 
 /// Returns the images that lie in `folder` itself, sorted by [`by_number`].
@@ -134,18 +131,18 @@ pub(super) fn images_in(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
 }
 
 /// The largest number of folders that are searched for images.
-const MOST_FOLDERS: usize = 1000;
-/// How far below a folder images are searched.
-const DEPTH: usize = 3;
+const MOST_FOLDERS: usize = 10_000;
+/// How far below a folder images are searched: links may lead back to it.
+const DEPTH: usize = 8;
 
-/// Returns the folders below `folder` that have images in them, sorted.
-pub(super) fn folders_of_images(folder: &Path) -> Vec<PathBuf> {
-    let (mut level, mut searched, mut found) = (vec![folder.to_owned()], 0, Vec::new());
+/// Returns the folders below `folder` that have images in them, sorted, and whether all of them were searched.
+pub(super) fn folders_of_images(folder: &Path) -> (Vec<PathBuf>, bool) {
+    let (mut level, mut left, mut found) = (vec![folder.to_owned()], MOST_FOLDERS, Vec::new());
     for _ in 0..DEPTH {
         let entries = level.iter().filter_map(|folder| std::fs::read_dir(folder).ok()).flatten().flatten();
         let folders = entries.map(|entry| entry.path()).filter(|path| path.is_dir() && !is_hidden(path));
-        level = folders.take(MOST_FOLDERS - searched).collect();
-        searched += level.len();
+        level = folders.take(left).collect();
+        left -= level.len();
         let has_images = |folder: &&PathBuf| {
             let mut entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
             entries.any(|entry| is_image(&entry.path()) && !is_hidden(&entry.path()))
@@ -153,7 +150,7 @@ pub(super) fn folders_of_images(folder: &Path) -> Vec<PathBuf> {
         found.extend(level.iter().filter(has_images).cloned());
     }
     found.sort();
-    found
+    (found, left > 0 && level.is_empty())
 }
 
 /// Returns the name of a file without its extension.
@@ -179,16 +176,16 @@ const NAMED: usize = 6;
 pub(super) fn no_image(folder: &Path, option: &str, inside: &[PathBuf]) -> SourceError {
     let needed = "no image in this folder";
     // People try a model on the images that it was not trained on.
-    let best = inside.iter().find(|path| path.iter().any(|part| part.to_string_lossy().starts_with("val")));
+    let is_for_validation =
+        |path: &&PathBuf| path.strip_prefix(folder).is_ok_and(|part| part.to_string_lossy().contains("val"));
+    let best = inside.iter().find(is_for_validation);
     let Some(best) = best.or(inside.first()) else {
         let needed = format!("{needed}, at least one png, jpg, jpeg, tif, tiff, exr or hdr is needed");
         return SourceError::of(folder, &needed);
     };
     let name = |path: &PathBuf| path.strip_prefix(folder).unwrap_or(path).display().to_string();
-    let names: Vec<String> = inside.iter().take(NAMED).map(name).collect();
-    let more =
-        if inside.len() > NAMED { format!(" and {} more", inside.len() - NAMED) } else { String::new() };
-    let names = names.join(", ");
+    let names = inside.iter().take(NAMED).map(name).collect::<Vec<_>>().join(", ");
+    let more = if inside.len() > NAMED { ", ..." } else { "" };
     let why = format!("{needed}, which has the subfolders {names}{more}: choose {option}{}", best.display());
     SourceError::of(folder, &why)
 }

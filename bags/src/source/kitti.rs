@@ -12,7 +12,8 @@ use modulo_core::BBox;
 
 use super::folder::{FolderSource, list_images, stem};
 use super::labels::{
-    ImageLabels, LabelSet, LabelledSource, Skipped, kept, rows, texts_without_image, without_image,
+    ImageLabels, LabelSet, LabelledSource, Skipped, kept, rows, text_beside, texts_without_image,
+    without_image,
 };
 use super::{GroundTruth, SourceError, SourceOptions};
 
@@ -75,12 +76,12 @@ impl LabelFiles {
         let without = match self {
             Self::Folders(folders) => {
                 for image in images {
-                    let name = format!("{}.txt", stem(image));
-                    let file = folders.iter().map(|folder| folder.join(&name)).find(|file| file.is_file());
+                    let name = image.file_name().unwrap_or_default();
+                    let file = folders.iter().find_map(|folder| text_beside(&folder.join(name)));
                     let read = file.map(|file| ImageLabels::read(&file, parse_label, &mut labels.unread));
                     labels.of_image.extend(read.map(|read| (image.clone(), read)));
                 }
-                let files = folders.iter().flat_map(|folder| texts_without_image(folder, images));
+                let files = texts_without_image(folders, images).into_iter();
                 without_image("label files", files.map(|file| file.display().to_string()))
             }
             Self::Drive(file) => {

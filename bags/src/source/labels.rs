@@ -155,12 +155,17 @@ pub(super) fn without_image<T: Into<String>>(
     names.into_iter().collect::<Skipped>().line(&format!("{what} have no image and are left out"))
 }
 
-/// Returns the text files in `folder` whose names are not those of `images`, sorted. A folder that does not exist has none.
-pub(super) fn texts_without_image(folder: &Path, images: &[PathBuf]) -> Vec<PathBuf> {
+/// Returns the text files in `folders` whose names are not those of `images`, sorted. A folder that does not exist has none.
+pub(super) fn texts_without_image(folders: &[PathBuf], images: &[PathBuf]) -> Vec<PathBuf> {
     let stems: BTreeSet<String> = images.iter().map(|image| stem(image)).collect();
-    let mut texts = files_of(folder, &["txt"]);
+    let mut texts: Vec<_> = folders.iter().flat_map(|folder| files_of(folder, &["txt"])).collect();
     texts.retain(|path| path.is_file() && !stems.contains(&stem(path)));
     texts
+}
+
+/// Returns the file of labels beside `path`, which has another extension; programs of Windows may write that of labels in capitals.
+pub(super) fn text_beside(path: &Path) -> Option<PathBuf> {
+    ["txt", "TXT"].map(|extension| path.with_extension(extension)).into_iter().find(|path| path.is_file())
 }
 
 /// Returns the box around corners, of which there is at least one.

@@ -14,7 +14,7 @@ use super::data_set::images_of;
 use super::folder::FolderSource;
 use super::kitti::{number, whole};
 use super::labels::{
-    ImageLabels, LabelSet, LabelledSource, around, read_text, texts_without_image, without_image,
+    ImageLabels, LabelSet, LabelledSource, around, read_text, text_beside, texts_without_image, without_image,
 };
 use super::{GroundTruth, SourceError, SourceOptions};
 
@@ -29,8 +29,8 @@ impl LabelledSource {
         let (images, is_whole) = images_of(path)?;
         let folders: BTreeSet<PathBuf> = images
             .iter()
-            .flat_map(|image| label_files(image))
-            .filter_map(|file| Some(file.parent()?.to_owned()))
+            .flat_map(|image| places(image))
+            .filter_map(|place| Some(place.parent()?.to_owned()))
             .collect();
         let folders: Vec<PathBuf> = folders.into_iter().filter(|folder| folder.is_dir()).collect();
         let image = images.first().map_or(path, PathBuf::as_path);
@@ -46,7 +46,7 @@ impl LabelledSource {
 fn labels(images: &[PathBuf], folders: &[PathBuf], classes: &YoloClasses, is_whole: bool) -> LabelSet {
     let mut labels = LabelSet::default();
     for image in images {
-        let Some(file) = label_files(image).into_iter().find(|path| path.is_file()) else { continue };
+        let Some(file) = places(image).iter().find_map(|place| text_beside(place)) else { continue };
         let label = |text: &str| {
             let (class, bbox) = parse(text, classes.key_points)?;
             Ok(GroundTruth { bbox, class: classes.name(class)?, truncated: -1.0, occluded: -1 })
@@ -55,7 +55,7 @@ fn labels(images: &[PathBuf], folders: &[PathBuf], classes: &YoloClasses, is_who
         labels.of_image.insert(image.clone(), ImageLabels { in_shares: true, ..read });
     }
     if is_whole {
-        let texts = folders.iter().flat_map(|folder| texts_without_image(folder, images));
+        let texts = texts_without_image(folders, images).into_iter();
         // Other texts, such as lists of names, may lie beside the labels.
         let is_label = |line: &str| line.trim().is_empty() || parse(line, classes.key_points).is_ok();
         let texts = texts.filter(|path| read_text(path).is_ok_and(|text| text.lines().all(is_label)));
@@ -64,7 +64,8 @@ fn labels(images: &[PathBuf], folders: &[PathBuf], classes: &YoloClasses, is_who
     labels
 }
 
-fn label_files(image: &Path) -> Vec<PathBuf> {
+/// Returns the places beside which the labels of `image` may lie.
+fn places(image: &Path) -> Vec<PathBuf> {
     let parts: Vec<_> = image.components().collect();
     // The last part of this name, as ultralytics replaces it: a folder above may be called `images`, too.
     let last = parts.iter().rposition(|part| part.as_os_str() == "images");
@@ -75,8 +76,7 @@ fn label_files(image: &Path) -> Vec<PathBuf> {
         };
         parts.iter().enumerate().map(swap).collect::<PathBuf>()
     });
-    let files = swapped.into_iter().chain([image.to_owned()]);
-    files.flat_map(|path| ["txt", "TXT"].map(|extension| path.with_extension(extension))).collect()
+    swapped.into_iter().chain([image.to_owned()]).collect()
 }
 
 /// Returns the number of the class and the box of a line, in shares of the image. `key_points` are the numbers that follow a box.
@@ -153,9 +153,10 @@ mod tests {
 
     #[test]
     fn labels_lie_where_ultralytics_looks() {
-        let files = label_files(Path::new("/data/images/val/1.jpg"));
-        let expected = ["labels/val/1.txt", "labels/val/1.TXT", "images/val/1.txt", "images/val/1.TXT"];
-        assert_eq!(files, expected.map(|file| Path::new("/data").join(file)));
-        assert_eq!(label_files(Path::new("a/1.png")), [Path::new("a/1.txt"), Path::new("a/1.TXT")]);
+        assert_eq!(
+            places(Path::new("/data/images/val/1.jpg")),
+            [Path::new("/data/labels/val/1.jpg"), Path::new("/data/images/val/1.jpg")]
+        );
+        assert_eq!(places(Path::new("a/1.png")), [Path::new("a/1.png")]);
     }
 }

@@ -207,6 +207,6 @@ fn the_images_of_a_camera_may_lie_in_data_below_it() {
     let named = opened("root").err().expect("a folder above").to_string();
     assert!(named.contains("training/image_2"), "{named}");
     let kitti = LabelledSource::kitti(&folder.path().join("root"), None, &SourceOptions::default());
-    let named = kitti.err().expect("a folder above").to_string();
+    let named = kitti.expect_err("a folder above").to_string();
     assert!(named.contains("as ") && named.ends_with("root/training has"), "{named}");
 }
