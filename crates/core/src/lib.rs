@@ -10,6 +10,7 @@
 pub mod auto_exposure;
 pub mod boxes;
 pub mod bracket;
+pub mod candidates;
 mod dct;
 pub mod deblur;
 pub mod display;

@@ -1,4 +1,4 @@
-//! Boxes of a folder of images as JSON, for comparison with other tools: `detect_images MODEL ENGINE FOLDER`.
+//! Boxes of a folder of images as JSON, for comparison with other tools: `detect_images MODEL ENGINE FOLDER [SCORE_THRESHOLD]`.
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -16,11 +16,12 @@ use serde_json::{Value, json};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<_> = std::env::args().skip(1).collect();
-    let [model, engine, folder] = &arguments[..] else {
-        return Err("detect_images MODEL ENGINE FOLDER".into());
+    let [model, engine, folder, threshold @ ..] = &arguments[..] else {
+        return Err("detect_images MODEL ENGINE FOLDER [SCORE_THRESHOLD]".into());
     };
-    let mut detector =
-        Detector::new(&DetectorParameters::from_text(&[("model", model), ("engine", engine)])?)?;
+    let mut parameters = vec![("model", model.as_str()), ("engine", engine)];
+    parameters.extend(threshold.iter().map(|threshold| ("score_threshold", threshold.as_str())));
+    let mut detector = Detector::new(&DetectorParameters::from_text(&parameters)?)?;
     let mut boxes = BTreeMap::new();
     let mut spent = BTreeMap::<_, Vec<u64>>::new();
     for entry in std::fs::read_dir(folder)? {

@@ -1,18 +1,11 @@
 //! The boxes in the output of a model, whatever its form, before the removal of overlapping ones.
 
 use modulo_core::BBox;
-use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
+use modulo_core::candidates::{Candidate, of_columns};
+use ndarray::{Array2, ArrayView1, ArrayView2};
 
 use crate::head::Head;
 use crate::names::MOST_CLASS;
-
-/// A box in pixels of the input, with its score and its best class.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Candidate {
-    pub bbox: BBox,
-    pub score: f32,
-    pub class: usize,
-}
 
 impl Head {
     /// Returns the boxes with an area whose best class has a score of at least `least`, in the order of the output.
@@ -20,7 +13,7 @@ impl Head {
         let rows = output.rows().into_iter();
         let mut found: Vec<_> = match self {
             Self::EndToEnd => rows.filter(|row| row[4] >= least).filter_map(finished).collect(),
-            Self::Columns { .. } => of_columns(output.view(), least),
+            Self::Columns { .. } => of_columns(output, least),
             Self::Rows { .. } => rows.filter(|row| row[4] >= least).map(of_row).collect(),
         };
         found.retain(|Candidate { bbox: BBox { x1, y1, x2, y2 }, score, .. }| {
@@ -58,28 +51,9 @@ fn of_row(row: ArrayView1<'_, f32>) -> Candidate {
     Candidate { bbox, score: row[4] * score, class }
 }
 
-/// The scores are read once and in the order of the memory: those of one class for all anchors, then those of the next one.
-fn of_columns(output: ArrayView2<'_, f32>, least: f32) -> Vec<Candidate> {
-    let (boxes, scores) = output.split_at(Axis(0), 4);
-    let mut best = vec![f32::NEG_INFINITY; output.ncols()];
-    let mut classes = vec![0_u32; output.ncols()];
-    for (class, scores) in (0..).zip(scores.rows()) {
-        for ((score, best), best_class) in scores.iter().zip(&mut best).zip(&mut classes) {
-            *best_class = if score > best { class } else { *best_class };
-            *best = if score > best { *score } else { *best };
-        }
-    }
-    let anchors = boxes.columns().into_iter().zip(best).zip(classes);
-    let candidate = |((anchor, score), class): ((ArrayView1<'_, f32>, f32), u32)| {
-        let bbox = BBox::from_centre((anchor[0], anchor[1]), (anchor[2], anchor[3]));
-        Candidate { bbox, score, class: class as usize }
-    };
-    anchors.filter(|((_, score), _)| *score >= least).map(candidate).collect()
-}
-
 #[cfg(test)]
 mod tests {
-    use ndarray::concatenate;
+    use ndarray::{Axis, concatenate};
     use proptest::prelude::*;
 
     use super::*;

@@ -1,8 +1,9 @@
 //! The detector node: the detection models that ultralytics exports, over ONNX Runtime or rten.
 //!
 //! One image in, one array of boxes out, with the header of that image. Data flows one way: `pre` (pixels to tensor) ->
-//! `engine` (tensor to output) -> `post` (output to detections, by `candidates` and `suppress`) -> `draw` (only while the annotated image has
-//! a reader). `head` has the forms that the output of a model may have.
+//! `engine` (tensor to output) -> `post` (output to detections) -> `draw` (only while the annotated image has
+//! a reader). `head` tells the form of an output, `candidates` reads it, and `plausible` looks at that of the
+//! first run.
 //!
 //! No transport, no thread of its own and no clock in it.
 
@@ -21,7 +22,6 @@ mod parameter;
 mod plausible;
 mod post;
 mod pre;
-mod suppress;
 mod trust;
 
 use modulo_runtime::ParameterError;

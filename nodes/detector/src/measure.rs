@@ -84,8 +84,8 @@ impl Speed {
     }
 }
 
-/// Times `runs` inferences of `model`, one in each `period`, on a grey image at each of `sizes` (height, width; multiples of 32). A model that
-/// fixes its size is timed at that size only.
+/// Times `runs` inferences of `model`, one in each `period`, on a grey image at each of `sizes` (height, width), enlarged to multiples of its
+/// stride. A model that fixes its size is timed at that size only.
 ///
 /// # Errors
 /// [`DetectorError::Engine`] when the model does not load or not run.
@@ -96,9 +96,11 @@ pub fn measure(
     (runs, period): (NonZeroUsize, Duration),
     clock: &dyn Clock,
 ) -> Result<Vec<Speed>, DetectorError> {
-    let OpenedEngine { mut engine, layout: ModelLayout { size: fixed, .. }, .. } = open(model, options)?;
-    let sizes = fixed.as_ref().map_or(sizes, std::slice::from_ref);
+    let OpenedEngine { mut engine, layout: ModelLayout { size: fixed, stride, .. }, .. } =
+        open(model, options)?;
+    let (sizes, stride) = fixed.as_ref().map_or((sizes, stride), |fixed| (std::slice::from_ref(fixed), 1));
     let speed = |&(height, width): &(usize, usize)| {
+        let [height, width] = [height, width].map(|side| side.next_multiple_of(stride));
         let durations_ns = durations(engine.as_mut(), (height, width), (runs, period), clock)?;
         Ok(Speed { height, width, durations_ns })
     };

@@ -8,6 +8,7 @@ use std::path::Path;
 
 use crate::engine::EngineError;
 use crate::head::FORMS;
+use crate::input_size::STRIDE;
 use crate::names::ClassNames;
 
 /// Value of the parameter `model` for the embedded model; a file of that name is `./demo`.
@@ -20,7 +21,7 @@ pub fn embedded(model: &Path) -> Option<&'static [u8]> {
 
 const INPUT: &str = "exactly one input [1, 3, H, W] of float32, H and W both fixed or both free";
 const NAMES: &str = "a text file with one name a line, or none";
-const TASK: &str = "a YOLO for the task detect";
+const TASK: &str = "a YOLO for detection (task detect), such as yolo11n.pt";
 
 /// The type of the elements of a tensor that is read: 32-bit float.
 pub const FLOAT32: &str = "float32";
@@ -60,7 +61,7 @@ pub struct Signature {
 pub struct Metadata(BTreeMap<&'static str, String>);
 
 impl Metadata {
-    const PROPERTIES: [&str; 5] = ["names", "task", "head", "end2end", "args"];
+    const PROPERTIES: [&str; 6] = ["names", "task", "head", "end2end", "args", "stride"];
 
     /// Reads the properties by `property`, which gives the value of a key.
     pub fn read(property: impl Fn(&str) -> Option<String>) -> Self {
@@ -85,6 +86,12 @@ impl Metadata {
         task.or_else(|| is_rt_detr.then(|| "an RT-DETR".to_owned()))
     }
 
+    /// Returns the stride, of which the sides of the input are multiples.
+    fn stride(&self) -> usize {
+        let told = self.get("stride").and_then(|stride| stride.parse().ok());
+        told.filter(|stride| [64, 128].contains(stride)).unwrap_or(STRIDE)
+    }
+
     /// Returns whether the model says that it removes overlapping boxes itself, if it says anything about that.
     fn is_end_to_end(&self) -> Option<bool> {
         let args = self.get("args").unwrap_or_default().to_lowercase().replace([' ', '\'', '"'], "");
@@ -104,6 +111,8 @@ pub struct ModelLayout {
     pub output: String,
     /// (height, width) of the input where the model fixes them.
     pub size: Option<(usize, usize)>,
+    /// The sides of the input are multiples of it.
+    pub stride: usize,
     pub names: ClassNames,
     /// Whether the model says that it removes overlapping boxes itself.
     pub end_to_end: Option<bool>,
@@ -127,6 +136,7 @@ impl ModelLayout {
             input: input.to_owned(),
             output: output.name.clone(),
             size,
+            stride: metadata.stride(),
             names: ClassNames::of(model, metadata.get("names"))
                 .map_err(|why| refuse(format!("file of class names {why}"), NAMES))?,
             end_to_end: metadata.is_end_to_end(),
@@ -163,4 +173,92 @@ fn list(ports: &[TensorSpec]) -> String {
         return "missing".to_owned();
     }
     ports.iter().map(TensorSpec::to_string).collect::<Vec<_>>().join(" and ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn port(name: &str, sides: &[usize]) -> TensorSpec {
+        // A free side is written as 0.
+        let shape = Some(sides.iter().map(|&side| Some(side).filter(|&side| side > 0)).collect());
+        TensorSpec { name: name.to_owned(), element: FLOAT32.to_owned(), shape }
+    }
+
+    fn judged(outputs: Vec<TensorSpec>, properties: &[(&str, &str)]) -> Result<ModelLayout, String> {
+        let property = |key: &str| {
+            properties.iter().find(|(known, _)| *known == key).map(|(_, value)| (*value).to_owned())
+        };
+        let inputs = vec![port("images", &[1, 3, 0, 0])];
+        let signature = Signature { inputs, outputs, metadata: Metadata::read(property) };
+        ModelLayout::of(Path::new("model.onnx"), &signature).map_err(|why| why.to_string())
+    }
+
+    #[test]
+    fn a_model_for_another_task_is_refused_by_name() {
+        for (properties, name) in [
+            (("task", "segment"), "segmentation"),
+            (("task", "pose"), "poses"),
+            (("task", "obb"), "OBB"),
+            (("task", "classify"), "classification"),
+            (("task", "depth"), "the task depth"),
+            (("head", "RTDETRDecoder"), "an RT-DETR"),
+        ] {
+            let why = judged(vec![port("output0", &[1, 84, 8400])], &[properties]).expect_err("no detector");
+            assert!(why.contains(name) && why.contains("task detect"), "{why}");
+        }
+        assert!(
+            judged(vec![port("output0", &[1, 84, 8400])], &[("task", "detect"), ("head", "Detect")]).is_ok()
+        );
+    }
+
+    #[test]
+    fn the_metadata_says_who_removes_overlapping_boxes() {
+        let args =
+            |nms: &str| format!("{{'data': None, 'agnostic_nms': True, 'nms': {nms}, 'dynamic': False}}");
+        for (properties, expected) in [
+            (vec![], None),
+            (vec![("end2end", "True".to_owned())], Some(true)),
+            (vec![("end2end", "false".to_owned()), ("args", args("None"))], Some(false)),
+            (vec![("end2end", "False".to_owned()), ("args", args("True"))], Some(true)),
+            (vec![("args", r#"{"nms": true}"#.to_owned())], Some(true)),
+            (vec![("args", args("False"))], None),
+            (vec![("end2end", "perhaps".to_owned())], None),
+        ] {
+            let properties: Vec<_> = properties.iter().map(|(key, value)| (*key, value.as_str())).collect();
+            let layout = judged(vec![port("output0", &[1, 300, 6])], &properties).expect("a detector");
+            assert_eq!(layout.end_to_end, expected, "{properties:?}");
+        }
+    }
+
+    #[test]
+    fn the_output_with_boxes_is_found() {
+        for (outputs, name) in [
+            (vec![port("boxes", &[0, 84, 0])], "boxes"),
+            (vec![port("boxes", &[1, 25_200, 85]), port("map", &[1, 3, 80, 80, 85])], "boxes"),
+            (vec![port("many", &[1, 84, 8400]), port("boxes", &[1, 300, 6])], "boxes"),
+            (vec![TensorSpec { shape: None, ..port("boxes", &[]) }], "boxes"),
+        ] {
+            assert_eq!(judged(outputs, &[]).expect("a detector").output, name);
+        }
+        for none in [
+            vec![],
+            vec![port("output0", &[1, 1000])],
+            vec![port("output0", &[4, 84, 8400])],
+            vec![TensorSpec { element: "int64".to_owned(), ..port("output0", &[1, 300, 6]) }],
+        ] {
+            let why = judged(none, &[]).expect_err("no boxes");
+            assert!(why.contains("output is") && why.contains("[1, 4 + C, N]"), "{why}");
+        }
+    }
+
+    #[test]
+    fn the_stride_is_that_of_the_metadata() {
+        for (told, stride) in [("32", 32), ("64", 64), ("16", 32), ("0", 32), ("99999999", 32), ("many", 32)]
+        {
+            let layout =
+                judged(vec![port("output0", &[1, 300, 6])], &[("stride", told)]).expect("a detector");
+            assert_eq!(layout.stride, stride, "{told}");
+        }
+    }
 }

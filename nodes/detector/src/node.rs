@@ -418,7 +418,7 @@ impl Detector {
     fn shown_size(&self) -> String {
         let size = self.loaded.settings.input_size;
         match self.of_cameras(|camera| camera.size.map(|(height, width)| format!("{width}x{height}"))) {
-            sizes if size == InputSize::Auto && !sizes.is_empty() => format!("auto {sizes}"),
+            sizes if matches!(size, InputSize::Auto(_)) && !sizes.is_empty() => format!("auto {sizes}"),
             _ => size.to_string(),
         }
     }

@@ -41,8 +41,8 @@ modulo_runtime::parameters! {
         /// Of two boxes of a class whose intersection over union is larger, the one with the lower score is removed. It counts for
         /// models that do not remove overlapping boxes themselves.
         nms_iou: f64 = 0.7 => 0.0..=1.0,
-        /// Size of the model's input in px: auto (padded to multiples of 32, never resized) or WIDTHxHEIGHT (centred,
-        /// never enlarged).
+        /// Size of the model's input in px: auto (padded to multiples of its stride, 32 in general, never resized) or WIDTHxHEIGHT
+        /// (centred, never enlarged).
         input_size: String = "auto".to_owned(),
         /// Names of the classes to publish, as they are called after class_map. Empty: all classes.
         classes: Vec<String> = Vec::new(),
@@ -146,7 +146,7 @@ impl Settings {
             score_threshold: parameters.score_threshold as f32,
             max_det: parameters.max_det,
             nms_iou: parameters.nms_iou as f32,
-            input_size: InputSize::parse(size, layout.size)
+            input_size: InputSize::parse(size, layout.size, layout.stride)
                 .map_err(|why| ParameterError::new("input_size", size, why))?,
             classes: Classes::new(&layout.names, map, &parameters.classes)?,
             bits: parameters.bits,

@@ -2,13 +2,12 @@
 //!
 //! Only the parameters, better boxes of the same class and the geometry remove a box.
 
+use modulo_core::candidates::{Candidate, suppress};
 use modulo_core::{BBox, Detection, Letterbox};
 use ndarray::Array2;
 
-use crate::candidates::Candidate;
 use crate::head::Head;
 use crate::parameter::Settings;
-use crate::suppress::suppress;
 
 /// Returns the boxes of an `output` of the form `head` that are worth publishing: score of at least the threshold, a class that is published,
 /// an area inside the image, and no better box of the same class in the same place; best first, at most `max_det`.
@@ -57,6 +56,7 @@ mod tests {
 
     use super::*;
     use crate::classes::ClassMap;
+    use crate::input_size::STRIDE;
     use crate::model::ModelLayout;
     use crate::names::ClassNames;
     use crate::parameter::DetectorParameters;
@@ -68,6 +68,7 @@ mod tests {
             input: "images".into(),
             output: "output0".into(),
             size: None,
+            stride: STRIDE,
             names,
             end_to_end: None,
         };
@@ -115,6 +116,19 @@ mod tests {
         // 200 x 100 into 64 x 64: scale 0.32, 16 rows of padding above.
         let all = found(&[[32.0, 32.0, 64.0, 64.0, 0.5, 2.0]], &[("input_size", "64x64")]);
         assert_eq!(all[0].bbox, BBox { x1: 100.0, y1: 50.0, x2: 200.0, y2: 100.0 });
+    }
+
+    #[test]
+    fn boxes_below_a_pixel_of_the_input_are_shares() {
+        let settings = settings(&[("input_size", "64x64")]);
+        let letterbox = settings.input_size.place(100, 200).expect("placed");
+        let of = |rows: &[[f32; 6]]| {
+            let found = detections(&Array2::from(rows.to_vec()), Head::EndToEnd, &letterbox, &settings);
+            (found.len(), are_shares(&found, &letterbox))
+        };
+        // A pixel of the input is 3.1 px of the image, of which the input has the rows 16 to 47.
+        let (share, pixels) = ([20.0, 20.0, 20.9, 20.9, 0.9, 0.0], [20.0, 20.0, 22.0, 20.5, 0.9, 0.0]);
+        assert_eq!((of(&[share, share]), of(&[share, pixels]), of(&[])), ((2, true), (2, false), (0, false)));
     }
 
     proptest! {

@@ -123,13 +123,16 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::input_size::STRIDE;
+
+    const AUTO: InputSize = InputSize::Auto(STRIDE);
 
     /// The definition, one sample at a time, for an image that is not resized.
     fn naive(frame: &Frame, most: f32, size: InputSize) -> Array4<f32> {
         let (height, width, channels) = frame.dim();
         let (rows, columns) = size.tensor(height, width);
         let (top, left) = match size {
-            InputSize::Auto => (0, 0),
+            InputSize::Auto(_) => (0, 0),
             InputSize::Fixed(..) => ((rows - height) / 2, (columns - width) / 2),
         };
         let values = frame.to_f32();
@@ -162,7 +165,7 @@ mod tests {
         fn what_is_not_resized_is_as_defined(
             frames in prop::collection::vec(frames(), 1..4),
             bits in 1u8..=16,
-            size in prop_oneof![Just(InputSize::Auto), Just(InputSize::Fixed(64, 96))],
+            size in prop_oneof![Just(AUTO), Just(InputSize::Fixed(64, 96))],
         ) {
             let mut pre = Preprocessor::default();
             let most = (1u32 << bits) - 1;
@@ -194,12 +197,11 @@ mod tests {
         let mut tensors = std::collections::BTreeSet::new();
         for round in 0..4 * KEPT {
             let frame = Frame::from_u8(Array3::zeros((9 + 32 * (round % KEPT), 40, 1))).expect("a frame");
-            pre.fill(&frame, 255.0, InputSize::Auto).expect("filled");
+            pre.fill(&frame, 255.0, AUTO).expect("filled");
             tensors.insert(pre.tensor().expect("a frame").as_ptr());
         }
         assert_eq!((tensors.len(), pre.tensors.len()), (KEPT, KEPT));
-        pre.fill(&Frame::from_u8(Array3::zeros((7, 900, 1))).expect("a frame"), 255.0, InputSize::Auto)
-            .expect("filled");
+        pre.fill(&Frame::from_u8(Array3::zeros((7, 900, 1))).expect("a frame"), 255.0, AUTO).expect("filled");
         assert_eq!(
             pre.tensors.len(),
             KEPT,

@@ -400,7 +400,7 @@ fn models_that_cannot_work_say_what_is_needed() {
         (folder.path().join("none.onnx"), &["none.onnx", "No such file"]),
         (text, &["text.onnx", "cannot load"]),
         (folder.path().to_owned(), &["is not a regular file"]),
-        (data("segments.onnx"), &["is a model for segmentation", "the task detect"]),
+        (data("segments.onnx"), &["is a model for segmentation", "task detect"]),
         (folder.path().join("best.pt"), &["is a PyTorch file", "yolo export model=", "best.pt format=onnx"]),
         (folder.path().join("renamed.onnx"), &["is a PyTorch file", "renamed.pt format=onnx"]),
         (folder.path().join("pointer.onnx"), &["is a pointer of git LFS", "git lfs pull"]),

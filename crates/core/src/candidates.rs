@@ -1,6 +1,46 @@
-//! Non-maximum suppression: one box an object.
+//! The boxes that a network proposes, and non-maximum suppression: one box an object.
 
-use crate::candidates::Candidate;
+use ndarray::ArrayRef2;
+
+use crate::boxes::BBox;
+use crate::simd::widest;
+
+/// A box with its score and its best class.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Candidate {
+    /// The box, in px.
+    pub bbox: BBox,
+    /// Confidence in this class.
+    pub score: f32,
+    /// Index of the class.
+    pub class: usize,
+}
+
+/// Returns a candidate for each column of an array of 4 + C rows whose best score is at least `least`: centre, width and height, then the scores
+/// of C classes. Of classes with the same score, the first one counts; a score that is NaN does not.
+pub fn of_columns(columns: &ArrayRef2<f32>, least: f32) -> Vec<Candidate> {
+    let (values, count) = (columns.as_standard_layout(), columns.ncols());
+    let values = values.as_slice().expect("it has the standard layout");
+    let Some((boxes, scores)) = values.split_at_checked(4 * count).filter(|_| count > 0) else {
+        return Vec::new();
+    };
+    let (mut best, mut classes) = (vec![f32::NEG_INFINITY; count], vec![0_u32; count]);
+    // The scores are read once and in the order of the memory: those of one class in all columns, then those of the next one.
+    widest!(for (class, scores) in (0..).zip(scores.chunks_exact(count)) {
+        for ((&score, best), best_class) in scores.iter().zip(&mut best).zip(&mut classes) {
+            let is_better = score > *best;
+            *best_class = if is_better { class } else { *best_class };
+            *best = if is_better { score } else { *best };
+        }
+    });
+    let candidate = |(at, (score, class)): (usize, (f32, u32))| {
+        let [cx, cy, width, height] = [0, 1, 2, 3].map(|row| boxes[row * count + at]);
+        let bbox = BBox::from_centre((cx, cy), (width, height));
+        Candidate { bbox, score, class: class as usize }
+    };
+    let all = best.into_iter().zip(classes).enumerate();
+    all.filter(|(_, (score, _))| *score >= least).map(candidate).collect()
+}
 
 /// The most candidates that are compared, as ultralytics has it: those with the best scores.
 const MOST: usize = 30_000;
@@ -25,7 +65,6 @@ pub fn suppress(mut candidates: Vec<Candidate>, most_iou: f32, most_kept: usize)
 
 #[cfg(test)]
 mod tests {
-    use modulo_core::BBox;
     use proptest::prelude::*;
 
     use super::*;
