@@ -35,7 +35,8 @@ LIBRARY = next((pathlib.Path(onnxruntime.__file__).parent / "capi").glob("libonn
 def ours(program, model, folder, threshold):
     environment = {**os.environ, "ORT_DYLIB_PATH": str(LIBRARY)}
     command = [program, model, "ort", folder, threshold]
-    return json.loads(subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE).stdout)
+    finished = subprocess.run(command, env=environment, capture_output=True, text=True)
+    return json.loads(finished.stdout) if finished.returncode == 0 else sys.exit(finished.stderr)
 
 
 def padded(image, size):

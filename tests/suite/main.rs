@@ -13,6 +13,7 @@ mod crash;
 mod eval;
 mod launch;
 mod live;
+mod models;
 mod outputs;
 mod parameters;
 mod refused;
