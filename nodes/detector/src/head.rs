@@ -46,14 +46,14 @@ impl Head {
         (end_to_end, named): (Option<bool>, usize),
     ) -> Result<Self, String> {
         let shape = format!("output is [1, {rows}, {columns}]");
-        let is_end_to_end = columns == 6;
         if end_to_end == Some(true) {
             let why = || format!("{shape}, and its metadata (end2end, nms) says [1, N, 6]; export it again");
-            return is_end_to_end.then_some(Self::EndToEnd).ok_or_else(why);
+            return (columns == 6).then_some(Self::EndToEnd).ok_or_else(why);
         }
+        let (may_be_finished, is_raw) = (columns == 6 && end_to_end.is_none(), end_to_end == Some(false));
         let raw = raw_forms((rows, columns), input);
         let is_possible = |raw: &&Raw| match named {
-            0 => raw.classes > 0 && raw.has_anchors,
+            0 => raw.classes > 0 && (raw.has_anchors || is_raw && raw.head == Self::Rows { classes: 1 }),
             _ => raw.classes == named,
         };
         let mut possible: Vec<_> = raw.iter().filter(is_possible).collect();
@@ -61,9 +61,9 @@ impl Head {
             possible.retain(|raw| raw.has_anchors);
         }
         match possible[..] {
-            [] if is_end_to_end => Ok(Self::EndToEnd),
+            [] if may_be_finished => Ok(Self::EndToEnd),
             [] => Err(no_form(&shape, columns, &raw, named)),
-            [one] if !is_end_to_end || end_to_end == Some(false) => Ok(one.head),
+            [one] if !may_be_finished => Ok(one.head),
             // The boxes of an export that has removed overlaps are not as many as the anchors.
             [Raw { has_anchors: false, .. }] => Ok(Self::EndToEnd),
             [one] if named > 0 => Ok(one.head),
@@ -167,8 +167,8 @@ mod tests {
                 assert_eq!(Head::of((84, 2000), VGA, (told, named)), Ok(v8), "strides 16 and 32");
                 assert_eq!(Head::of((25_200, 85), VGA, (told, named)), Ok(v5));
                 assert_eq!(Head::of((25_500, 85), VGA, (told, named)), Ok(v5), "strides 8 to 64");
-                assert_eq!(Head::of((300, 6), VGA, (told, named)), Ok(Head::EndToEnd));
             }
+            assert_eq!(Head::of((300, 6), VGA, (None, named)), Ok(Head::EndToEnd));
             assert_eq!(Head::of((300, 6), VGA, (Some(true), named)), Ok(Head::EndToEnd));
         }
         // One class, two classes, and as few boxes as a test has.
@@ -192,6 +192,7 @@ mod tests {
         assert_eq!(Head::of(rows, input, (Some(false), 0)), Ok(one_class));
         assert_eq!(Head::of(rows, input, (Some(true), 0)), Ok(Head::EndToEnd));
         assert_eq!(Head::of(rows, input, (None, 3)), Ok(Head::EndToEnd));
+        assert_eq!(Head::of((300, 6), VGA, (Some(false), 0)), Ok(one_class), "without as many anchors");
         let why = Head::of(rows, input, (None, 0)).expect_err("two forms");
         assert!(
             why.contains("[1, 4032, 6]") && why.contains("end2end to True") && why.contains("False"),
@@ -203,6 +204,7 @@ mod tests {
     fn what_is_no_form_or_contradicts_itself_is_refused() {
         for (sides, told, parts) in [
             ((84, 8400), (Some(true), 80), ["[1, 84, 8400]", "end2end"]),
+            ((300, 6), (Some(false), 80), ["[1, 300, 6]", "[1, N, 5 + C]"]),
             ((84, 8400), (None, 3), ["scores of 80 classes", "names of 3"]),
             ((25_200, 85), (Some(false), 3), ["scores of 80 classes", "names of 3"]),
             ((116, 8400), (None, 80), ["scores of 112 classes", "names of 80"]),
