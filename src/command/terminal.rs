@@ -3,8 +3,6 @@
 //! A line of the log that cannot be written is dropped, since neither a full disk nor a reader that has left may end the work. A result that
 //! nobody reads any more, as behind `| head`, is dropped as well. A result that has no place, as on a full disk, is a [`failure`].
 
-#![allow(clippy::disallowed_methods)]
-
 use std::fmt::Arguments;
 use std::io::{self, ErrorKind, Write};
 use std::os::fd::AsFd;

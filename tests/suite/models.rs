@@ -34,8 +34,7 @@ fn assert_told_once(text: &str, what: &str) {
     assert_eq!(text.matches(what).count(), 1, "{what} in\n{text}");
 }
 
-const ON_FRAMES: &str =
-    "eval --yolo @ --stream ideal --alpha 1,2 --psf-sigma 0 --engine rten --threads 1 -o @/scored";
+const ON_FRAMES: &str = "eval --yolo @ --stream ideal --alpha 1,2 --psf-sigma 0 --engine rten --threads 1";
 
 #[test]
 fn names_that_are_not_readable_are_told_once() {
@@ -46,7 +45,7 @@ fn names_that_are_not_readable_are_told_once() {
     made(&bench, rows, [0.0; 18], "person bicycle car");
     let told = "its class names are no list";
     assert_told_once(&bench.says(0, "model check @/made.onnx --engine rten"), told);
-    assert_told_once(&bench.says(0, &format!("{ON_FRAMES} --model @/made.onnx")), told);
+    assert_told_once(&bench.says(0, &format!("{ON_FRAMES} --model @/made.onnx -o @/scored")), told);
     made(&bench, rows, [0.0; 18], "['person', 'bicycle', 'car']");
     let message = bench.says(0, "model check @/made.onnx --engine rten");
     assert_has(&message, &["3: person, bicycle, car"]);
@@ -63,12 +62,13 @@ fn boxes_that_are_shares_of_the_input_are_told() {
     made(&bench, [0.0; 18], [share; 3].concat().try_into().expect("three rows"), names);
     assert!(!bench.says(0, "model check @/made.onnx --engine rten").contains("WARN"));
     assert_told_once(
-        &bench.says(0, &format!("{ON_FRAMES} --model @/made.onnx")),
+        &bench.says(0, &format!("{ON_FRAMES} --model @/made.onnx -o @/scored")),
         "no box is larger than one pixel",
     );
     // A model that gives them in every picture does not start.
     made(&bench, [share; 3].concat().try_into().expect("three rows"), [0.0; 18], names);
-    for line in ["model check @/made.onnx --engine rten", &format!("{ON_FRAMES} --model @/made.onnx")] {
+    let eval = format!("{ON_FRAMES} --model @/made.onnx -o @/other");
+    for line in ["model check @/made.onnx --engine rten", &eval] {
         assert_has(&bench.says(2, line), &["made.onnx", "all boxes lie between 0 and 1"]);
     }
 }

@@ -169,23 +169,28 @@ fn each_library_is_named_in_one_place() {
     }
 }
 
-#[test]
-fn the_wall_clock_is_read_in_one_file() {
+/// The product files with one of `words`, but for those below `homes`.
+fn with_words(words: &[&str], homes: &[&str]) -> Vec<PathBuf> {
     let mut files = Vec::new();
     sources(Path::new(env!("CARGO_MANIFEST_DIR")), &mut files);
+    let has_one = |text: &str| product(text).any(|line| words.iter().any(|word| line.contains(word)));
+    let is_home = |path: &Path| is_example(path) || homes.iter().any(|home| path.starts_with(home));
+    files.into_iter().filter(|(path, text)| !is_home(path) && has_one(text)).map(|(path, _)| path).collect()
+}
+
+#[test]
+fn the_wall_clock_is_read_in_one_file() {
     // The launcher waits for processes, which have no other time than the wall's; a benchmark measures it.
     let homes = ["crates/runtime/src/clock.rs", "eval/bench/src/runner.rs", "launch"];
-    let allowed = |path: &Path| homes.iter().any(|home| path.starts_with(home));
-    let found: Vec<_> = files
-        .iter()
-        .filter(|(path, text)| {
-            (text.contains("SystemTime::now") || text.contains("Instant::now"))
-                && !allowed(path)
-                && !is_example(path)
-        })
-        .map(|(path, _)| path)
-        .collect();
-    assert!(found.is_empty(), "{found:?}");
+    assert_eq!(with_words(&["SystemTime::now", "Instant::now"], &homes), [] as [&Path; 0]);
+}
+
+/// The macros of the standard library end the program where a line cannot be written. The bridge is a program of its own.
+#[test]
+fn lines_are_printed_in_one_file() {
+    let words = ["println!(", "eprint!(", " print!(", "io::stdout()", "io::stderr()"];
+    let homes = ["src/command/terminal.rs", "nodes/ros2_bridge"];
+    assert_eq!(with_words(&words, &homes), [] as [&Path; 0]);
 }
 
 fn done(output: &Output) {

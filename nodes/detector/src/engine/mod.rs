@@ -198,7 +198,7 @@ fn file(model: &Path) -> Result<ModelFile, EngineError> {
     }
     let file = weights::read(model).map_err(|why| EngineError::read(model, why))?;
     let is_named = |extension: &&str| model.extension().is_some_and(|own| own == *extension);
-    if file.whole.starts_with(ZIP) || ["pt", "pth"].iter().any(|extension| is_named(&extension)) {
+    if file.whole.starts_with(ZIP) || ["pt", "pth"].iter().any(is_named) {
         let model_pt = model.with_extension("pt");
         let remedy = format!("export it: yolo export model={} format=onnx", model_pt.display());
         return Err(EngineError::read(model, format!("is a PyTorch file; {remedy}")));
