@@ -80,6 +80,22 @@ fn what_is_no_video_ends_with_2_and_a_cut_one_with_3() {
     }
 }
 
+/// As dash cameras write them: the second recording begins at the time of the first one.
+#[test]
+fn recordings_that_were_joined_are_read_to_their_end() {
+    let bench = Bench::new();
+    if let Err(why) = modulo_video::version() {
+        return data::skip(&why);
+    }
+    let source = "-nostdin -v error -f lavfi -i testsrc2=s=96x64:r=10 -frames:v 10 -c:v libx264 -pix_fmt yuv420p @/one.ts";
+    assert!(Command::new("ffmpeg").args(bench.words(source)).status().expect("ffmpeg starts").success());
+    let one = std::fs::read(bench.path("one.ts")).expect("readable");
+    std::fs::write(bench.path("joined.ts"), [&one[..], &one].concat()).expect("written");
+    let printed = bench.says(3, "eval launch/raw.launch.yaml source:=@/joined.ts model:=% -o @/out");
+    // The frame at the joint may be cut.
+    assert_has(&printed, &["frames 19", " of 20 is damaged"]);
+}
+
 #[test]
 fn without_ffmpeg_a_video_is_refused_with_the_remedy() {
     let bench = Bench::new();

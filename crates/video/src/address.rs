@@ -100,7 +100,7 @@ impl LiveAddress {
 }
 
 /// The containers of streams by HTTP. A playlist is none of them.
-const LIVE_FORMATS: &str = "mpegts,mpjpeg,mjpeg,flv,matroska,mov,ogg,h264,hevc,nut";
+pub(crate) const LIVE_FORMATS: &str = "mpegts,mpjpeg,mjpeg,jpeg_pipe,flv,matroska,mov,ogg,h264,hevc,nut";
 
 impl fmt::Display for LiveAddress {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -4,8 +4,11 @@
 //! that this input may have, and no playlist, so that no file can make them read another one.
 
 mod address;
+mod damage;
 mod encode;
 mod file;
+mod index;
+mod listen;
 mod live;
 mod pam;
 mod program;

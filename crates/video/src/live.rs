@@ -8,7 +8,10 @@ use std::time::Duration;
 use modulo_core::Frame;
 use modulo_runtime::Clock;
 
-use crate::program::{COLOURS, Decoding, FrameInfo, kill, needed_version};
+use crate::address::LIVE_FORMATS;
+use crate::damage::Damage;
+use crate::listen::FrameInfo;
+use crate::program::{COLOURS, Decoding, Reports, kill, needed_version};
 use crate::{LiveAddress, Pixels, VideoError};
 
 /// The pause before the second connection, which doubles up to the longest one with each that brings no frame.
@@ -158,11 +161,11 @@ impl Shared {
     /// Reads frames until the connection ends. Returns their number and the reason of the end.
     fn read_connection(&self) -> (u64, String) {
         let options = PROMPT.split(' ').map(str::to_owned).chain(self.address.input());
-        let mut decoding =
-            match Decoding::start(&options.collect::<Vec<_>>(), ["null", COLOURS], &self.version, 1) {
-                Ok(decoding) => decoding,
-                Err(why) => return (0, format!("ffmpeg cannot be started: {why}")),
-            };
+        let (options, damage) = (options.collect::<Vec<_>>(), Damage::new([].into(), &self.version, false));
+        let mut decoding = match Decoding::start(&options, COLOURS, &self.version, damage) {
+            Ok(decoding) => decoding,
+            Err(why) => return (0, format!("ffmpeg cannot be started: {why}")),
+        };
         let mut state = self.state();
         if state.ends {
             return (0, String::new());
@@ -187,8 +190,8 @@ impl Shared {
             self.put(self.stamped(frame, info), ticks, frames == 1);
         }
         let (reported, signal) = decoding.end();
-        let why = if signal.is_some() { Some("ffmpeg was killed".to_owned()) } else { reported.first };
-        (frames, why.unwrap_or_else(|| "the stream has ended".to_owned()))
+        let why = if signal.is_some() { "ffmpeg was killed".to_owned() } else { end_of(reported, frames) };
+        (frames, why)
     }
 
     /// Returns a frame with its stamp; the error is a damaged one.
@@ -210,6 +213,19 @@ impl Shared {
         }
         drop(state);
         self.changed.notify_all();
+    }
+}
+
+/// Returns why a stream of so many frames has ended, by what ffmpeg has reported.
+fn end_of(reported: Reports, frames: u64) -> String {
+    const STILL: &str = "is a still picture, not a stream; give the address of the video of the camera, such as one of RTSP or of motion \
+                         JPEG";
+    match reported.first {
+        _ if frames <= 1 && reported.is_picture() => STILL.to_owned(),
+        _ if reported.is_refused => {
+            format!("is a playlist or another form that is not read; possible are {LIVE_FORMATS}")
+        }
+        why => why.unwrap_or_else(|| "the stream has ended".to_owned()),
     }
 }
 
@@ -247,6 +263,30 @@ fn devices() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_still_picture_is_named() {
+        let end = |lines: &str, frames| end_of(Reports::read(lines.as_bytes()), frames);
+        let refused = |name: &str| {
+            format!(
+                "[{name} @ 0x5] [error] Format not on whitelist 'mpegts'\n[error] http://a: Invalid argument\n"
+            )
+        };
+        for (lines, frames) in [
+            (refused("image2"), 0),
+            (refused("png_pipe"), 0),
+            (refused("gif"), 0),
+            ("[info] Input #0, jpeg_pipe, from 'http://a':\n".to_owned(), 1),
+        ] {
+            let why = end(&lines, frames);
+            assert!(why.starts_with("is a still picture, not a stream; give"), "{lines}: {why}");
+        }
+        assert!(end(&refused("hls"), 0).starts_with("is a playlist"));
+        for (container, frames) in [("jpeg_pipe", 2), ("mpjpeg", 1), ("mov,mp4", 1)] {
+            let lines = format!("[info] Input #0, {container}, from 'http://a':\n");
+            assert_eq!(end(&lines, frames), "the stream has ended", "{container}");
+        }
+    }
 
     #[test]
     fn lateness_is_counted_from_the_fastest_frame() {

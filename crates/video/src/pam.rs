@@ -13,17 +13,17 @@ use crate::program::next_line;
 const LARGEST: usize = 16_384 * 8192 * 3 * 2;
 
 /// Reads the next frame; `None` at the end. Codes of 16 bits, which ffmpeg has made of codes of fewer `bits`, become those again. `bits`
-/// is called once for each frame that begins.
+/// is called once for each frame that begins; `None` if nothing is said about it.
 ///
 /// # Errors
-/// [`io::Error`] of a pipe that ends within a frame, and of anything that is no frame.
-pub fn read(input: &mut impl BufRead, bits: impl FnOnce() -> u32) -> io::Result<Option<Frame>> {
+/// [`io::Error`] of a pipe that ends within a frame, of a frame about which nothing is said, and of anything that is no frame.
+pub fn read(input: &mut impl BufRead, bits: impl FnOnce() -> Option<u32>) -> io::Result<Option<Frame>> {
     let bad = |why: String| io::Error::new(io::ErrorKind::InvalidData, why);
     let Some(first) = next_line(input)? else { return Ok(None) };
     if first != "P7" {
         return Err(bad(format!("frame that begins with '{first}', P7 expected")));
     }
-    let bits = bits().clamp(1, 16);
+    let bits = bits().ok_or_else(|| bad("frame about which ffmpeg says nothing".to_owned()))?.clamp(1, 16);
     let (mut width, mut height, mut depth, mut largest) = (0, 0, 0, 0);
     loop {
         let line = next_line(input)?.ok_or(io::ErrorKind::UnexpectedEof)?;
@@ -70,13 +70,13 @@ mod tests {
     fn a_frame_tells_its_size_and_depth() {
         let mut eight =
             &b"P7\nWIDTH 2\nHEIGHT 1\nDEPTH 1\nMAXVAL 255\nTUPLTYPE GRAYSCALE\nENDHDR\n\x01\x02P7"[..];
-        let frame = read(&mut eight, || 8).expect("a frame").expect("one");
+        let frame = read(&mut eight, || Some(8)).expect("a frame").expect("one");
         assert_eq!((frame.dim(), frame.as_u8().expect("8 bits")[(0, 1, 0)]), ((1, 2, 1), 2));
         assert_eq!(eight, b"P7");
         let mut ten = &b"P7\nWIDTH 1\nHEIGHT 1\nDEPTH 3\nMAXVAL 65535\nENDHDR\n\xff\xff\x80\x00\x00\x00"[..];
-        let frame = read(&mut ten, || 10).expect("a frame").expect("one");
+        let frame = read(&mut ten, || Some(10)).expect("a frame").expect("one");
         assert_eq!(frame.to_f32().into_raw_vec_and_offset().0, [1023.0, 512.0, 0.0]);
-        assert!(read(&mut ten, || 10).expect("the end").is_none());
+        assert!(read(&mut ten, || Some(10)).expect("the end").is_none());
     }
 
     #[test]
@@ -91,7 +91,7 @@ mod tests {
             "P7\nWIDTH 1\nHEIGHT 1\nDEPTH 4\nMAXVAL 255\nENDHDR\nabcd",
             "P7\nWIDTH 1\n",
         ] {
-            assert!(read(&mut bytes.as_bytes(), || 8).is_err(), "{bytes}");
+            assert!(read(&mut bytes.as_bytes(), || Some(8)).is_err(), "{bytes}");
         }
     }
 }

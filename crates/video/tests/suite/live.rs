@@ -7,8 +7,11 @@ use std::process::{Child, Command};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use modulo_core::Frame;
+use modulo_images::FileFormat;
 use modulo_runtime::{Clock, SystemClock};
 use modulo_video::{LiveFrame, LiveVideo, VideoAddress};
+use ndarray::Array3;
 
 /// A stream at 30 Hz, which ends with this.
 struct Server(Child);
@@ -83,6 +86,41 @@ fn the_newest_frame_is_taken_and_a_stream_that_ends_is_opened_again() {
     let _server = Server::start(port);
     next(&video, patience).expect("a frame of the second stream");
     assert_eq!(video.counts().connections, 2);
+}
+
+/// Motion JPEG has no times: ffmpeg makes up those of 25 Hz, and each frame of a slower camera would come later than the one before.
+#[test]
+fn a_slow_camera_of_motion_jpeg_is_not_late() {
+    const FRAMES: u64 = 16;
+    let Some(port) = port() else { return };
+    let listener = TcpListener::bind(("127.0.0.1", port)).expect("the port is free");
+    let server = std::thread::spawn(move || {
+        let (mut camera, _) = listener.accept().expect("ffmpeg asks");
+        let _ = camera.read(&mut [0; 4096]);
+        let head = "HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=frame\r\n\r\n";
+        let mut send = |bytes: &[u8]| camera.write_all(bytes).expect("ffmpeg reads");
+        send(head.as_bytes());
+        for number in 0..FRAMES as u8 {
+            let frame = Frame::from_u8(Array3::from_elem((48, 64, 3), 10 * number)).expect("a frame");
+            let picture = modulo_images::encode(&frame, FileFormat::Jpeg).expect("a JPEG");
+            let part =
+                format!("--frame\r\nContent-Type: image/jpeg\r\nContent-Length: {}\r\n\r\n", picture.len());
+            send(&[part.as_bytes(), &picture, b"\r\n"].concat());
+            // 5 Hz: 15 frames come 2.4 s later than those of 25 Hz would.
+            std::thread::sleep(Duration::from_millis(200));
+        }
+        send(b"--frame\r\n");
+        camera
+    });
+    let video = open(port, "stream");
+    let _camera = server.join().expect("one connection");
+    let end = Instant::now() + Duration::from_secs(30);
+    // The last one is kept back until the begin of the next one.
+    while video.counts().arrived < FRAMES - 1 && Instant::now() < end {
+        let _ = video.newest(Duration::from_millis(100));
+    }
+    let counts = video.counts();
+    assert!(counts.arrived >= FRAMES - 1 && counts.connections == 1, "{counts:?}");
 }
 
 #[test]

@@ -3,5 +3,6 @@
 #[path = "../../../../tests/harness/data.rs"]
 mod data;
 
+mod broken;
 mod live;
 mod video;

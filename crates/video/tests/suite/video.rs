@@ -8,7 +8,7 @@ use modulo_core::Frame;
 use modulo_video::{Encoder, VideoFile, VideoFrame};
 
 /// A folder, if ffmpeg is there; else the test is skipped.
-fn bench() -> Option<tempfile::TempDir> {
+pub fn bench() -> Option<tempfile::TempDir> {
     match modulo_video::version() {
         Ok(_) => Some(tempfile::tempdir().expect("a folder")),
         Err(why) => {
@@ -19,7 +19,7 @@ fn bench() -> Option<tempfile::TempDir> {
 }
 
 /// Runs ffmpeg with these options, separated by blanks.
-fn ffmpeg(options: &str, out: &Path) {
+pub fn ffmpeg(options: &str, out: &Path) {
     let made = Command::new("ffmpeg")
         .args(["-nostdin", "-y", "-v", "error"])
         .args(options.split(' '))
