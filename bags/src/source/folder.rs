@@ -1,10 +1,14 @@
 //! [`FolderSource`]: the images of a folder, sorted by name with numbers by their value; one file is a folder of one.
 
 use std::collections::BTreeSet;
-use std::io::BufReader;
+use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
 
-use modulo_images::{EXTENSIONS, White, check_regular, is_hidden, open_regular, read_image, sample_depth};
+use modulo_images::{
+    EXTENSIONS, RAW_EXTENSIONS, White, check_regular, has_extension, is_hidden, open_regular, read_image,
+    sample_depth, unread,
+};
+use modulo_video::VideoFile;
 
 use super::labels::Skipped;
 use super::order::by_number;
@@ -80,10 +84,7 @@ impl Source for FolderSource {
     }
 
     fn warnings(&self) -> Vec<String> {
-        let unread = self.folders.iter().flat_map(|folder| files_of(folder, &UNREAD));
-        let unread: Skipped = unread.map(|file| file.display().to_string()).collect();
-        let what = "images of other formats are left out (convert them to png)";
-        unread.line(what).into_iter().collect()
+        others(&self.folders).into_iter().collect()
     }
 
     fn rewind(&mut self) -> Result<(), SourceError> {
@@ -159,13 +160,24 @@ pub(crate) fn stem(path: &Path) -> String {
 }
 
 fn one_image(path: &Path) -> Result<PathBuf, SourceError> {
-    open_regular(path).map_err(|why| FileError::new(path, why))?;
-    if is_image(path) {
+    let io = |why| FileError::new(path, why);
+    let mut file = BufReader::new(open_regular(path).map_err(io)?);
+    if let Some(why) = unread(path, file.fill_buf().map_err(io)?) {
+        return Err(SourceError::of(path, &why));
+    }
+    // The content of an image tells its format.
+    if is_image(path) || sample_depth(file).is_some() {
         return Ok(path.to_owned());
     }
-    let possible = "not an image, possible are png, jpg, jpeg, tif, tiff, exr, hdr, .mcap and .db3; a video is read with";
-    let why = format!("{possible} 'video:' before its path, such as video:{}", path.display());
-    Err(SourceError::of(path, &why))
+    Err(SourceError::of(
+        path,
+        &match VideoFile::open(path) {
+            Ok(_) => format!("is a video; put 'video:' before its path, such as video:{}", path.display()),
+            Err(_) => {
+                "not an image, possible are png, jpg, jpeg, tif, tiff, exr, hdr, .mcap and .db3".to_owned()
+            }
+        },
+    ))
 }
 
 /// The number of folders that an error names.
@@ -180,7 +192,9 @@ pub(super) fn no_image(folder: &Path, option: &str, inside: &[PathBuf]) -> Sourc
         |path: &&PathBuf| path.strip_prefix(folder).is_ok_and(|part| part.to_string_lossy().contains("val"));
     let best = inside.iter().find(is_for_validation);
     let Some(best) = best.or(inside.first()) else {
-        let needed = format!("{needed}, at least one png, jpg, jpeg, tif, tiff, exr or hdr is needed");
+        let others = others([folder]).map_or_else(String::new, |others| format!("; {others}"));
+        let needed =
+            format!("{needed}, at least one png, jpg, jpeg, tif, tiff, exr or hdr is needed{others}");
         return SourceError::of(folder, &needed);
     };
     let name = |path: &PathBuf| path.strip_prefix(folder).unwrap_or(path).display().to_string();
@@ -190,18 +204,21 @@ pub(super) fn no_image(folder: &Path, option: &str, inside: &[PathBuf]) -> Sourc
     SourceError::of(folder, &why)
 }
 
+/// Returns a line that counts the images of other formats in `folders`.
+fn others(folders: impl IntoIterator<Item = impl AsRef<Path>>) -> Option<String> {
+    let extensions = [&UNREAD[..], &RAW_EXTENSIONS].concat();
+    let files = folders.into_iter().flat_map(|folder| files_of(folder.as_ref(), &extensions));
+    let others: Skipped = files.map(|file| file.display().to_string()).collect();
+    others.line("images of other formats are left out (convert them to png)")
+}
+
 fn is_image(path: &Path) -> bool {
     !path.is_dir() && has_extension(path, &EXTENSIONS)
 }
 
 /// File name extensions of images that are not read, in lower case.
-const UNREAD: [&str; 14] =
-    ["bmp", "webp", "gif", "heic", "heif", "avif", "jp2", "jxl", "pgm", "ppm", "pnm", "pfm", "tga", "dng"];
-
-/// Returns whether the name of `path` ends in one of these, in either case.
-fn has_extension(path: &Path, extensions: &[&str]) -> bool {
-    extensions.contains(&&*extension_of(path))
-}
+const UNREAD: [&str; 13] =
+    ["bmp", "webp", "gif", "heic", "heif", "avif", "jp2", "jxl", "pgm", "ppm", "pnm", "pfm", "tga"];
 
 /// Returns the extension of the name of a file in lower case; empty for a name without one.
 pub(super) fn extension_of(path: &Path) -> String {

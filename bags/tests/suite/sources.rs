@@ -227,6 +227,41 @@ fn hidden_files_are_no_images_and_other_formats_are_counted() {
     assert!(of_one.warnings().is_empty(), "nobody asked for the folder");
 }
 
+#[test]
+fn a_file_that_is_no_image_is_named_with_a_remedy_that_works() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| folder.path().join(name);
+    let write = |name: &str, content: &[u8]| std::fs::write(path(name), content).expect("written");
+    for (name, content, expected) in [
+        ("a.gif", &b"GIF89a\x01\0\x01\0"[..], "GIF is not read; convert it to PNG"),
+        ("b.pgm", b"P5\n2 2\n255\n\0\0\0\0", "(PBM, PGM or PPM) is not read; convert it to PNG"),
+        ("c.NEF", b"MM\0*", "the raw file of a camera (NEF), which is not read; write its raw codes as TIFF"),
+    ] {
+        write(name, content);
+        let why = error_of(&path(name));
+        assert!(why.contains(expected) && why.contains(name) && !why.contains("video:"), "{why}");
+    }
+    let others = error_of(folder.path());
+    assert!(
+        others.contains("no image in this folder") && others.contains("3 images of other formats"),
+        "{others}"
+    );
+    // The content tells the format.
+    save_png(&path("d.png"), &frame(1)).expect("saved");
+    std::fs::rename(path("d.png"), path("d.img")).expect("renamed");
+    assert_eq!(frames(&path("d.img"), 0.0).len(), 1);
+    if let Err(why) = modulo_video::version() {
+        return data::skip(&why);
+    }
+    let video = path("clip.dat");
+    let made = "-nostdin -v error -f lavfi -i testsrc=s=64x48 -frames:v 2 -c:v ffv1 -f matroska";
+    let made = std::process::Command::new("ffmpeg").args(made.split(' ')).arg(&video).status();
+    assert!(made.expect("ffmpeg starts").success());
+    let why = error_of(&video);
+    let (_, remedy) = why.split_once("such as ").expect("a remedy");
+    assert_eq!(frames(Path::new(remedy), 0.0).len(), 2, "{why}");
+}
+
 /// A file does not tell that its pixels are a mosaic, but the message does.
 #[test]
 fn a_compressed_mosaic_is_the_mosaic() {

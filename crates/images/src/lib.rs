@@ -9,6 +9,9 @@
 mod jpeg;
 mod knees;
 mod radiance;
+#[cfg(feature = "tiff")]
+mod tiff;
+mod unread;
 mod white;
 
 use std::fs::File;
@@ -28,6 +31,7 @@ use modulo_core::{Frame, Samples};
 use ndarray::Array3;
 
 pub use knees::Knees;
+pub use unread::{RAW_EXTENSIONS, unread};
 pub use white::{Coding, WHITE_PERCENTILE, White};
 
 /// Error of a file that cannot be read as an image. The message names the file, the fault and the possible values.
@@ -47,6 +51,12 @@ pub enum ImageError {
 
 /// File name extensions of images, in lower case.
 pub const EXTENSIONS: [&str; 7] = ["png", "jpg", "jpeg", "tif", "tiff", "exr", "hdr"];
+
+/// Returns whether the name of `path` ends in one of these, which are in lower case, in either case.
+pub fn has_extension(path: &Path, extensions: &[&str]) -> bool {
+    let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
+    extension.is_some_and(|extension| extensions.contains(&extension.as_str()))
+}
 
 /// Returns whether a file is hidden, such as the `._1.png` that macOS writes beside `1.png`.
 pub fn is_hidden(path: &Path) -> bool {
@@ -80,6 +90,9 @@ pub fn read_codes(path: &Path) -> Result<(Frame, Option<u8>), ImageError> {
 }
 
 fn content(path: &Path) -> Result<Vec<u8>, ImageError> {
+    if let Some(why) = unread(path, &[]) {
+        return Err(ImageError::Undecodable(path.display().to_string(), why));
+    }
     let mut bytes = Vec::new();
     let read = open_regular(path).and_then(|mut file| file.read_to_end(&mut bytes));
     read.map_err(|why| ImageError::Io(path.to_owned(), why))?;
@@ -131,10 +144,17 @@ pub enum SampleDepth {
     F32,
 }
 
-/// Returns the depth of the samples of an image, of which only the header is read; `None` when it is no readable image.
+/// Returns the depth of the samples of an image, of which only the header is read, if it is no TIFF; `None` when it is no readable image.
 pub fn sample_depth(mut image: impl BufRead + Seek) -> Option<SampleDepth> {
-    if image.fill_buf().ok()?.starts_with(radiance::SIGNATURE) {
+    let start = image.fill_buf().ok()?;
+    if start.starts_with(radiance::SIGNATURE) {
         return Some(SampleDepth::F32);
+    }
+    #[cfg(feature = "tiff")]
+    if is_tiff(start) {
+        let mut file = Vec::new();
+        image.read_to_end(&mut file).ok()?;
+        return tiff::Picture::open(&file).ok().map(|picture| picture.depth());
     }
     let decoder = ImageReader::new(image).with_guessed_format().ok()?.into_decoder().ok()?;
     Some(match decoder.color_type() {
@@ -151,6 +171,13 @@ pub fn sample_depth(mut image: impl BufRead + Seek) -> Option<SampleDepth> {
 /// The errors of [`read_image`].
 pub fn decode(bytes: &[u8], origin: &str) -> Result<Frame, ImageError> {
     let bad = |why: String| ImageError::Undecodable(origin.to_owned(), why);
+    if let Some(why) = unread::unread_content(bytes) {
+        return Err(bad(why));
+    }
+    #[cfg(feature = "tiff")]
+    if is_tiff(bytes) {
+        return tiff::Picture::open(bytes).and_then(tiff::Picture::read).map_err(bad);
+    }
     let picture = picture(bytes).map_err(bad)?;
     // The conversions drop alpha, and change nothing else.
     let frame = match picture.color() {
@@ -164,19 +191,35 @@ pub fn decode(bytes: &[u8], origin: &str) -> Result<Frame, ImageError> {
     frame.map_err(|e| bad(e.to_string()))
 }
 
-/// Decodes an image of any format. The error is the reason.
+/// Returns whether a file begins as a TIFF or a BigTIFF of either byte order.
+#[cfg(feature = "tiff")]
+fn is_tiff(bytes: &[u8]) -> bool {
+    [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"].iter().any(|first| bytes.starts_with(*first))
+}
+
+/// What is said of a file that is cut.
+const TRUNCATED: &str = "is truncated; copy the whole file again";
+
+/// Decodes an image of another format than TIFF. The error is the reason.
 fn picture(bytes: &[u8]) -> Result<DynamicImage, String> {
     let why = |error: image::ImageError| match error {
-        image::ImageError::IoError(why) if why.kind() == io::ErrorKind::UnexpectedEof => {
-            "is truncated; copy the whole file again".to_owned()
-        }
+        image::ImageError::IoError(why) if why.kind() == io::ErrorKind::UnexpectedEof => TRUNCATED.to_owned(),
         error => error.to_string(),
     };
     if bytes.starts_with(radiance::SIGNATURE) {
         return radiance::read(bytes).map_err(why);
     }
     let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| e.to_string())?;
-    check_container(reader.format(), bytes)?;
+    match reader.format() {
+        Some(format) => check_container(format, bytes)?,
+        None if bytes.is_empty() => return Err("is empty; copy the file again".to_owned()),
+        None => {
+            return Err(
+                "is none of the images that are read, which are PNG, JPEG, TIFF, OpenEXR and Radiance HDR"
+                    .to_owned(),
+            );
+        }
+    }
     upright(reader).map_err(why)
 }
 
@@ -290,10 +333,10 @@ pub fn encode(frame: &Frame, format: FileFormat) -> Result<Vec<u8>, image::Image
 }
 
 /// Checks the container of an image of `format`. The error is the reason and the remedy.
-fn check_container(format: Option<ImageFormat>, bytes: &[u8]) -> Result<(), String> {
+fn check_container(format: ImageFormat, bytes: &[u8]) -> Result<(), String> {
     match format {
-        Some(ImageFormat::Jpeg) => jpeg::check(bytes),
-        Some(ImageFormat::Png) => match apng_frames(bytes) {
+        ImageFormat::Jpeg => jpeg::check(bytes),
+        ImageFormat::Png => match apng_frames(bytes) {
             Some(frames) if frames > 1 => Err(format!(
                 "this PNG is an animation of {frames} frames (APNG), but only single images are read; save each frame \
                  as a file"
@@ -301,12 +344,7 @@ fn check_container(format: Option<ImageFormat>, bytes: &[u8]) -> Result<(), Stri
             _ => Ok(()),
         },
         #[cfg(feature = "exr")]
-        Some(ImageFormat::OpenExr) => exr_channels(bytes),
-        Some(ImageFormat::Tiff) => match has_one_image(bytes) {
-            Some(true) => Ok(()),
-            Some(false) => Err("this TIFF holds several images, but only single images are read; save each of them as a file".to_owned()),
-            None => Err("this TIFF is truncated or a BigTIFF; save it as a TIFF of less than 4 GiB".to_owned()),
-        },
+        ImageFormat::OpenExr => exr_channels(bytes),
         _ => Ok(()),
     }
 }
@@ -323,20 +361,6 @@ fn apng_frames(bytes: &[u8]) -> Option<u32> {
             _ => rest = rest.get(length.checked_add(12)?..)?,
         }
     }
-}
-
-/// Returns whether the first directory of a TIFF is its last one; `None` for a file that is cut before its end, or a BigTIFF.
-fn has_one_image(bytes: &[u8]) -> Option<bool> {
-    let is_little = bytes.starts_with(b"II");
-    let number = |at: usize, length: usize| {
-        let digits = bytes.get(at..at.checked_add(length)?)?.iter();
-        let number = |sum: usize, digit: &u8| (sum << 8) | usize::from(*digit);
-        Some(if is_little { digits.rev().fold(0, number) } else { digits.fold(0, number) })
-    };
-    // 42, and the place of the first directory: the number of its entries, the entries of 12 bytes, and the place of the next one.
-    let directory = number(2, 2).filter(|version| *version == 42).and_then(|_| number(4, 4))?;
-    let entries = number(directory, 2)?;
-    Some(number(directory.checked_add(2 + 12 * entries)?, 4)? == 0)
 }
 
 /// Refuses an OpenEXR file without a layer of red, green and blue, such as one of luminance and chroma (Y, RY, BY).
@@ -472,39 +496,6 @@ mod tests {
             let why = decode(&bytes[..length], "cut.exr").expect_err("truncated").to_string();
             assert!(why.contains("cut.exr"), "{length}: {why}");
         }
-    }
-
-    #[test]
-    fn a_tiff_of_one_image_is_read_and_no_other() {
-        let mut bytes = Cursor::new(Vec::new());
-        let codes: Vec<u16> = (0..24 * 16).map(|at| 150 * at).collect();
-        let words: Vec<u8> = codes.iter().flat_map(|code| code.to_ne_bytes()).collect();
-        let encoder = image::codecs::tiff::TiffEncoder::new(&mut bytes);
-        encoder.write_image(&words, 24, 16, ExtendedColorType::L16).expect("encoded");
-        let mut file = bytes.into_inner();
-        let frame = decode(&file, "raw.tiff").expect("a TIFF of one image");
-        assert_eq!(
-            frame,
-            Frame::from_u16(Array3::from_shape_vec((16, 24, 1), codes).expect("24 x 16 codes"))
-                .expect("an image")
-        );
-        assert_eq!(sample_depth(Cursor::new(&file)), Some(SampleDepth::U16));
-        for length in 0..file.len() {
-            // Behind its last directory, a TIFF may have bytes that nobody needs.
-            match decode(&file[..length], "cut.tiff") {
-                Ok(cut) => assert_eq!(cut, frame, "{length}"),
-                Err(why) => assert!(why.to_string().starts_with("cut.tiff: "), "{length}: {why}"),
-            }
-        }
-        // The place of the next directory, of which there is none, stands behind the entries.
-        let place = u32::from_le_bytes(file[4..8].try_into().expect("four bytes")) as usize;
-        let entries = usize::from(u16::from_le_bytes(file[place..place + 2].try_into().expect("two bytes")));
-        file[place + 2 + 12 * entries] = 8;
-        let why = decode(&file, "pages.tiff").expect_err("two images").to_string();
-        assert!(why.contains("several images"), "{why}");
-        file[2] = 43;
-        let why = decode(&file, "big.tiff").expect_err("a BigTIFF").to_string();
-        assert!(why.contains("BigTIFF") || why.contains("format"), "{why}");
     }
 
     #[test]

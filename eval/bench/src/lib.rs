@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 
 use modulo_core::{SensorError, UnwrapError, metric};
 pub use modulo_draw::below_100;
-use modulo_images::{EXTENSIONS, ImageError, SaveError, is_hidden};
+use modulo_images::{EXTENSIONS, ImageError, SaveError, has_extension, is_hidden};
 use modulo_runtime::ParameterError;
 use modulo_runtime::output::{self, OutputError};
 use modulo_video::VideoError;
@@ -116,18 +116,15 @@ fn images(folder: &Path, tell: &mut dyn FnMut(BenchEvent<'_>)) -> Result<Vec<Pat
     let (mut images, mut others) = (Vec::new(), Vec::new());
     for entry in fs::read_dir(folder).map_err(io)? {
         let path = entry.map_err(io)?.path();
-        let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-        let extension = Path::new(&name).extension().map(|extension| extension.to_string_lossy());
         // Hidden files hold what systems note about others, such as `._x.png` of macOS.
         if path.is_dir() || is_hidden(&path) {
             continue;
         }
-        let is_image = extension.is_some_and(|extension| EXTENSIONS.contains(&&*extension));
-        if is_image { &mut images } else { &mut others }.push(path);
+        if has_extension(&path, &EXTENSIONS) { &mut images } else { &mut others }.push(path);
     }
     if images.is_empty() {
-        let (folder, kinds) = (folder.display(), EXTENSIONS.join(", ."));
-        return Err(BenchError::Request(format!("{folder}: there is no readable image (.{kinds})")));
+        let (folder, kinds) = (folder.display(), EXTENSIONS.join(", "));
+        return Err(BenchError::Request(format!("{folder}: there is no readable image ({kinds})")));
     }
     // The order of `read_dir` depends on the file system. The results must not.
     images.sort();
