@@ -186,6 +186,16 @@ def test_the_command_reads_what_is_written(binary: Path, tmp_path: Path) -> None
     assert "recovered (mine)" in (tmp_path / "report.html").read_text()
 
 
+def test_results_never_replace_other_files(tmp_path: Path) -> None:
+    own = tmp_path / "results.json"
+    own.write_text("mine")
+    with pytest.raises(FileExistsError, match="not empty"):
+        modulo.benchmark({"mine": rows}, [RAMP], [SENSOR], include=[], out=tmp_path)
+    with pytest.raises(FileExistsError, match="not empty"):
+        modulo.benchmark({"mine": rows}, [RAMP], [SENSOR], include=[]).save(tmp_path)
+    assert own.read_text() == "mine" and list(tmp_path.iterdir()) == [own]
+
+
 def test_boxes_are_scored() -> None:
     frame = next(modulo.read_source("scene://glare?seed=4&width=320&height=96"))
     truth = [modulo.Detection(one.x1, one.y1, one.x2, one.y2, 0.9, one.class_name) for one in frame.ground_truth or []]

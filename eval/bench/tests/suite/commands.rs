@@ -376,6 +376,6 @@ fn a_folder_stands_for_its_images() {
     let rows = recover::unwrap_files(&UnwrapRequest::parse_from(words), &mut |_| {}).unwrap().rows;
     assert_eq!(rows.len(), 1);
     std::fs::remove_file(codes.join("a.png")).unwrap();
-    let none = simulate::simulate(&request(&out, &[&codes]), &mut |_| ()).unwrap_err();
+    let none = simulate::simulate(&request(&codes.join("none"), &[&codes]), &mut |_| ()).unwrap_err();
     assert!(none.to_string().contains("there is no readable image"), "{none}");
 }
