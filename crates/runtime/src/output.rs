@@ -91,19 +91,18 @@ impl ResultFolder {
     }
 
     fn number(runs: &Path) -> io::Result<Self> {
-        let mut made = missing(runs);
         for number in 1u32.. {
             // A run that was refused may remove it meanwhile.
             fs::create_dir_all(runs)?;
             let path = runs.join(number.to_string());
-            match fs::create_dir(&path) {
+            match fs::create_dir(&path).map_err(|why| why.kind()) {
                 Ok(()) => {
-                    made.insert(0, path.clone());
+                    // The parents have no other content than runs.
+                    let made = path.ancestors().take(3).map(Path::to_owned).collect();
                     return Ok(Self { path, made });
                 }
-                Err(why) if [io::ErrorKind::AlreadyExists, io::ErrorKind::NotFound].contains(&why.kind()) => {
-                }
-                Err(why) => return Err(why),
+                Err(io::ErrorKind::AlreadyExists | io::ErrorKind::NotFound) => {}
+                Err(why) => return Err(why.into()),
             }
         }
         unreachable!("there are more numbers than folders")

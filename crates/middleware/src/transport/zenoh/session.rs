@@ -187,8 +187,12 @@ fn defaults(domain: u32, is_host: bool) -> Vec<(&'static str, String)> {
 /// Returns a domain, with a number above those of ROS 2, in which no test of another process meets.
 #[cfg(test)]
 pub(super) fn free_domain() -> u32 {
+    // Two tests of one process get two domains.
+    static TRIED: std::sync::atomic::AtomicU32 = std::sync::atomic::AtomicU32::new(0);
+    let step = || TRIED.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
     let is_free = |domain: &u32| std::net::TcpListener::bind(("127.0.0.1", meeting_port(*domain))).is_ok();
-    (1000 + std::process::id() % 20_000..).find(is_free).expect("a free port")
+    let numbers = std::iter::repeat_with(|| 1000 + std::process::id().wrapping_add(step()) % 20_000);
+    numbers.take(1000).find(|domain| is_free(domain)).expect("a free port")
 }
 
 #[cfg(test)]
