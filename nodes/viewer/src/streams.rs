@@ -357,7 +357,6 @@ mod tests {
     use ndarray::Array3;
 
     use super::*;
-    use crate::feed::NAMES;
 
     const SECOND_NS: u64 = 1_000_000_000;
 
@@ -662,17 +661,6 @@ mod tests {
         );
         streams.image("/front/recovered", image(1), 0);
         assert_eq!(stamp(one(&mut streams, &graph, 0)), Some((1, 1)));
-    }
-
-    #[test]
-    fn names_without_end_find_no_room() {
-        let mut streams = Streams::default();
-        for number in 0..2 * NAMES {
-            let (node, topic) = (format!("/detector_{number}"), format!("/detections_{number}"));
-            streams.state(&node, &state(0, "recovered"));
-            streams.boxes(&MessageOrigin { node, topic }, boxes(1), 0);
-        }
-        assert_eq!([streams.results.len(), streams.answered.len(), streams.awaited.len()], [NAMES; 3]);
     }
 
     #[test]

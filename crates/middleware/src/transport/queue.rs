@@ -163,13 +163,12 @@ impl<T: Queued> Queue<T> {
         let Some(waiting) = state.lanes.get_mut(&lane).filter(|_| !state.ended) else { return Some(item) };
         waiting.counts.received += 1;
         if let Some(attachment) = item.attachment() {
-            match waiting.gaps.step(attachment) {
-                Step::Missing(missing) => waiting.counts.missing += missing,
-                Step::Jumped => {
-                    waiting.counts.jumps += 1;
-                    waiting.counts.missing += 1;
-                }
-            }
+            let (missing, jumps) = match waiting.gaps.step(attachment) {
+                Step::Missing(missing) => (missing, 0),
+                Step::Jumped => (1, 1),
+            };
+            waiting.counts.missing += missing;
+            waiting.counts.jumps += jumps;
         }
         let arrival = state.arrivals;
         let displaced = match waiting.keep {

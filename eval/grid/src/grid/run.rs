@@ -40,8 +40,8 @@ pub fn run(
     let scorer = Scorer::new(request, map, groups, &mut frames)?;
     // Few drives are no loss, so that this warning is not among those of the input.
     frames.input.warnings.iter().chain(&frames.input.interval_warning()).for_each(warn);
-    let input = frames.input.clone();
-    let empty = Results { setup, input, definitions: definitions(), ..Results::default() };
+    let empty =
+        Results { setup, input: frames.input.clone(), definitions: definitions(), ..Results::default() };
     let mut results = store::resume(&request.out, *fresh, empty)?;
     results.runs.push(request.provenance.clone());
     let (done, todo): (Vec<&Point>, Vec<&Point>) = points.iter().partition(|point| results.has(point));
