@@ -555,11 +555,8 @@ mod tests {
         streams.image("/recovered", image(4), 20);
         streams.boxes(&origin(), boxes(5), 30);
         assert_eq!(stamp(one(&mut streams, &graph, 29 + ANSWER_PATIENCE_NS)), None);
-        assert_eq!(
-            stamp(one(&mut streams, &graph, 30 + ANSWER_PATIENCE_NS)),
-            Some((4, 0)),
-            "the detector has answered nothing for long"
-        );
+        let now_ns = 30 + ANSWER_PATIENCE_NS;
+        assert_eq!(stamp(one(&mut streams, &graph, now_ns)), Some((4, 0)), "nothing was answered for long");
         streams.drawn("/recovered");
         let later = 2 * ANSWER_PATIENCE_NS;
         streams.image("/recovered", image(6), later);

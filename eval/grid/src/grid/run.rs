@@ -35,14 +35,13 @@ pub fn run(
     let setup = request.setup(&map, &groups, &points)?;
     let mut frames = Frames::inspect(&request.data, &request.source())?;
     // After the checks of the request, so that a wrong one makes no folder, and before the first cell.
-    let folder = ResultFolder::take(Some(&request.out), "eval", Some(RESULTS));
-    let _folder = folder.map_err(|why| GridError::Request(why.to_string()))?;
+    let _folder = ResultFolder::take(Some(&request.out), "eval", Some(RESULTS))
+        .map_err(|why| GridError::Request(why.to_string()))?;
     let scorer = Scorer::new(request, map, groups, &mut frames)?;
     // Few drives are no loss, so that this warning is not among those of the input.
     frames.input.warnings.iter().chain(&frames.input.interval_warning()).for_each(warn);
-    let empty =
-        Results { setup, input: frames.input.clone(), definitions: definitions(), ..Results::default() };
-    let mut results = store::resume(&request.out, *fresh, empty)?;
+    let found = Results { setup, input: frames.input.clone(), ..Results::default() };
+    let mut results = store::resume(&request.out, *fresh, Results { definitions: definitions(), ..found })?;
     results.runs.push(request.provenance.clone());
     let (done, todo): (Vec<&Point>, Vec<&Point>) = points.iter().partition(|point| results.has(point));
     found_there(done.len(), results.others(&points)).iter().for_each(warn);
@@ -55,8 +54,8 @@ pub fn run(
     }
     drop(runner);
     timing::measure(request, make, timer, &mut frames, &mut results, tell)?;
-    let run = results.runs.last_mut().expect("this run was added");
-    run.wall_s = Some(timer.ticks_ns().saturating_sub(start) as f64 / 1e9);
+    let wall_s = timer.ticks_ns().saturating_sub(start) as f64 / 1e9;
+    results.runs.last_mut().expect("this run was added").wall_s = Some(wall_s);
     // A run without any cell to process writes its files, too.
     store::save(&request.out, &results)?;
     Ok(results)
