@@ -162,8 +162,6 @@ fn defaults(domain: u32, is_host: bool) -> Vec<(&'static str, String)> {
         // As in rmw_zenoh: sessions learn of each other by gossip and never by multicast.
         ("scouting/multicast/enabled", "false".into()),
         ("scouting/gossip/enabled", "true".into()),
-        // A session that has lost a link tells the others, and they make it again.
-        ("scouting/gossip/multihop", "true".into()),
         // The cache for late readers needs the time of each sample.
         ("timestamping/enabled", "true".into()),
         ("queries_default_timeout", "600000".into()),
@@ -197,60 +195,7 @@ pub(super) fn free_domain() -> u32 {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-    use std::time::Instant;
-
     use super::*;
-
-    /// Longest wait for sessions on a busy machine.
-    const PATIENCE: Duration = Duration::from_secs(60);
-
-    fn wait_until(condition: &str, mut done: impl FnMut() -> bool) {
-        let start = Instant::now();
-        while !done() {
-            assert!(start.elapsed() < PATIENCE, "did not happen: {condition}");
-            sleep(GLANCE);
-        }
-    }
-
-    /// A reader that stands still loses its link to a sender that must not drop a message, and both keep those to a third session.
-    #[test]
-    fn a_link_that_was_closed_is_made_again() {
-        let domain = free_domain();
-        let open = |is_host| {
-            let mut config = configuration(domain, is_host).expect("the defaults");
-            let wait = "transport/link/tx/queue/congestion_control/block/wait_before_close";
-            insert(&mut config, wait, "200000").expect("a time in microseconds");
-            zenoh::open(config).wait().expect("a session")
-        };
-        let (_host, sender, reader) = (open(true), open(false), open(false));
-        let (stands, heard) = (Arc::new(AtomicBool::new(true)), Arc::new(AtomicU64::new(0)));
-        let (still, count) = (stands.clone(), heard.clone());
-        let take = move |_| {
-            while still.load(Ordering::Relaxed) {
-                sleep(GLANCE);
-            }
-            count.fetch_add(1, Ordering::Relaxed);
-        };
-        let _subscriber = reader.declare_subscriber("topic").callback(take).wait().expect("a subscriber");
-        let blocking = zenoh::qos::CongestionControl::Block;
-        let publisher =
-            sender.declare_publisher("topic").congestion_control(blocking).wait().expect("a publisher");
-        let is_linked = || sender.info().peers_zid().wait().any(|zid| zid == reader.zid());
-        let is_heard = || publisher.matching_status().wait().expect("an open session").matching();
-        wait_until("a direct link", || is_linked() && is_heard());
-        wait_until("the link is closed", || {
-            publisher.put(vec![0; 1_000_000]).wait().expect("an open session");
-            !is_linked()
-        });
-        stands.store(false, Ordering::Relaxed);
-        wait_until("a link again", || is_linked() && is_heard());
-        let before = heard.load(Ordering::Relaxed);
-        wait_until("the reader hears the sender", || {
-            publisher.put(vec![0; 8]).wait().expect("an open session");
-            heard.load(Ordering::Relaxed) > before + 20
-        });
-    }
 
     #[test]
     fn a_connection_that_lingers_is_waited_for() {
