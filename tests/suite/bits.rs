@@ -16,8 +16,9 @@ const STREAMS: [&str; 4] = ["modulo", "saturated", "recovered", "ideal"];
 
 /// Evaluates the streams of a sensor of `bits` in lockstep.
 fn evaluated(bench: &Bench, bits: u8, more: &str) -> (Value, Value) {
-    bench.says(0, &format!("eval {COMPARE} {SENSOR} bits:={bits} -o @/out {more}"));
-    (bench.json("out/scores.json"), bench.json("out/summary.json"))
+    let out = format!("out{bits}");
+    bench.says(0, &format!("eval {COMPARE} {SENSOR} bits:={bits} -o @/{out} {more}"));
+    (bench.json(&format!("{out}/scores.json")), bench.json(&format!("{out}/summary.json")))
 }
 
 /// Where the counts are exact, the boxes of a picture do not depend on the bits of the sensor. With fewer than 4, even the ideal picture is as

@@ -1,7 +1,7 @@
 //! Inputs of public bug reports, with the result that their users expect: a test for each folder of `cases` in the test data.
 
 use std::collections::BTreeMap;
-use std::io::Write as _;
+use std::io::{BufRead as _, BufReader, Write as _};
 use std::net::TcpListener;
 use std::path::PathBuf;
 use std::process::Stdio;
@@ -155,7 +155,8 @@ cases! {
             signal(launch.id(), "INT");
             let message = text(&launch.wait_with_output().expect("it ends"));
             assert!(!message.contains("late"), "{rate} Hz: {message}");
-            let frames = message.lines().find_map(|line| line.strip_prefix("frames ")?.split(',').next()?.parse().ok());
+            // A busy machine replaces frames by newer ones, but each arrives.
+            let frames = message.lines().find_map(|line| line.split(" live: ").nth(1)?.split(' ').next()?.parse().ok());
             assert!(sent.is_ok() && frames.is_some_and(|frames: u32| frames >= 4 * rate - 1), "{rate} Hz: {message}");
         }
     };
@@ -280,6 +281,9 @@ fn camera(jpeg: Vec<u8>, rate: u32, count: u32) -> (String, JoinHandle<std::io::
     let address = listener.local_addr().expect("an address");
     let camera = std::thread::spawn(move || {
         let mut reader = listener.accept()?.0;
+        // Unread bytes of the request would reset the connection at its end, and with it the last picture.
+        let mut request = BufReader::new(reader.try_clone()?).lines();
+        while request.next().is_some_and(|line| line.is_ok_and(|line| !line.is_empty())) {}
         let kind = "multipart/x-mixed-replace; boundary=frame";
         write!(reader, "HTTP/1.0 200 OK\r\nContent-Type: {kind}\r\n\r\n")?;
         for _ in 0..count {

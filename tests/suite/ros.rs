@@ -257,6 +257,8 @@ fn the_level_of_the_log_is_read_and_set_by_services() {
     assert_eq!(level(), u32::from(Log::INFO));
     assert!(set(Log::ERROR.into()) && level() == u32::from(Log::ERROR));
     refused("1001");
+    // One refusal a second is told.
+    std::thread::sleep(Duration::from_millis(1100));
     assert!(set(Log::WARN.into()) && !set(7));
     refused("1002");
     let warned = log(logs.until("a refusal", |m| log(m.clone()).msg.contains("'alpha' = 100")));

@@ -222,7 +222,7 @@ pub struct Copied {
 }
 
 /// Writes every readable message of `bag`, which may be damaged or have another form, to the new MCAP bag `out`, and into its first file the
-/// [`Extra`]s. Payload bytes and times stay unchanged. Messages that could not be copied are reported by the warnings of `bag`, by
+/// [`Extra`](super::Extra)s. Payload bytes and times stay unchanged. Messages that could not be copied are reported by the warnings of `bag`, by
 /// [`Copied::left_out`] and by [`Copied::broke`].
 ///
 /// # Errors
