@@ -92,8 +92,8 @@ impl Listener {
 
     /// Returns the part of ffmpeg of which a line has an error, if that may damage frames.
     fn blamed(&self, line: &str, message: &str) -> Option<Part> {
-        // Such as `h264` in `[h264 @ 0x5581]`; what has no name is ffmpeg itself.
-        let name = line.strip_prefix('[').and_then(|line| Some(line.split_once(" @ 0x")?.0));
+        // Such as `h264` in `[h264 @ 0x5581]`, or `flv` in `[in#0/flv @ 0x5581]`; what has no name is ffmpeg itself.
+        let name = line.strip_prefix('[').and_then(|line| line.split_once(" @ 0x")?.0.rsplit('/').next());
         let is_decoder = |name: &str| {
             self.decoder.split([' ', '(', ')']).any(|word| !word.is_empty() && name.contains(word))
         };

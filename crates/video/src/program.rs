@@ -112,7 +112,8 @@ impl Reports {
         {
             self.container = Some(container.to_owned());
         }
-        if is_error {
+        // The times of joined recordings, which frames in a pipe do not have.
+        if is_error && !message.starts_with("Application provided invalid") {
             self.first.get_or_insert_with(|| without_secrets(message.trim()).into_owned());
         }
         (message, is_error)
@@ -139,8 +140,8 @@ impl Decoding {
         version: &str,
         damage: Damage,
     ) -> std::io::Result<Self> {
-        // With a scaler of its own ffmpeg puts none before `showinfo`, which then tells the format of the video. Behind it, times rise.
-        let filters = format!("showinfo=checksum=0,setpts=N,scale=flags=bicubic,format={formats}");
+        // With a scaler of its own ffmpeg puts none before `showinfo`, which then tells the format of the video.
+        let filters = format!("showinfo=checksum=0,scale=flags=bicubic,format={formats}");
         let mut child = command("ffmpeg")
             // `-debug_ts` tells of each packet that is read, and of each frame that a decoder gives.
             .args(["-nostdin", "-hide_banner", "-nostats", "-debug_ts", "-loglevel", "level+info"])

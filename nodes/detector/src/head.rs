@@ -83,16 +83,24 @@ impl Head {
         }
     }
 
-    /// Returns a warning where an output of `rows` x `columns` has this form by the number of its anchors, and would be an end-to-end export
-    /// but for them.
-    pub fn doubt(self, (rows, columns): (usize, usize), end_to_end: Option<bool>) -> Option<String> {
-        let is_doubtful = end_to_end.is_none() && columns == 6 && self != Self::EndToEnd;
-        is_doubtful.then(|| {
+    /// Returns a warning where only the anchors of the input or only the names tell that an output of these sides has this form.
+    pub fn doubt(
+        self,
+        (rows, columns): (usize, usize),
+        input: (usize, usize),
+        end_to_end: Option<bool>,
+    ) -> Option<String> {
+        let raw = raw_forms((rows, columns), input).into_iter().find(|raw| raw.head == self)?;
+        let read = format!("output [1, {rows}, {columns}] is read as {self}");
+        if !raw.has_anchors {
+            return Some(format!(
+                "{read}, and has not as many boxes as an input of {} x {} has anchors",
+                input.0, input.1
+            ));
+        }
+        (end_to_end.is_none() && columns == 6).then(|| {
             let tell = "set the metadata property end2end to False if that is right, else to True";
-            format!(
-                "output [1, {rows}, 6] has a row for each anchor and is read as {self}, not as {}; {tell}",
-                Self::EndToEnd
-            )
+            format!("{read}, not as {}, since it has a row for each anchor; {tell}", Self::EndToEnd)
         })
     }
 
@@ -198,6 +206,23 @@ mod tests {
             why.contains("[1, 4032, 6]") && why.contains("end2end to True") && why.contains("False"),
             "{why}"
         );
+    }
+
+    #[test]
+    fn what_only_the_anchors_or_only_the_names_tell_is_doubted() {
+        let (one_class, input) = (Head::Rows { classes: 1 }, (256, 256));
+        let doubt = one_class.doubt((4032, 6), input, None).expect("a doubt");
+        assert!(doubt.contains("[1, 4032, 6]") && doubt.contains("end2end to False"), "{doubt}");
+        assert_eq!(one_class.doubt((4032, 6), input, Some(false)), None);
+        let doubt = Head::Columns { classes: 3 }.doubt((7, 9), VGA, Some(false)).expect("a doubt");
+        assert!(doubt.contains("[1, 7, 9]") && doubt.contains("640 x 640"), "{doubt}");
+        for (head, sides) in [
+            (Head::Columns { classes: 80 }, (84, 8400)),
+            (Head::Rows { classes: 80 }, (25_200, 85)),
+            (Head::EndToEnd, (300, 6)),
+        ] {
+            assert_eq!(head.doubt(sides, VGA, None), None);
+        }
     }
 
     #[test]

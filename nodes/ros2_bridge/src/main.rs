@@ -9,7 +9,7 @@ mod mirror;
 mod plan;
 mod topics;
 
-use std::io::IsTerminal as _;
+use std::io::{IsTerminal as _, Write as _};
 use std::os::unix::process::CommandExt as _;
 use std::process::{Command, ExitCode};
 use std::sync::Arc;
@@ -38,29 +38,26 @@ fn main() -> ExitCode {
     start_log();
     let arguments = match arguments() {
         Ok(arguments) => arguments,
-        Err(why) => {
-            eprintln!("ros2_bridge: it cannot be started again: {why}");
-            return ExitCode::FAILURE;
-        }
+        Err(why) => return fail(ExitCode::FAILURE, &format!("it cannot be started again: {why}")),
     };
     if arguments.iter().any(|argument| argument == "--help" || argument == "-h") {
-        print_help();
-        return ExitCode::SUCCESS;
+        let printed = std::io::stdout().write_all(help().as_bytes());
+        return if printed.is_ok() { ExitCode::SUCCESS } else { ExitCode::FAILURE };
     }
     let (plan, node_name) = match plan(&arguments) {
         Ok(planned) => planned,
-        Err(why) => {
-            eprintln!("ros2_bridge: {why:#}");
-            return ExitCode::from(USAGE);
-        }
+        Err(why) => return fail(ExitCode::from(USAGE), &format!("{why:#}")),
     };
     match run(&plan, &node_name) {
         Ok(()) => ExitCode::SUCCESS,
-        Err(why) => {
-            eprintln!("ros2_bridge: {why:#}");
-            ExitCode::FAILURE
-        }
+        Err(why) => fail(ExitCode::FAILURE, &format!("{why:#}")),
     }
+}
+
+/// Prints the reason of a failure. Where that is not possible, the exit code remains.
+fn fail(code: ExitCode, why: &str) -> ExitCode {
+    let _ = writeln!(std::io::stderr(), "ros2_bridge: {why}");
+    code
 }
 
 /// Returns the arguments of the command line, after this process was started again without them. rcl reads the command line
@@ -88,20 +85,20 @@ fn start_log() {
     let colours =
         std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
     let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
-    log.with_ansi(colours).with_target(false).init();
+    // A line that cannot be written, as on a full disk, is dropped; to tell of it, the library would panic.
+    log.with_ansi(colours).with_target(false).log_internal_errors(false).init();
 }
 
-fn print_help() {
-    println!("ros2_bridge: topics and parameters between the suite on zenoh and a ROS 2 graph on DDS\n");
-    println!("Usage: ros2_bridge [--ros-args -p NAME:=VALUE ...]\n\nParameters:");
-    for descriptor in BridgeParameters::descriptors() {
-        println!(
-            "  {} ({})\n      {}",
-            descriptor.name,
-            descriptor.default.type_name(),
-            descriptor.description
-        );
-    }
+fn help() -> String {
+    let parameter = |descriptor: &modulo_runtime::Descriptor| {
+        let (name, kind) = (descriptor.name, descriptor.default.type_name());
+        format!("  {name} ({kind})\n      {}\n", descriptor.description)
+    };
+    let parameters: String = BridgeParameters::descriptors().iter().map(parameter).collect();
+    format!(
+        "ros2_bridge: topics and parameters between the suite on zenoh and a ROS 2 graph on DDS\n\n\
+         Usage: ros2_bridge [--ros-args -p NAME:=VALUE ...]\n\nParameters:\n{parameters}"
+    )
 }
 
 fn plan(arguments: &[String]) -> anyhow::Result<(BridgePlan, NodeName)> {

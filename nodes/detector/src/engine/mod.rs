@@ -166,7 +166,8 @@ impl OpenedEngine {
         if let Some(why) = contradiction(head, &output, size) {
             return Err(refuse(format!("its output cannot be {head}: {why}")));
         }
-        let doubts = [head.doubt(output.dim(), end_to_end), unnamed_classes(head, &output, names.count())];
+        let doubts =
+            [head.doubt(output.dim(), size, end_to_end), unnamed_classes(head, &output, names.count())];
         for doubt in doubts.into_iter().flatten() {
             warn_once(format!("model '{}': {doubt}", model.display()));
         }
@@ -212,6 +213,8 @@ const ZIP: &[u8] = b"PK\x03\x04";
 /// Loads `model` with the engine asked for, on the device asked for. `auto` takes ONNX Runtime where its library is found, else
 /// rten: never another one because a model does not load, and never the processor in place of a GPU.
 pub fn open(model: &Path, options: EngineOptions) -> Result<OpenedEngine, EngineError> {
+    // A file that is missing or of another kind is the most common mistake, and engines describe it at length.
+    let file = file(model)?;
     let (EngineOptions { device, .. }, threads) = (options, options.cores());
     let (engine, reason) = match (options.engine, device) {
         (EngineChoice::Auto, EngineDevice::Cpu) if onnxruntime::library().is_err() => {
@@ -226,13 +229,13 @@ pub fn open(model: &Path, options: EngineOptions) -> Result<OpenedEngine, Engine
         return Err(EngineError(format!("{why}; set engine to ort, or device to cpu")));
     }
     if engine == EngineChoice::Rten {
-        let (opened, layout) = self::rten::Rten::load(model, file(model)?, threads)?;
+        let (opened, layout) = self::rten::Rten::load(model, file, threads)?;
         let note = reason.to_owned();
         return Ok(OpenedEngine { engine: Box::new(opened), name, threads, layout, note });
     }
     let library = onnxruntime::library()?;
     let (opened, layout) =
-        onnxruntime::OnnxRuntime::load((model, file(model)?), (engine, device), threads, &library)?;
+        onnxruntime::OnnxRuntime::load((model, file), (engine, device), threads, &library)?;
     let bf16 = onnxruntime::uses_bf16(engine);
     let note = if bf16 { format!("{}, bf16", library.place) } else { library.place };
     Ok(OpenedEngine { engine: Box::new(opened), name, threads, layout, note })
