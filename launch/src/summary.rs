@@ -1,7 +1,6 @@
 //! [`Summary`]: the reports of all nodes and their lives added up; percentiles come from merged counts.
 
-mod crash;
-mod foreign;
+mod accounts;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -12,8 +11,7 @@ use modulo_runtime::report::{Histogram, Percentiles, add, quantile};
 use serde::Serialize;
 
 use crate::{LaunchError, files_in};
-pub use crash::LostInCrash;
-pub use foreign::ForeignMessages;
+pub use accounts::Account;
 pub use modulo_runtime::report::NodeReport;
 
 /// The counts and durations of a run, over all its nodes.
@@ -25,10 +23,8 @@ pub struct Summary {
     pub detections: BTreeMap<String, BTreeMap<String, u64>>,
     /// Messages that were lost, replaced by newer ones or left unread, by topic.
     pub dropped: BTreeMap<String, u64>,
-    /// Messages that were lost because a node crashed, by topic and reader.
-    pub lost_in_crashes: Vec<LostInCrash>,
-    /// Messages from outside of the launch on its topics, by topic and reader.
-    pub foreign: Vec<ForeignMessages>,
+    /// What became of each message, by topic and reader.
+    pub readers: Vec<Account>,
     /// Durations by stage.
     pub latency_ms: BTreeMap<String, Percentiles>,
     /// The inference engines that really ran, joined with `+` when they differ.
@@ -81,8 +77,8 @@ pub const SUMMARY_BEGIN: &str = "{\n  \"frames\": ";
 impl Summary {
     /// Adds up `reports`, one for each life of each node; `restarts` are (process, count).
     pub fn new<'a>(reports: &[NodeReport], restarts: impl IntoIterator<Item = (&'a str, u32)>) -> Self {
-        let (lost_in_crashes, foreign) = (crash::losses(reports), foreign::foreign(reports));
-        let mut summary = Self { engine: engine(reports), lost_in_crashes, foreign, ..Self::default() };
+        let readers = accounts::accounts(reports);
+        let mut summary = Self { engine: engine(reports), readers, ..Self::default() };
         let mut stages: BTreeMap<&str, Histogram> = BTreeMap::new();
         for report in reports {
             summary.frames += frames(report);
@@ -125,9 +121,8 @@ impl Summary {
         let broken = |(topic, n): (&String, &TopicCounts)| {
             n.bad > 0 || (n.lost > 0 && !self.best_effort.contains(topic)) || (strict && n.dropped > 0)
         };
-        let named =
-            !self.lost_in_crashes.is_empty() || !self.with_loss.is_empty() || !self.foreign.is_empty();
-        named || self.topics.iter().any(broken)
+        let is_named = !self.with_loss.is_empty() || self.readers.iter().any(Account::is_broken);
+        is_named || self.topics.iter().any(broken)
     }
 
     /// Writes the summary to `file` as JSON.
@@ -247,11 +242,9 @@ impl fmt::Display for Summary {
         }
         let live = self.live.iter().map(|(node, live)| format!("{node} live: {live}"));
         let used = self.unwrapped.iter().map(|(node, methods)| format!("{node} used {methods}"));
-        let foreign = self.foreign.iter().map(ToString::to_string);
-        let lost = self.lost_in_crashes.iter().map(ToString::to_string);
+        let broken = self.readers.iter().filter(|reader| reader.is_broken()).map(ToString::to_string);
         let restarted = |(process, count)| format!("{process} crashed and was restarted {count} times");
-        let mut lines =
-            live.chain(used).chain(foreign).chain(lost).chain(self.restarts.iter().map(restarted));
+        let mut lines = live.chain(used).chain(broken).chain(self.restarts.iter().map(restarted));
         lines.try_for_each(|line| writeln!(f, "{}", fitted(&line, WIDTH)))
     }
 }
@@ -357,9 +350,7 @@ mod tests {
         let crashed = NodeReport { running: true, ..NodeReport::new("/unwrap") };
         let mut summary = Summary::new(&[crashed], []);
         assert!(!summary.lost(true), "a crash that took nothing");
-        let lost =
-            LostInCrash { topic: "/modulo".into(), node: "/unwrap".into(), lost: Some(1), sent: Some(9) };
-        summary.lost_in_crashes.push(lost);
+        summary.readers.push(Account { down: 1, ..Account::default() });
         assert!(summary.lost(false));
     }
 

@@ -213,7 +213,10 @@ fn record(args: &BagRecord) -> Result<Ended, Failure> {
     for topic in &captured.topics {
         // A topic without a loss has no entry.
         let lost = captured.lost.get(&topic.topic.name).copied().unwrap_or(0);
-        say!("{}: {} messages, {lost} lost", topic.topic.name, topic.messages);
+        let cut = captured.cut.get(&topic.topic.name);
+        let cut =
+            cut.map(|node| format!("; the link to {node} was lost, and what it sent meanwhile is missing"));
+        say!("{}: {} messages, {lost} lost{}", topic.topic.name, topic.messages, cut.unwrap_or_default());
     }
     let is_there = |name: &String| {
         let name = graph::absolute(name);
@@ -224,7 +227,7 @@ fn record(args: &BagRecord) -> Result<Ended, Failure> {
         let missing = missing.join(", ");
         note!("modulo: no node has published {missing}; modulo topic list shows the topics of the graph");
     }
-    Ok(Ended::of(!captured.lost.is_empty() || !missing.is_empty()))
+    Ok(Ended::of(!captured.lost.is_empty() || !captured.cut.is_empty() || !missing.is_empty()))
 }
 
 fn play(args: &BagPlay) -> Result<Ended, Failure> {
@@ -257,8 +260,8 @@ fn play(args: &BagPlay) -> Result<Ended, Failure> {
         let file = ReportFile::create(&folder, &report.node).context("file of the player's report");
         file?.write(&report, clock.ticks_ns());
     }
-    for (topic, count) in sent {
-        say!("{topic}: {count} messages");
+    for (topic, sent) in sent {
+        say!("{topic}: {} messages", sent.values().sum::<u64>());
     }
     Ok(Ended::of(left_out(&player, &unheard) || lost))
 }

@@ -7,6 +7,7 @@ use anyhow::{Context as _, anyhow};
 use clap::Subcommand;
 use modulo_middleware::graph::Graph;
 use modulo_middleware::graph::discovery::Twins;
+use modulo_middleware::transport::Transport as _;
 use modulo_middleware::transport::zenoh::ZenohTransport;
 use modulo_msgs::{dynamic, rihs, ros_name};
 use modulo_runtime::Clock;
@@ -241,6 +242,9 @@ fn describe(node: &str, endpoints: &BTreeMap<&str, BTreeSet<NamedType>>) {
     }
 }
 
+/// Time between two looks at the graph while no message comes.
+const LOOK: Duration = Duration::from_secs(1);
+
 fn echo(transport: &ZenohTransport, topic: &str, once: bool) -> Result<(), Failure> {
     let listening = transport.listen(&absolute(topic), stop_on_signals()?)?;
     let name = ros_name(&listening.endpoint.dds_type);
@@ -252,11 +256,18 @@ fn echo(transport: &ZenohTransport, topic: &str, once: bool) -> Result<(), Failu
             rihs::description_of_schema(&name, &text)?
         }
     };
-    let mut reported = Vec::new();
+    let (mut reported, mut is_told) = (Vec::new(), false);
     while listening.goes_on() {
         tell_twins(transport, &mut reported);
         // Nothing comes when the command was asked to end meanwhile.
-        let Some(sample) = listening.next(None) else { continue };
+        let Some(sample) = listening.next(Some(LOOK)) else {
+            if let Some(lost) = transport.lost_publisher(&listening.endpoint.topic).filter(|_| !is_told) {
+                note!("{} {lost}", colour::warning("WARNING:"));
+                is_told = true;
+            }
+            continue;
+        };
+        is_told = false;
         let value = dynamic::from_slice(&description, &sample.item.payload)?;
         // The reader ends this command by closing the pipe.
         if !terminal::say(format_args!("{value}---")) || once {
@@ -296,7 +307,11 @@ fn hz(transport: &ZenohTransport, clock: &dyn Clock, topic: &str, window: usize)
         if now() >= due {
             // The next line is due one second after this one was due, so that delays do not add up.
             due += 1.0;
-            if !terminal::say(format_args!("{}", rate(arrived.make_contiguous(), listening.lost()))) {
+            let line = match transport.lost_publisher(&listening.endpoint.topic) {
+                Some(lost) => lost.to_string(),
+                None => rate(arrived.make_contiguous(), listening.lost()),
+            };
+            if !terminal::say(format_args!("{line}")) {
                 break;
             }
         }

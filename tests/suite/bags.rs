@@ -360,6 +360,69 @@ fn what_a_recorder_lost_is_counted() {
     );
 }
 
+#[test]
+fn what_a_recorder_lost_at_the_end_is_counted() {
+    let bench = Bench::new();
+    let bag = bench.path("bag");
+    let recorder = bench.record(&bag, &["/data"]);
+    let remote = Remote::new(bench.domain.id);
+    let endpoint = endpoint("/data", IMAGE, Qos::Images);
+    let publisher = remote.transport.advertise_raw(&node("camera"), &endpoint).expect("a publisher");
+    wait_until("the recorder", || publisher.wanted());
+    let file = bag.join("bag_0.mcap");
+    let put = || publisher.put(vec![0; 1_000_000]).expect("an open session");
+    let mut sent = 0;
+    wait_until("the first messages", || {
+        put();
+        sent += 1;
+        sleep(Duration::from_millis(50));
+        std::fs::metadata(&file).is_ok_and(|f| f.len() > 1_000_000)
+    });
+    // More than the queues on the way hold, and nothing comes behind it.
+    signal(recorder.0.id(), "STOP");
+    for _ in 0..40 {
+        put();
+        sleep(Duration::from_millis(10));
+    }
+    sent += 40;
+    signal(recorder.0.id(), "CONT");
+    // The publisher tells the number of its last message twice a second.
+    sleep(Duration::from_secs(2));
+    let (code, message) = recorder.end("INT");
+    assert_eq!(code, Some(3), "{message}");
+    let kept = numbers(&bag).len();
+    assert!(kept < sent, "{message}");
+    assert!(message.contains(&format!("/data: {kept} messages, {} lost", sent - kept)), "{sent}: {message}");
+    assert!(!message.contains("link"), "{message}");
+}
+
+#[test]
+fn a_recorder_that_loses_its_publisher_says_so() {
+    let bench = Bench::new();
+    let (source, bag) = (bench.path("source"), bench.path("bag"));
+    write_bag(&source, 40, 50, 100);
+    let recorder = bench.record(&bag, &["/data"]);
+    let remote = Remote::new(bench.domain.id);
+    let (_data, sent) = remote.listen("/data", IMAGE, Qos::Images);
+    let played = |how: &str| {
+        let mut playing = bench.start(&["bag", "play", utf8(&source), "--loop"]);
+        (0..20).for_each(|_| drop(sent.recv_timeout(Duration::from_secs(30)).expect("a message")));
+        signal(playing.0.id(), how);
+        playing.0.wait().expect("it ends");
+    };
+    // One that ends in order is no loss; for one that is killed nobody knows.
+    played("INT");
+    sleep(Duration::from_secs(2));
+    assert_eq!(remote.transport.lost_publishers(), []);
+    played("KILL");
+    wait_until("the loss", || remote.transport.lost_publisher("/data").is_some());
+    // The recorder looks by itself.
+    sleep(Duration::from_secs(1));
+    let (code, message) = recorder.end("INT");
+    assert_eq!(code, Some(3), "{message}");
+    assert_has(&message, &["/data: ", " 0 lost", "the link to /rosbag2_player was lost"]);
+}
+
 /// The numbers of the next `count` samples, after which no other follows within 300 ms.
 fn arrived(samples: &Receiver<RawSample>, count: usize) -> Vec<u32> {
     let next = || samples.recv_timeout(Duration::from_secs(30)).expect("a sample");

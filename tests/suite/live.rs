@@ -325,7 +325,7 @@ fn two_suites_in_one_domain_say_so() {
     assert_has(&bench.says(0, "param get /unwrap method"), &["2 nodes are called /unwrap", "auto"]);
 
     assert_eq!((second.interrupt(), first.interrupt()), (Some(3), Some(3)));
-    let foreign = &bench.json("second.json")["foreign"];
-    let is_told = foreign.as_array().is_some_and(|all| all.iter().any(|one| one["topic"] == "/modulo"));
-    assert!(is_told, "{foreign}");
+    let readers = &bench.json("second.json")["readers"];
+    let is_told = |one: &Value| one["topic"] == "/modulo" && one["foreign"].as_u64() > Some(0);
+    assert!(readers.as_array().is_some_and(|all| all.iter().any(is_told)), "{readers}");
 }

@@ -7,11 +7,13 @@ use std::thread;
 use std::time::Duration;
 
 use modulo_bags::bag::{BagError, BagTopic, BagWriter, TopicCount};
+use modulo_middleware::graph::discovery::LostPublisher;
 use modulo_middleware::transport::queue::{Arrived, Keep, Lane, Limit, Queue};
 use modulo_middleware::transport::zenoh::ZenohTransport;
 use modulo_middleware::transport::{Guard, RawSample, Transport, TransportError};
 use modulo_runtime::name::is_hidden;
 use modulo_runtime::stop::Wake as _;
+use modulo_runtime::topic::{Durability, Profile};
 use modulo_runtime::wire::keys::{self, Endpoint, EntityKind};
 use modulo_runtime::{Clock, NodeName, Stop, Urgency};
 
@@ -35,6 +37,8 @@ pub struct Captured {
     pub topics: Vec<TopicCount>,
     /// Messages that were sent but are not in the bag, by topic: lost on the way here, or because of a slow disk.
     pub lost: BTreeMap<String, u64>,
+    /// Topics with the node whose link was lost: how many of its messages are missing is not known.
+    pub cut: BTreeMap<String, String>,
 }
 
 /// Records `topics` (`None`: all) of the graph of `transport` until `stop`. Samples wait for the disk in bounded
@@ -65,9 +69,13 @@ pub fn capture(
         asked: BTreeMap::new(),
         held: 0,
         guards: BTreeMap::new(),
+        numbered: BTreeSet::new(),
+        cut: BTreeMap::new(),
+        away: BTreeSet::new(),
     };
     while stop.urgency() == Urgency::None {
         capture.subscribe_new(topics)?;
+        capture.look_for_links();
         // New topics are looked for at intervals, as tokens may appear at any time.
         let look = clock.ticks_ns() + GLANCE_NS;
         // However fast samples come, the graph and the stop are looked at in between.
@@ -93,6 +101,12 @@ struct CaptureLoop<'a> {
     /// Bytes of their samples.
     held: usize,
     guards: BTreeMap<Lane, Guard>,
+    /// Lanes whose publishers tell the numbers of their last messages.
+    numbered: BTreeSet<Lane>,
+    /// Topics with the node whose link was lost.
+    cut: BTreeMap<String, String>,
+    /// Those that are cut now.
+    away: BTreeSet<String>,
 }
 
 struct AskedTopic {
@@ -121,6 +135,10 @@ impl CaptureLoop<'_> {
             // A lane for each subscription, so that losses are known by topic.
             let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::All));
             let take = move |sample| drop(queue.push(lane, sample));
+            // Late readers get the last message of other topics on another way than its numbers.
+            if Profile::parse(&endpoint.qos).durability == Durability::Volatile {
+                self.numbered.insert(lane);
+            }
             self.guards.insert(lane, self.transport.subscribe_raw(&self.node_name, endpoint, take)?);
             let topic = bag_topic(endpoint);
             if topic.schema.is_empty() {
@@ -131,6 +149,22 @@ impl CaptureLoop<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Warns once of each link that is lost: what its node sends now is not recorded.
+    fn look_for_links(&mut self) {
+        for topic in self.lanes.values().map(|topic| &topic.name) {
+            match self.transport.lost_publisher(topic) {
+                Some(LostPublisher { node, .. }) if self.away.insert(topic.clone()) => {
+                    tracing::warn!(
+                        "the link to {node} was lost: what it sends on {topic} now is not recorded"
+                    );
+                    self.cut.insert(topic.clone(), node);
+                }
+                None if self.away.remove(topic) => tracing::info!("messages come again on {topic}"),
+                _ => {}
+            }
+        }
     }
 
     /// Asks for the definition of the type of `endpoint` on a thread of its own: the publishers may take seconds to answer.
@@ -214,6 +248,11 @@ impl CaptureLoop<'_> {
 
     /// Ends the subscriptions, writes waiting samples within a time limit, and completes the bag.
     fn finish(mut self, clock: &dyn Clock) -> Result<Captured, LiveError> {
+        self.look_for_links();
+        let transport = self.transport;
+        for lane in &self.numbered {
+            self.queue.heard(*lane, |publisher| transport.last_sent(publisher));
+        }
         // New samples end first, or the loop below could go on until its limit.
         self.guards.clear();
         let end = clock.ticks_ns() + LAST_WRITES_NS;
@@ -233,7 +272,7 @@ impl CaptureLoop<'_> {
                 *lost.entry(topic.name.clone()).or_default() += counts.lost() + counts.unread;
             }
         }
-        Ok(Captured { topics: self.recorder.finish()?, lost })
+        Ok(Captured { topics: self.recorder.finish()?, lost, cut: self.cut })
     }
 }
 

@@ -17,6 +17,7 @@ use modulo_middleware::transport::{
 use modulo_msgs::builtin::Time;
 use modulo_msgs::{Interface, cdr, rosgraph_msgs, sensor_msgs};
 use modulo_runtime::clock::nanos;
+use modulo_runtime::report::hex;
 use modulo_runtime::wire::keys::{self, Endpoint, Hashes};
 use modulo_runtime::{
     Address, Allowed, Clock, Descriptor, Message, MessageKind, NodeName, NodeReport, Parameters, Qos, Stop,
@@ -58,8 +59,8 @@ pub struct ReplayOptions {
 /// The messages of a replay.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Replayed {
-    /// Number of messages that were sent, by topic.
-    pub sent: BTreeMap<String, u64>,
+    /// Number of messages that were sent, by topic and global id of the publisher.
+    pub sent: BTreeMap<String, BTreeMap<String, u64>>,
     /// Topics with messages that no reader gets: ROS 2 allows not their name or type, or their type has no hash.
     pub unheard: Vec<String>,
 }
@@ -175,20 +176,25 @@ fn serve_parameters(
 }
 
 /// Returns the account of a replay for the summary of a launch; its frames are the images on the topic with the most.
-pub fn report(sent: &BTreeMap<String, u64>, player: &Player, options: &ReplayOptions) -> NodeReport {
+pub fn report(
+    sent: &BTreeMap<String, BTreeMap<String, u64>>,
+    player: &Player,
+    options: &ReplayOptions,
+) -> NodeReport {
     let mut report = NodeReport::new(format!("/{NODE}"));
     let mut frames = 0;
     for topic in player.topics().into_iter().map(|counted| counted.topic) {
         // The messages were sent by the names in the graph.
         let Ok(name) = options.remaps.resolve(&topic.name) else { continue };
-        let Some(count) = sent.get(&name) else { continue };
+        let Some(count) = sent.get(&name).map(|sent| sent.values().sum()) else { continue };
         if matches!(topic.type_name.as_str(), "sensor_msgs/msg/Image" | "sensor_msgs/msg/CompressedImage") {
-            frames = frames.max(*count);
+            frames = frames.max(count);
         }
-        report.published.insert(name, *count);
+        report.published.insert(name, count);
     }
     let status = [("role", "source".to_owned()), ("frames", frames.to_string())];
     report.status.extend(status.map(|(key, value)| (key.to_owned(), value)));
+    report.sent = sent.clone();
     report
 }
 
@@ -343,7 +349,6 @@ struct TopicPublisher {
     /// Name of the topic in the graph.
     name: String,
     publisher: RawPublisher,
-    sent: u64,
 }
 
 impl Publishers {
@@ -369,7 +374,7 @@ impl Publishers {
                 continue;
             }
             let publisher = transport.advertise_raw(node_name, &endpoint)?;
-            publishers.push(TopicPublisher { topic, name: endpoint.topic, publisher, sent: 0 });
+            publishers.push(TopicPublisher { topic, name: endpoint.topic, publisher });
         }
         Ok(Self(publishers))
     }
@@ -386,16 +391,17 @@ impl Publishers {
 
     fn send(&mut self, message: RawMessage) -> Result<(), TransportError> {
         let Some(topic) = self.of(&message) else { return Ok(()) };
-        topic.publisher.put(message.data)?;
-        topic.sent += 1;
-        Ok(())
+        topic.publisher.put(message.data)
     }
 
-    /// Returns the number of messages that were sent, by topic. Topics without messages are left out.
-    fn sent(&self) -> BTreeMap<String, u64> {
-        let mut sent = BTreeMap::new();
-        for topic in self.0.iter().filter(|topic| topic.sent > 0) {
-            *sent.entry(topic.name.clone()).or_default() += topic.sent;
+    /// Returns the number of messages that were sent, by topic and publisher. Publishers without messages are left out.
+    fn sent(&self) -> BTreeMap<String, BTreeMap<String, u64>> {
+        let mut sent: BTreeMap<String, BTreeMap<String, u64>> = BTreeMap::new();
+        for topic in &self.0 {
+            let (publisher, count) = topic.publisher.sent();
+            if count > 0 {
+                sent.entry(topic.name.clone()).or_default().insert(hex(&publisher), count);
+            }
         }
         sent
     }

@@ -2,11 +2,13 @@
 //!
 //! Durations are kept as mergeable histograms: percentiles over several processes are computed from counts.
 
+use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
 use crate::message::Message;
+use crate::wire::attachment::Heard;
 
 /// Buckets of one stage: upper bound in microseconds to count.
 pub type Histogram = BTreeMap<u64, u64>;
@@ -56,6 +58,10 @@ pub struct NodeReport {
     pub unread: BTreeMap<String, u64>,
     /// Messages that could not be read, processed or sent, by topic.
     pub bad: BTreeMap<String, u64>,
+    /// Messages that left each publisher of the node, by topic and global id.
+    pub sent: BTreeMap<String, BTreeMap<String, u64>>,
+    /// What each subscription has heard of each publisher, by topic; none within one process.
+    pub heard: BTreeMap<String, Vec<Reading>>,
     /// Topics that the node reads as best effort: the sender does not promise that all messages arrive.
     pub best_effort: BTreeSet<String>,
     /// Topics that the node reads whose last message every late reader gets: only the last one matters.
@@ -68,6 +74,29 @@ pub struct NodeReport {
     pub stages: BTreeMap<String, Histogram>,
 }
 
+/// What one subscription has heard of one publisher: `last - first + 1 = received + missing`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Reading {
+    /// Global id of the publisher.
+    pub publisher: String,
+    /// Number of the first message that came.
+    pub first: i64,
+    /// Number of the last message that came or is missing.
+    pub last: i64,
+    /// Messages that came.
+    pub received: u64,
+    /// Messages that did not come.
+    pub missing: u64,
+}
+
+/// Most readings of a topic in a report: a peer may declare publishers without end.
+const READINGS: usize = 64;
+
+/// Returns a global id as it is written in a report.
+pub fn hex(publisher: &[u8; 16]) -> String {
+    format!("{:032x}", u128::from_be_bytes(*publisher))
+}
+
 impl NodeReport {
     /// Creates an empty report of `node`.
     pub fn new(node: impl Into<String>) -> Self {
@@ -78,6 +107,20 @@ impl NodeReport {
     pub fn book_stage(&mut self, stage: &str, nanoseconds: u64) {
         let bucket = bucket_of(nanoseconds / 1000);
         *self.stages.entry(stage.to_owned()).or_default().entry(bucket).or_default() += 1;
+    }
+
+    /// Books what a subscription of `topic` has heard of its publishers.
+    pub fn book_heard(&mut self, topic: &str, heard: &[([u8; 16], Heard)]) {
+        if heard.is_empty() {
+            return;
+        }
+        let readings = self.heard.entry(topic.to_owned()).or_default();
+        readings.extend(heard.iter().map(|(publisher, heard)| {
+            let &Heard { first, last, received, missing, .. } = heard;
+            Reading { publisher: hex(publisher), first, last, received, missing }
+        }));
+        readings.sort_by_key(|reading| Reverse(reading.received));
+        readings.truncate(READINGS);
     }
 
     /// Counts one sent message, and its detections under the `stream` that the step has read; a source reads no stream.

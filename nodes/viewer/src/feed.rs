@@ -65,7 +65,7 @@ impl Feed {
         let graph = self.session.transport.graph();
         let mut view = GraphView::of(&graph, &self.session.node_name.fully_qualified());
         view.domain = self.session.transport.domain();
-        view.twins = self.session.transport.twins().iter().map(ToString::to_string).collect();
+        view.warnings = warnings(&self.session.transport);
         let wanted = wanted(&view);
         self.guards.retain(|topic, _| wanted.contains(topic));
         let mut errors = Vec::new();
@@ -172,10 +172,18 @@ impl GraphView {
             nodes: nodes.into_iter().collect(),
             images,
             first: Vec::new(),
-            twins: Vec::new(),
+            warnings: Vec::new(),
             cameras,
         }
     }
+}
+
+/// Returns what mixes in the graph now, and the nodes whose links were lost.
+fn warnings(transport: &ZenohTransport) -> Vec<String> {
+    let mut warnings: Vec<String> = transport.twins().iter().map(ToString::to_string).collect();
+    let lost: BTreeSet<String> = transport.lost_publishers().into_iter().map(|lost| lost.node).collect();
+    warnings.extend(lost.iter().map(|node| format!("the link to {node} was lost")));
+    warnings
 }
 
 /// Returns the ways that images and boxes take between nodes other than `own`.

@@ -84,9 +84,9 @@ pub struct GraphView {
     pub truths: Vec<String>,
     /// All nodes with parameters.
     pub nodes: Vec<String>,
-    /// What mixes, as where a suite runs twice in the domain.
+    /// What mixes, as where a suite runs twice in the domain, and which nodes are cut off.
     #[serde(skip)]
-    pub twins: Vec<String>,
+    pub warnings: Vec<String>,
     /// The ways that images and boxes take.
     pub links: Vec<LinkView>,
     #[serde(skip)]

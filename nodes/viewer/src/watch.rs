@@ -127,8 +127,8 @@ impl Watch {
     pub fn events(&self, known: &mut GraphView, seen: GraphView) -> Vec<Event> {
         let mut events = Vec::new();
         if *known != seen {
-            let twins = seen.twins.iter().filter(|twins| !known.twins.contains(twins));
-            events.extend(twins.cloned().map(Event::Error));
+            let warnings = seen.warnings.iter().filter(|warning| !known.warnings.contains(warning));
+            events.extend(warnings.cloned().map(Event::Error));
             known.clone_from(&seen);
             events.push(Event::Graph(seen));
         }

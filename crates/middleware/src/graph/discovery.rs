@@ -3,6 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
+use std::time::Duration;
 
 use modulo_msgs::ros_name;
 use modulo_runtime::name::is_hidden;
@@ -29,6 +30,25 @@ pub struct Graph {
     /// The topic of each publisher of buffers, by its global id, with the tokens of the readers apart that it has met. Such a
     /// publisher goes on using a number for a reader that has left (rmw_zenoh_cpp 0.10.5), and outlives a cut of the link.
     met: BTreeMap<[u8; 16], (String, BTreeSet<String>)>,
+    /// The publishers that were there, by their global ids.
+    gone: BTreeMap<[u8; 16], LostPublisher>,
+}
+
+/// A publisher that was there, and has gone.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LostPublisher {
+    /// Its topic.
+    pub topic: String,
+    /// The fully qualified name of its node.
+    pub node: String,
+    /// The time since then.
+    pub since: Duration,
+}
+
+impl fmt::Display for LostPublisher {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "no link to {} since {} s", self.node, self.since.as_secs())
+    }
 }
 
 impl Graph {
@@ -43,6 +63,9 @@ impl Graph {
         }
         if let Some(Endpoint { topic, .. }) = token.endpoint.as_ref().filter(|_| !token.backends.is_empty()) {
             self.meet(key, &token, topic);
+        }
+        if token.kind == EntityKind::Publisher {
+            self.gone.remove(&gid(key));
         }
         self.tokens.insert(key.to_owned(), token);
     }
@@ -83,7 +106,31 @@ impl Graph {
 
     /// Removes the token of `key`.
     pub fn disappear(&mut self, key: &str) {
-        self.tokens.remove(key);
+        let Some(token) = self.tokens.remove(key).filter(|token| token.kind == EntityKind::Publisher) else {
+            return;
+        };
+        if self.gone.len() >= REMEMBERED {
+            // The one that has gone first says the least.
+            let first = self.gone.iter().max_by_key(|(_, gone)| gone.since).map(|(gid, _)| *gid);
+            first.map(|gid| self.gone.remove(&gid));
+        }
+        let (node, topic) = (token.node_name(), token.endpoint.map(|endpoint| endpoint.topic));
+        let gone = topic.map(|topic| LostPublisher { topic, node, since: Duration::ZERO });
+        self.gone.extend(gone.map(|gone| (gid(key), gone)));
+    }
+
+    /// Notes that time has passed.
+    pub fn pass(&mut self, time: Duration) {
+        self.gone.values_mut().for_each(|gone| gone.since += time);
+    }
+
+    /// Returns the publishers that have gone for a second, with their global ids, and whose nodes do not publish their topics again.
+    /// The last word of a publisher may come after the end of its token.
+    pub fn gone(&self) -> impl Iterator<Item = (&[u8; 16], &LostPublisher)> {
+        let is_back = |gone: &LostPublisher| {
+            self.endpoints(EntityKind::Publisher, &gone.topic).any(|token| token.node_name() == gone.node)
+        };
+        self.gone.iter().filter(move |(_, gone)| gone.since >= Duration::from_secs(1) && !is_back(gone))
     }
 
     /// Returns the fully qualified names of all nodes in their order; one that two nodes have comes twice.

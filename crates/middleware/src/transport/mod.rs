@@ -15,6 +15,7 @@ use modulo_runtime::wire::attachment::Attachment;
 use modulo_runtime::wire::keys::EntityKind;
 use modulo_runtime::{Address, Message, MessageKind, NodeName, ParameterError, Parameters, Value};
 
+use crate::graph::discovery::LostPublisher;
 use crate::transport::queue::Queued;
 
 /// Shared bytes; cheap to clone, read as a slice.
@@ -99,6 +100,11 @@ impl Incoming {
 pub trait Publisher: Send {
     /// Returns whether the topic has a reader now.
     fn wanted(&self) -> bool;
+
+    /// Returns its global id and the number of messages that have left it; `None` within one process.
+    fn sent(&self) -> Option<([u8; 16], u64)> {
+        None
+    }
 
     /// Sends one message to all readers.
     fn put(&self, message: &Message) -> Result<(), TransportError>;
@@ -217,6 +223,18 @@ pub trait Transport: Send + Sync {
 
     /// Returns (topic, node) of each publisher, or each subscription, of messages of `kind` now.
     fn users(&self, end: EntityKind, kind: MessageKind) -> Vec<(String, String)>;
+
+    /// Returns the number of the last message that a publisher has told to have sent.
+    fn last_sent(&self, publisher: &[u8; 16]) -> Option<i64> {
+        let _ = publisher;
+        None
+    }
+
+    /// Returns the publisher of `topic` whose link was lost, until its node publishes the topic again.
+    fn lost_publisher(&self, topic: &str) -> Option<LostPublisher> {
+        let _ = topic;
+        None
+    }
 
     /// Returns the time after the end of the last publisher during which a message may still be on its way.
     fn settling(&self) -> std::time::Duration;

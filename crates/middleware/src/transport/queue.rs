@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use modulo_runtime::Clock;
 use modulo_runtime::stop::Wake;
-use modulo_runtime::wire::attachment::{Attachment, Gaps, Step};
+use modulo_runtime::wire::attachment::{Attachment, Gaps, Heard, Step};
 
 /// The number of messages that a lane holds, and the message that it drops when it is full.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -222,6 +222,15 @@ impl<T: Queued> Queue<T> {
     pub fn counts(&self, lane: Lane) -> LaneCounts {
         let counts = |lane: &Waiting<T>| LaneCounts { unread: lane.items.len() as u64, ..lane.counts };
         self.lock().lanes.get(&lane).map(counts).unwrap_or_default()
+    }
+
+    /// Counts what is missing at the end of each publisher of `lane`, where `sent` knows the number of its last message. Returns
+    /// what has come of each publisher, by its global id.
+    pub fn heard(&self, lane: Lane, sent: impl Fn(&[u8; 16]) -> Option<i64>) -> Vec<([u8; 16], Heard)> {
+        let mut state = self.lock();
+        let Some(waiting) = state.lanes.get_mut(&lane) else { return Vec::new() };
+        waiting.counts.missing += waiting.gaps.end(sent);
+        waiting.gaps.heard().map(|(publisher, heard)| (*publisher, *heard)).collect()
     }
 
     /// Closes `lane` and counts its waiting items as unread. Returns its counts; zeros when it was closed before.

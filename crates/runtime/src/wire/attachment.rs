@@ -53,9 +53,21 @@ const JUMP: u64 = 1 << 20;
 
 /// Counts the holes in the sequence numbers of each publisher.
 #[derive(Debug, Default)]
-pub struct Gaps {
-    /// The greatest number so far, and the numbers that its message has used.
-    greatest: BTreeMap<[u8; 16], (i64, i64)>,
+pub struct Gaps(BTreeMap<[u8; 16], Heard>);
+
+/// What has come of the messages of one publisher. Where each message has one number, `last - first + 1 = received + missing`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Heard {
+    /// Number of the first message, or of the first one after a jump.
+    pub first: i64,
+    /// The greatest number so far.
+    pub last: i64,
+    /// Number of messages that came since the first one.
+    pub received: u64,
+    /// Number of messages that did not come.
+    pub missing: u64,
+    /// The numbers that the last message has used.
+    numbers: i64,
 }
 
 /// What the number of a sample says of those before it.
@@ -73,21 +85,46 @@ impl Gaps {
     /// twice, and counts as no gap. A publisher that restarts has another gid.
     pub fn step(&mut self, attachment: &Attachment) -> Step {
         let Attachment { gid, sequence, numbers, .. } = *attachment;
-        if self.greatest.len() >= PUBLISHERS && !self.greatest.contains_key(&gid) {
+        if self.0.len() >= PUBLISHERS && !self.0.contains_key(&gid) {
             // Any entry may go: a publisher that still sends starts its count anew.
-            self.greatest.pop_first();
+            self.0.pop_first();
         }
         let used = i64::from(numbers.max(1));
-        let greatest = self.greatest.entry(gid).or_insert((sequence, used));
+        let anew = Heard { first: sequence, last: sequence, received: 0, missing: 0, numbers: used };
+        let heard = self.0.entry(gid).or_insert(anew);
         // The numbers come from the wire and may be anything. A reader that comes is known here a little earlier or later than
         // the publisher begins to count it.
-        let step = sequence.saturating_sub(greatest.0) / greatest.1.max(used);
+        let step = sequence.saturating_sub(heard.last) / heard.numbers.max(used);
         if step.unsigned_abs() > JUMP {
-            *greatest = (sequence, used);
+            *heard = Heard { received: 1, ..anew };
             return Step::Jumped;
         }
-        *greatest = (sequence, used).max(*greatest);
-        Step::Missing(u64::try_from(step.saturating_sub(1)).unwrap_or(0))
+        let missing = u64::try_from(step.saturating_sub(1)).unwrap_or(0);
+        heard.received += 1;
+        heard.missing += missing;
+        (heard.last, heard.numbers) = (sequence, used).max((heard.last, heard.numbers));
+        Step::Missing(missing)
+    }
+
+    /// Counts what is missing at the end, where `sent` knows the number of the last message of a publisher. Returns how many.
+    pub fn end(&mut self, sent: impl Fn(&[u8; 16]) -> Option<i64>) -> u64 {
+        let mut all = 0;
+        // Where some readers are sent samples of their own, numbers are no messages.
+        for (publisher, heard) in self.0.iter_mut().filter(|(_, heard)| heard.numbers == 1) {
+            let last = sent(publisher).unwrap_or(heard.last);
+            let missing = u64::try_from(last.saturating_sub(heard.last)).unwrap_or(0);
+            if missing <= JUMP {
+                heard.missing += missing;
+                heard.last = heard.last.max(last);
+                all += missing;
+            }
+        }
+        all
+    }
+
+    /// Returns what has come of each publisher, by its global id.
+    pub fn heard(&self) -> impl Iterator<Item = (&[u8; 16], &Heard)> {
+        self.0.iter()
     }
 }
 
@@ -204,6 +241,26 @@ mod tests {
         assert_eq!([step(4), step(3 + jump)], [Step::Missing(0), Step::Missing(JUMP - 2)]);
     }
 
+    proptest! {
+        /// Whatever arrives, each number from the first one to the last that was sent is received or missing.
+        #[test]
+        fn every_number_is_received_or_missing(arrives in prop::collection::vec(prop::bool::ANY, 1..60)) {
+            let mut gaps = Gaps::default();
+            let mut missing = 0;
+            for (sequence, _) in (1..).zip(&arrives).filter(|(_, arrives)| **arrives) {
+                let step = gaps.step(&Attachment { sequence, stamp_ns: 0, gid: [1; 16], numbers: 1 });
+                missing += if let Step::Missing(missing) = step { missing } else { 0 };
+            }
+            missing += gaps.end(|_| i64::try_from(arrives.len()).ok());
+            prop_assert_eq!(gaps.end(|_| i64::try_from(arrives.len()).ok()), 0, "it is counted once");
+            let received = arrives.iter().filter(|arrives| **arrives).count() as u64;
+            if let Some((_, heard)) = gaps.heard().next() {
+                prop_assert_eq!((heard.received, heard.missing), (received, missing));
+                prop_assert_eq!(heard.first - 1 + (received + missing) as i64, arrives.len() as i64);
+            }
+        }
+    }
+
     /// A publisher of Lyrical uses one number more for each message from the moment on at which a reader with a buffer of its
     /// own comes.
     #[test]
@@ -256,6 +313,6 @@ mod tests {
                 Step::Missing(0)
             );
         }
-        assert_eq!(gaps.greatest.len(), PUBLISHERS);
+        assert_eq!(gaps.0.len(), PUBLISHERS);
     }
 }

@@ -27,15 +27,16 @@ struct PlannedInput {
 /// The next inputs of a node, in the order of its topics, with the subscriptions that they need in addition.
 pub(super) struct Renewal(Vec<PlannedInput>);
 
-pub(super) struct Inputs {
+pub(super) struct Inputs<'a> {
+    transport: &'a dyn Transport,
     queue: Arc<EventQueue>,
     slots: Vec<Slot>,
 }
 
-impl Inputs {
+impl<'a> Inputs<'a> {
     /// Returns a node's inputs before its first subscription.
-    pub fn new(queue: Arc<EventQueue>) -> Self {
-        Self { queue, slots: Vec::new() }
+    pub fn new(transport: &'a dyn Transport, queue: Arc<EventQueue>) -> Self {
+        Self { transport, queue, slots: Vec::new() }
     }
 
     /// Subscribes to those of `topics` that are not open yet. The inputs stay as they are until [`Inputs::renew`].
@@ -43,12 +44,11 @@ impl Inputs {
         &self,
         topics: Vec<(Topic, Address)>,
         node_name: &NodeName,
-        transport: &dyn Transport,
     ) -> Result<Renewal, TransportError> {
         let slots = self.slots_of(&topics);
         let open = |((topic, address), slot): ((Topic, Address), Option<usize>)| {
             let is_open = slot.is_some_and(|slot| self.slots[slot].reads(&address));
-            let open = || subscribe(topic.clone(), address.clone(), node_name, transport, &self.queue);
+            let open = || subscribe(topic.clone(), address.clone(), node_name, self.transport, &self.queue);
             let opened = (!is_open).then(open).transpose()?;
             Ok(PlannedInput { topic, address, slot, opened })
         };
@@ -92,7 +92,7 @@ impl Inputs {
         let left: Vec<Slot> = before.into_iter().flatten().collect();
         report.swapped |= !left.is_empty();
         closed.extend(left.into_iter().flat_map(Slot::into_inputs));
-        closed.into_iter().for_each(|input| input.close(&self.queue, report));
+        closed.into_iter().for_each(|input| input.close(&self.queue, self.transport, report));
     }
 
     /// Ends the subscriptions that `renewal` has opened; the inputs stay as they are.
@@ -142,7 +142,7 @@ impl Inputs {
         if !answered {
             add(&mut report.replaced, &topic, 1);
         }
-        closed.into_iter().for_each(|input| input.close(&self.queue, report));
+        closed.into_iter().for_each(|input| input.close(&self.queue, self.transport, report));
         answered
     }
 
@@ -152,14 +152,15 @@ impl Inputs {
         for slot in &mut self.slots {
             let (warning, closed) = slot.look(now);
             warnings.extend(warning);
-            closed.into_iter().for_each(|input| input.close(&self.queue, report));
+            closed.into_iter().for_each(|input| input.close(&self.queue, self.transport, report));
         }
         warnings
     }
 
     /// Adds the counts of these subscriptions so far to `report`; messages that still wait do not count as received.
     pub fn count(&self, report: &mut NodeReport) {
-        for SlotInput { address, lane, .. } in self.all() {
+        for input @ SlotInput { address, lane, .. } in self.all() {
+            input.hear(&self.queue, self.transport, report);
             let counts = self.queue.counts(*lane);
             book(
                 report,
@@ -172,7 +173,7 @@ impl Inputs {
     /// Ends all subscriptions and adds their counts to `report`.
     pub fn close(&mut self, report: &mut NodeReport) {
         let inputs = std::mem::take(&mut self.slots).into_iter().flat_map(Slot::into_inputs);
-        inputs.for_each(|input| input.close(&self.queue, report));
+        inputs.for_each(|input| input.close(&self.queue, self.transport, report));
     }
 }
 

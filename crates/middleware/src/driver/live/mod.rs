@@ -92,7 +92,7 @@ struct Live<'a> {
     stop: Stop,
     queue: Arc<EventQueue>,
     outputs: Vec<LiveOutput>,
-    inputs: Inputs,
+    inputs: Inputs<'a>,
     /// Acknowledges frames to sources of rate 0.
     acks: Box<dyn Publisher>,
     /// The readers of this node's own frames, if it is such a source.
@@ -136,7 +136,7 @@ pub fn run(
         time: NodeTime::new(&**clock),
         advertised_ns: clock.ticks_ns(),
         stop,
-        inputs: Inputs::new(queue.clone()),
+        inputs: Inputs::new(transport, queue.clone()),
         queue,
         acks: transport.advertise(&node_name, &Address::resolve(&node_name, &ack_topic())?)?,
         pacing: Pacing::default(),
@@ -202,7 +202,7 @@ impl Live<'_> {
         for (parameters, warning) in self.refusals.rest() {
             tracing::warn!(node = %self.telemetry.node(), "{parameters}: {warning}");
         }
-        let report = self.telemetry.close(&*self.node, ended.is_err(), self.time.ticks_ns());
+        let report = self.telemetry.close(&self.outputs, &*self.node, ended.is_err(), self.time.ticks_ns());
         ended.map(|()| report)
     }
 
@@ -228,7 +228,7 @@ impl Live<'_> {
     /// Opens the subscriptions to `topics` that the node needs in addition, with the driver's own `parameters`.
     fn open_inputs(&self, topics: Vec<Topic>, parameters: &Parameters) -> Result<Renewal, RunError> {
         let inputs = self.input_addresses(topics, parameters)?;
-        Ok(self.inputs.open(inputs, &self.node_name, self.transport)?)
+        Ok(self.inputs.open(inputs, &self.node_name)?)
     }
 
     /// Returns those of `topics` that the node may read with the driver's own `parameters`, with their addresses. A camera info
@@ -291,7 +291,7 @@ impl Live<'_> {
 
     /// Brings the report on the disk up to date when it is older than `pause_ns`.
     fn write_report(&mut self, pause_ns: u64) {
-        self.telemetry.write_report(pause_ns, &self.inputs, &*self.node, &self.time);
+        self.telemetry.write_report(pause_ns, (&self.inputs, &self.outputs), &*self.node, &self.time);
     }
 
     /// Does what is due beside the frames: discards a deferred frame, updates the report and `/diagnostics`, and warns.

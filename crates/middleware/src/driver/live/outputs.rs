@@ -49,6 +49,12 @@ impl LiveOutput {
         self.publisher.wanted() || self.variant.as_ref().is_some_and(|(_, variant)| variant.wanted())
     }
 
+    /// Returns the topic and its compressed variant, with their publishers.
+    pub fn publishers(&self) -> impl Iterator<Item = (&str, &dyn Publisher)> {
+        let variant = self.variant.iter().map(|(address, publisher)| (&*address.topic, &**publisher));
+        std::iter::once((&*self.address.topic, &*self.publisher)).chain(variant)
+    }
+
     /// Returns whether messages leave on `topic`.
     pub fn publishes(&self, topic: &str) -> bool {
         let variant = self.variant.as_ref().map(|(address, _)| &address.topic);

@@ -9,7 +9,7 @@ use super::Live;
 use super::outputs::LiveOutput;
 use super::telemetry::EndedStep;
 use crate::driver::{CommonParameters, RunError};
-use crate::process::node_files::AFTER_STEP_NS;
+use crate::process::node_files::{AFTER_STEP_NS, IDLE_NS};
 
 impl Live<'_> {
     /// Runs one step; returns the messages that it left. `topic` is named when the step skips its input, which came on
@@ -104,8 +104,13 @@ impl Live<'_> {
 
     /// Brings the accounts on the disk up to date, and then sends `messages`.
     pub(super) fn send_all(&mut self, messages: &[(usize, Message)]) {
-        // The account of a source is never behind the frames that it has sent.
-        self.write_report(if self.node.period().is_some() { 0 } else { AFTER_STEP_NS });
+        // The account of a source is never behind the frames that it has sent. A description just before a frame must not delay that
+        // of the frame.
+        self.write_report(match (self.node.period(), messages) {
+            (Some(_), _) => 0,
+            (None, []) => IDLE_NS,
+            (None, _) => AFTER_STEP_NS,
+        });
         // Before the frame leaves: a crash in between loses it, but never sends it twice.
         self.settings.keep_position(&*self.node);
         let begin = self.time.ticks_ns();

@@ -9,11 +9,12 @@ use std::time::Duration;
 
 use modulo_runtime::clock::nanos;
 use modulo_runtime::report::add;
+use modulo_runtime::topic::Durability;
 use modulo_runtime::{Address, NodeReport, Qos, Topic};
 
 use super::EventQueue;
-use crate::transport::Guard;
 use crate::transport::queue::{Lane, LaneCounts};
+use crate::transport::{Guard, Transport};
 
 /// A new stream without a frame for this long is warned of. An old stream that has not reached the first frame of the
 /// new one within this time is closed.
@@ -37,8 +38,20 @@ impl SlotInput {
         queue.close(self.lane);
     }
 
+    /// Adds what it has heard of each publisher to `report`, with what is missing at their ends.
+    pub fn hear(&self, queue: &EventQueue, transport: &dyn Transport, report: &mut NodeReport) {
+        let Address { topic, qos, profile, .. } = &self.address;
+        let is_kept = profile.is_some_and(|profile| profile.durability == Durability::TransientLocal);
+        // Late readers get the last message of such a topic on another way than its numbers.
+        if *qos != Qos::Latched && !is_kept {
+            let heard = queue.heard(self.lane, |publisher| transport.last_sent(publisher));
+            report.book_heard(topic, &heard);
+        }
+    }
+
     /// Ends the subscription and adds its counts to `report`.
-    pub fn close(self, queue: &EventQueue, report: &mut NodeReport) {
+    pub fn close(self, queue: &EventQueue, transport: &dyn Transport, report: &mut NodeReport) {
+        self.hear(queue, transport, report);
         drop(self.subscription);
         let counts = queue.close(self.lane);
         if let Some(warning) = counts.warning(&self.address.topic) {

@@ -1,8 +1,10 @@
 //! [`Telemetry`]: what a live node reports of itself: its report, the copy of it on the disk, `/diagnostics`, `~/state` and the trace.
 
+use std::collections::BTreeMap;
+
 use modulo_msgs::std_msgs::Time;
 use modulo_runtime::node::status_of;
-use modulo_runtime::report::add;
+use modulo_runtime::report::{add, hex};
 use modulo_runtime::trace::{FlowPoint, Span, TraceFile};
 use modulo_runtime::{Address, Clock, Node, NodeName, NodeReport, StepOutput, topic};
 
@@ -95,12 +97,19 @@ impl Telemetry {
     }
 
     /// Brings the copy on the disk up to date when it is older than `pause_ns`.
-    pub fn write_report(&mut self, pause_ns: u64, inputs: &Inputs, node: &dyn Node, clock: &dyn Clock) {
+    pub fn write_report(
+        &mut self,
+        pause_ns: u64,
+        (inputs, outputs): (&Inputs<'_>, &[LiveOutput]),
+        node: &dyn Node,
+        clock: &dyn Clock,
+    ) {
         let now = clock.ticks_ns();
         let Some(file) = self.file.as_mut().filter(|file| file.is_due(pause_ns, now)) else { return };
         // The counts of open subscriptions go into the copy, and into the report only when they are closed.
         let mut report = NodeReport { running: true, ..self.report.clone() };
         inputs.count(&mut report);
+        report.sent = sent(outputs);
         report.status.extend(status_of(node));
         file.write(&report, now);
     }
@@ -108,7 +117,7 @@ impl Telemetry {
     /// Publishes the counts on `/diagnostics` when that is due, with the `condition` that [`Diagnostics::publish`] takes.
     pub fn publish(
         &mut self,
-        inputs: &Inputs,
+        inputs: &Inputs<'_>,
         node: &dyn Node,
         condition: (bool, Option<&str>),
         clock: &dyn Clock,
@@ -121,7 +130,14 @@ impl Telemetry {
     }
 
     /// Completes the report of a node that has ended, and writes it to the disk.
-    pub fn close(mut self, node: &dyn Node, has_failed: bool, now: u64) -> NodeReport {
+    pub fn close(
+        mut self,
+        outputs: &[LiveOutput],
+        node: &dyn Node,
+        has_failed: bool,
+        now: u64,
+    ) -> NodeReport {
+        self.report.sent = sent(outputs);
         self.report.status.extend(status_of(node));
         // The report of a node that failed stays one of a node that crashed, whose frames are missing.
         self.report.running = has_failed;
@@ -130,4 +146,15 @@ impl Telemetry {
         }
         self.report
     }
+}
+
+/// Returns how many messages have left each publisher of `outputs`, by topic and global id.
+fn sent(outputs: &[LiveOutput]) -> BTreeMap<String, BTreeMap<String, u64>> {
+    let mut sent: BTreeMap<String, BTreeMap<String, u64>> = BTreeMap::new();
+    for (topic, publisher) in outputs.iter().flat_map(LiveOutput::publishers) {
+        if let Some((publisher, count)) = publisher.sent() {
+            sent.entry(topic.to_owned()).or_default().insert(hex(&publisher), count);
+        }
+    }
+    sent
 }

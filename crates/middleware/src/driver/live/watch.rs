@@ -76,7 +76,12 @@ impl Silence {
         let images = transport.users(EntityKind::Publisher, MessageKind::Image);
         let images = images.into_iter().filter(|(_, by)| by != node);
         let images: BTreeSet<String> = images.map(|(topic, _)| topic).collect();
-        Some(wait.warning.insert(warning_of(topic, &publishers, &images, seconds(now, wait.since))))
+        let cause = transport.lost_publisher(topic).map_or_else(
+            || cause_of(topic, &publishers, &images),
+            |lost| format!("the link to {}, which published it, was lost", lost.node),
+        );
+        let seconds = seconds(now, wait.since);
+        Some(wait.warning.insert(format!("no image has come on {topic} for {seconds} s: {cause}")))
     }
 }
 
@@ -103,7 +108,7 @@ fn seconds(now: u64, since: u64) -> u64 {
     Duration::from_nanos(now.saturating_sub(since)).as_secs()
 }
 
-fn warning_of(topic: &str, publishers: &[String], images: &BTreeSet<String>, seconds: u64) -> String {
+fn cause_of(topic: &str, publishers: &[String], images: &BTreeSet<String>) -> String {
     let near = did_you_mean(topic, images.iter().map(String::as_str));
     let cause = match publishers {
         [] => format!("no node publishes it{near}"),
@@ -116,7 +121,7 @@ fn warning_of(topic: &str, publishers: &[String], images: &BTreeSet<String>, sec
     };
     let remedy =
         if publishers.is_empty() && near.is_empty() { format!("; {NOT_OVER_ZENOH}") } else { String::new() };
-    format!("no image has come on {topic} for {seconds} s: {cause}; {others}{remedy}")
+    format!("{cause}; {others}{remedy}")
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 //! on port 7447 is used when there is one.
 
 mod listen;
+mod sent;
 mod service;
 mod session;
 mod topic;
@@ -28,10 +29,12 @@ pub use service::{RawAnswer, RawService};
 pub use session::meeting_port;
 pub use topic::RawPublisher;
 
+use sent::SentNumbers;
+
 use super::{Deliver, Enable, Guard, Incoming, NodeId, ParameterPort, Publisher, Transport, TransportError};
 
 use crate::graph::Graph;
-use crate::graph::discovery::Twins;
+use crate::graph::discovery::{LostPublisher, Twins};
 use crate::process::sockets;
 
 /// A zenoh session in one ROS domain. Dropping it ends the session after everything sent has left, in some seconds at
@@ -44,6 +47,7 @@ pub struct ZenohTransport {
     hashes: Hashes,
     clock: Arc<dyn Clock>,
     graph: Arc<Mutex<Graph>>,
+    numbers: Arc<SentNumbers>,
     next_id: AtomicU64,
     node_ids: Mutex<BTreeMap<String, u64>>,
     _watch: Subscriber<()>,
@@ -57,7 +61,8 @@ impl ZenohTransport {
         let session = session::open_session(domain, &shared_memory)?;
         let graph = Arc::new(Mutex::new(Graph::default()));
         let watch = watch_graph(&session, domain, &graph)?;
-        look_each_second(&graph, session.zid().to_string())?;
+        let numbers = Arc::new(SentNumbers::open(&session, domain)?);
+        look_again(&graph, &numbers, session.zid().to_string())?;
         Ok(Self {
             session,
             shared_memory,
@@ -65,6 +70,7 @@ impl ZenohTransport {
             hashes,
             clock,
             graph,
+            numbers,
             next_id: AtomicU64::new(0),
             node_ids: Mutex::default(),
             _watch: watch,
@@ -79,6 +85,14 @@ impl ZenohTransport {
     /// Returns the graph as it is now.
     pub fn graph(&self) -> Graph {
         lock(&self.graph).clone()
+    }
+
+    /// Returns the publishers that have gone without a word that they end: the link to them, or their process, is lost. Those of
+    /// other programs give no such word and are left out.
+    pub fn lost_publishers(&self) -> Vec<LostPublisher> {
+        let graph = lock(&self.graph);
+        let is_lost = |gid: &[u8; 16]| self.numbers.told(gid).is_some_and(|told| !told.ended);
+        graph.gone().filter(|(gid, _)| is_lost(gid)).map(|(_, gone)| gone.clone()).collect()
     }
 
     /// Returns the ROS domain of the session.
@@ -210,6 +224,14 @@ impl Transport for ZenohTransport {
         of_kind.collect()
     }
 
+    fn last_sent(&self, publisher: &[u8; 16]) -> Option<i64> {
+        self.numbers.told(publisher).map(|told| told.last)
+    }
+
+    fn lost_publisher(&self, topic: &str) -> Option<LostPublisher> {
+        self.lost_publishers().into_iter().find(|lost| lost.topic == topic)
+    }
+
     /// Returns 300 ms: the end of a token travels in another queue than the data and may overtake it.
     fn settling(&self) -> Duration {
         Duration::from_millis(300)
@@ -272,18 +294,24 @@ fn warn_once<T: Ord + Clone>(warned: &mut BTreeSet<T>, what: &T, warning: &dyn f
 }
 
 /// Time between two looks at the graph and the sockets.
-const LOOK: Duration = Duration::from_secs(1);
+const LOOK: Duration = Duration::from_millis(500);
 
-/// Until the graph is dropped, keeps links from waiting when they are closed, and warns once of the nodes of `graph` that take
-/// each other's place, if that concerns the session `own`. They count when two looks find them: the token of a node that was
-/// killed may outlive it for a moment.
-fn look_each_second(graph: &Arc<Mutex<Graph>>, own: String) -> Result<(), TransportError> {
-    let graph = Arc::downgrade(graph);
+/// Until the graph is dropped, keeps links from waiting when they are closed, tells the `numbers` of this session, and warns once of
+/// the nodes of `graph` that take each other's place, if that concerns the session `own`. They count when two looks find them: the
+/// token of a node that was killed may outlive it for a moment.
+fn look_again(
+    graph: &Arc<Mutex<Graph>>,
+    numbers: &Arc<SentNumbers>,
+    own: String,
+) -> Result<(), TransportError> {
+    let (graph, numbers) = (Arc::downgrade(graph), Arc::downgrade(numbers));
     let look = move || {
         let (mut seen, mut warned) = (Vec::new(), BTreeSet::new());
         loop {
             std::thread::sleep(LOOK);
-            let Some(graph) = graph.upgrade() else { return };
+            let (Some(graph), Some(numbers)) = (graph.upgrade(), numbers.upgrade()) else { return };
+            numbers.tell();
+            lock(&graph).pass(LOOK);
             // A link is closed after it has been silent for much longer than this.
             sockets::close_without_waiting();
             let now = lock(&graph).twins_of(&own);

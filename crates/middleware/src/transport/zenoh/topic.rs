@@ -19,6 +19,7 @@ use zenoh_ext::{
     MissDetectionConfig, RecoveryConfig,
 };
 
+use super::sent::SentNumbers;
 use super::{ZenohTransport, lock, stamp};
 use crate::graph::discovery::gid;
 use crate::transport::{Guard, Payload, Publisher, RawSample, TransportError};
@@ -32,6 +33,9 @@ pub struct RawPublisher {
     clock: Arc<dyn Clock>,
     gid: [u8; 16],
     sequence: AtomicI64,
+    /// The number of the last message that was handed over; it is told to the readers.
+    sent: Arc<AtomicI64>,
+    numbers: Arc<SentNumbers>,
     _token: LivelinessToken,
 }
 
@@ -49,11 +53,15 @@ impl ZenohTransport {
             .publisher(self.key(&endpoint), profile)
             .map_err(|why| TransportError::new(format!("publisher of {}", endpoint.topic), why))?;
         let token = self.token(node, EntityKind::Publisher, Some(endpoint));
+        let (gid, sent) = (gid(&token.to_key()), Arc::default());
+        self.numbers.add(gid, &sent);
         Ok(RawPublisher {
             publisher,
             clock: self.clock.clone(),
-            gid: gid(&token.to_key()),
+            gid,
             sequence: AtomicI64::new(1),
+            sent,
+            numbers: self.numbers.clone(),
             _token: self.declare(&token)?,
         })
     }
@@ -165,22 +173,35 @@ fn payload(bytes: &ZBytes) -> Payload {
 }
 
 impl RawPublisher {
+    /// Returns its global id and the number of messages that have left it.
+    pub fn sent(&self) -> ([u8; 16], u64) {
+        (self.gid, self.sent.load(Ordering::Acquire).unsigned_abs())
+    }
+
     /// Sends CDR with its encapsulation header.
     pub fn put(&self, payload: Vec<u8>) -> Result<(), TransportError> {
-        let attachment = Attachment {
-            sequence: self.sequence.fetch_add(1, Ordering::Relaxed),
-            stamp_ns: stamp(&*self.clock),
-            gid: self.gid,
-            numbers: 1,
-        };
-        let put = self.publisher.put(payload).attachment(attachment.to_bytes().as_slice());
-        put.wait().map_err(|why| TransportError::new(format!("put on {}", self.publisher.key_expr()), why))
+        let sequence = self.sequence.fetch_add(1, Ordering::Relaxed);
+        let attachment = Attachment { sequence, stamp_ns: stamp(&*self.clock), gid: self.gid, numbers: 1 };
+        let put = self.publisher.put(payload).attachment(attachment.to_bytes().as_slice()).wait();
+        // Afterwards, so that the number is not told before the message is in the queue.
+        self.sent.fetch_max(sequence, Ordering::Release);
+        put.map_err(|why| TransportError::new(format!("put on {}", self.publisher.key_expr()), why))
+    }
+}
+
+impl Drop for RawPublisher {
+    fn drop(&mut self) {
+        self.numbers.end(self.gid, self.sent.load(Ordering::Acquire));
     }
 }
 
 impl Publisher for RawPublisher {
     fn wanted(&self) -> bool {
         self.publisher.matching_status().wait().is_ok_and(|status| status.matching())
+    }
+
+    fn sent(&self) -> Option<([u8; 16], u64)> {
+        Some(Self::sent(self))
     }
 
     fn put(&self, message: &Message) -> Result<(), TransportError> {
