@@ -4,15 +4,16 @@
 
 mod harness;
 
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use modulo_middleware::parameter::client::ParameterClient;
 use modulo_runtime::parameter::ros::{from_ros, to_ros};
 use modulo_runtime::{Descriptor, Message, MessageKind, ParameterSet as _, Value};
 
-use harness::{Bench, Heard, Peer, assert_has, model, text, wait_until};
+use harness::{Background, Bench, Heard, Peer, assert_has, model, text, wait_until};
 use modulo_msgs::cdr;
 use modulo_msgs::rcl_interfaces::{Parameter, SetParametersRequest, SetParametersResponse};
 
@@ -120,6 +121,49 @@ fn no_value_of_a_parameter_stops_a_running_node() {
     assert_rate(&results);
     assert_eq!(processes(), before, "no node has crashed");
     assert_eq!(running.interrupt(), Some(0), "and no frame was lost");
+}
+
+/// A peer filled 26.9 MB of a log in 32 s, and wrote lines of its own into it.
+#[test]
+fn a_flood_of_calls_leaves_a_short_log() {
+    let bench = Bench::new();
+    let log = bench.path("log");
+    let source =
+        format!("source:=scene://glare?width=96&height=64 model:={} engine:=rten loop:=true", model());
+    let words = format!("launch launch/recovered.launch.yaml rate:=10 {source}");
+    let mut command = bench.modulo(&words.split(' ').collect::<Vec<_>>());
+    let file = std::fs::File::create(&log).expect("writable");
+    let running = Background(command.stdout(Stdio::null()).stderr(file).spawn().expect("it starts"));
+    let peer = Peer::new(&bench);
+    let results = peer.hear("/detector/detections", MessageKind::Detections);
+    wait_until("the first frame is answered", || results.next(Duration::from_secs(1)).is_some());
+
+    let forged = format!("\n2026-01-01T00:00:00Z ERROR forged\0\u{1b}[31m{}", "x".repeat(1 << 16));
+    let (end, calls) = (Instant::now() + Duration::from_secs(8), AtomicU32::new(0));
+    std::thread::scope(|scope| {
+        for node in &NODES {
+            let (peer, forged, calls) = (&peer, &forged, &calls);
+            scope.spawn(move || {
+                let kind = "rcl_interfaces/srv/SetParameters";
+                while Instant::now() < end {
+                    set(peer, node, forged, &Value::Bool(true)).expect_err("no such parameter");
+                    set(peer, node, "log_level", &Value::String(forged.clone())).expect_err("no such level");
+                    let service = format!("/{node}/set_parameters");
+                    let _ =
+                        peer.transport.call(&service, kind, vec![0, 1, 0, 0, 9], Duration::from_millis(20));
+                    calls.fetch_add(3, Ordering::Relaxed);
+                }
+            });
+        }
+    });
+    next_stamp(&results, "after the flood");
+    assert_eq!(running.interrupt(), Some(0), "no frame was lost");
+    let (text, calls) = (std::fs::read_to_string(&log).expect("UTF-8"), calls.into_inner());
+    println!("{calls} calls, {} bytes of log", text.len());
+    // At most 100 kB in 30 s.
+    assert!(calls > 100 && text.len() < 26_000, "{calls} calls, {} bytes", text.len());
+    assert!(text.contains("forged") && !text.lines().any(|line| line.starts_with("2026-01-01")), "{text}");
+    assert!(!text.contains(|c: char| c.is_control() && c != '\n'), "{text}");
 }
 
 /// Twenty frames are at the rate of the camera, by their stamps.

@@ -118,7 +118,7 @@ def drive(page, address, modulo, folder):
             page.set_input_files("#file", picture)
             settled(page, picture.name)
             for camera in CAMERAS if index == 0 else CAMERAS[:2]:
-                compare(page, modulo, picture, camera, Path(scratch) / "out")
+                compare(page, modulo, picture, camera, Path(tempfile.mkdtemp(dir=scratch)))
     page.evaluate(DROP)
     settled(page, "This file: ")
     page.click("#sample")

@@ -3,6 +3,9 @@
 /// Likeness in `[0, 1]` from which on a name is taken for a misspelling of another one.
 const NEAR: f64 = 0.6;
 
+/// No name in a graph has more bytes.
+const LONGEST: usize = 255;
+
 /// Returns the one of `known` that `name` is most likely a misspelling of: the most similar one, or one that only has another
 /// namespace.
 pub fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
@@ -11,7 +14,9 @@ pub fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Opti
         let moved = last(name).is_some_and(|last_part| last(known) == Some(last_part));
         (strsim::normalized_damerau_levenshtein(known, name).max(if moved { NEAR } else { 0.0 }), known)
     };
-    let near = known.into_iter().map(likeness).filter(|(likeness, _)| *likeness >= NEAR);
+    // The comparison takes as long as both names are, and a peer may send any.
+    let known = known.into_iter().filter(|known| name.len().max(known.len()) <= LONGEST);
+    let near = known.map(likeness).filter(|(likeness, _)| *likeness >= NEAR);
     near.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, known)| known)
 }
 

@@ -11,13 +11,19 @@ const KEPT: i32 = 128 << 20;
 #[cfg(target_env = "gnu")]
 const MAPPED: i32 = 8 << 20;
 
+/// The most arenas, each of which keeps freed memory of its own: images are freed by many threads, but by few at once.
+#[cfg(target_env = "gnu")]
+const ARENAS: i32 = 2;
+
 /// Lets the process keep memory that it frees. Allocators other than that of glibc are left as they are.
 pub fn keep_freed_memory() {
     #[cfg(target_env = "gnu")]
-    for (parameter, value) in [(libc::M_TRIM_THRESHOLD, KEPT), (libc::M_MMAP_THRESHOLD, MAPPED)] {
+    for (parameter, value) in
+        [(libc::M_TRIM_THRESHOLD, KEPT), (libc::M_MMAP_THRESHOLD, MAPPED), (libc::M_ARENA_MAX, ARENAS)]
+    {
         // The thresholds only save time, so that a refusal is not reported.
         #[expect(unsafe_code, reason = "a function of the C library")]
-        // SAFETY: `mallopt` takes its own locks, and any value of these two parameters is sound.
+        // SAFETY: `mallopt` takes its own locks, and any value of these parameters is sound.
         unsafe {
             libc::mallopt(parameter, value);
         }
