@@ -87,6 +87,10 @@ pub struct Reading {
     pub received: u64,
     /// Messages that did not come.
     pub missing: u64,
+    /// The number of the subscription; one that heard another publisher before was there when this one came.
+    pub subscription: u64,
+    /// Whether the subscription lasted until the end of the node, and not until another input was chosen.
+    pub lasted: bool,
 }
 
 /// Most readings of a topic in a report: a peer may declare publishers without end.
@@ -109,15 +113,20 @@ impl NodeReport {
         *self.stages.entry(stage.to_owned()).or_default().entry(bucket).or_default() += 1;
     }
 
-    /// Books what a subscription of `topic` has heard of its publishers.
-    pub fn book_heard(&mut self, topic: &str, heard: &[([u8; 16], Heard)]) {
+    /// Books what a subscription of `topic` has heard of its publishers; `subscription` is its number, and whether it lasts.
+    pub fn book_heard(
+        &mut self,
+        topic: &str,
+        (subscription, lasted): (u64, bool),
+        heard: &[([u8; 16], Heard)],
+    ) {
         if heard.is_empty() {
             return;
         }
         let readings = self.heard.entry(topic.to_owned()).or_default();
         readings.extend(heard.iter().map(|(publisher, heard)| {
             let &Heard { first, last, received, missing, .. } = heard;
-            Reading { publisher: hex(publisher), first, last, received, missing }
+            Reading { publisher: hex(publisher), first, last, received, missing, subscription, lasted }
         }));
         readings.sort_by_key(|reading| Reverse(reading.received));
         readings.truncate(READINGS);

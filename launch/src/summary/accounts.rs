@@ -119,14 +119,14 @@ impl Account {
         // A message that was not made because the reader was down is missing as well.
         if crashed {
             self.sent += unmade;
-            self.down += unmade;
+            let is_swapped = reader.iter().any(|life| life.swapped);
+            *self.part(if is_swapped { Part::Elsewhere } else { Part::Down }) += unmade;
         }
-        let readings = reader.iter().filter_map(|life| life.heard.get(&self.topic)).flatten();
-        let is_foreign =
-            |reading: &&Reading| streams.iter().all(|stream| stream.publisher != reading.publisher);
         // A topic of which no node of the launch keeps an account comes from outside by intention.
         if !streams.is_empty() {
-            self.foreign = readings.filter(is_foreign).map(|reading| reading.received).sum();
+            let is_own = |reading: &Reading| streams.iter().any(|own| own.publisher == reading.publisher);
+            let foreign = readings(reader, &self.topic).into_iter().filter(|(_, reading)| !is_own(reading));
+            self.foreign = foreign.map(|(_, reading)| reading.received).sum();
         }
         self
     }
@@ -148,42 +148,82 @@ impl Account {
 
     /// Adds what became of the messages of one `stream`.
     fn add(&mut self, reader: &[&NodeReport], stream: &Stream<'_>) {
-        let heard = reader.iter().enumerate().flat_map(|(life, report)| {
-            let readings = report.heard.get(&self.topic).into_iter().flatten();
-            readings
-                .filter(|reading| reading.publisher == stream.publisher)
-                .map(move |reading| (life, reading))
-        });
-        let mut heard: Vec<(usize, &Reading)> = heard.collect();
+        let mut heard = readings(reader, &self.topic);
+        heard.retain(|(_, reading)| reading.publisher == stream.publisher);
         heard.sort_by_key(|(_, reading)| reading.first);
-        let (mut last, mut life_before) = (0, None);
+        let (mut last, mut before): (i64, Option<(usize, &Reading)>) = (0, None);
         for (life, reading) in heard {
             let hole = u64::try_from(reading.first - 1 - last).unwrap_or(0);
-            let part = match life_before {
-                None if life > 0 || stream.is_again => &mut self.down,
-                None => &mut self.before,
-                Some(before) if before == life => &mut self.elsewhere,
-                Some(_) => &mut self.down,
+            let part = match before {
+                None => self.part_of_begin(reader, (life, reading), stream),
+                Some((_, Reading { lasted: true, .. })) => Part::Down,
+                Some(_) => Part::Elsewhere,
             };
-            *part += hole;
+            *self.part(part) += hole;
             self.received += reading.received;
             self.lost += reading.missing;
-            (last, life_before) = (reading.last.max(last), Some(life));
+            (last, before) = (reading.last.max(last), Some((life, reading)));
         }
         let rest = u64::try_from(stream.sent - last).unwrap_or(0);
-        let end = life_before.map_or_else(|| reader.last(), |life| reader.get(life));
-        let part = match end {
-            _ if stream.crashed => &mut self.down,
-            Some(life) if life.running || life_before.is_some_and(|life| life + 1 < reader.len()) => {
-                &mut self.down
-            }
-            Some(life) if life.swapped => &mut self.elsewhere,
-            _ if life_before.is_none() => &mut self.before,
-            _ => &mut self.after,
+        let part = match before {
+            None if reader.iter().any(|life| life.swapped) => Part::Elsewhere,
+            None if stream.crashed || reader.iter().any(|life| life.running) => Part::Down,
+            None => Part::Before,
+            Some((_, reading)) if !reading.lasted => Part::Elsewhere,
+            Some((life, _)) if stream.crashed || reader[life].running => Part::Down,
+            Some(_) => Part::After,
         };
-        *part += rest;
+        *self.part(part) += rest;
         self.sent += u64::try_from(stream.sent.max(last)).unwrap_or(0);
     }
+
+    /// Returns why the reader has not heard the begin of `stream`, of which `first` is the first reading.
+    fn part_of_begin(
+        &self,
+        reader: &[&NodeReport],
+        (life, first): (usize, &Reading),
+        stream: &Stream<'_>,
+    ) -> Part {
+        let mut others = readings(reader, &self.topic);
+        others.retain(|(_, other)| other.publisher != first.publisher);
+        let is_same =
+            |other: &(usize, &Reading)| other.0 == life && other.1.subscription == first.subscription;
+        let was_there = others.iter().any(is_same);
+        match life {
+            _ if was_there && stream.is_again => Part::Down,
+            0 => Part::Before,
+            _ if was_there => Part::Before,
+            // A life that goes on with the input of the one before, and one that has chosen it later.
+            _ if others.iter().any(|(other, reading)| other + 1 == life && reading.lasted) => Part::Down,
+            _ if reader.iter().any(|life| life.swapped) => Part::Elsewhere,
+            _ => Part::Down,
+        }
+    }
+
+    fn part(&mut self, part: Part) -> &mut u64 {
+        match part {
+            Part::Before => &mut self.before,
+            Part::Down => &mut self.down,
+            Part::Elsewhere => &mut self.elsewhere,
+            Part::After => &mut self.after,
+        }
+    }
+}
+
+/// The reason why messages did not come, apart from losses on the way.
+enum Part {
+    Before,
+    Down,
+    Elsewhere,
+    After,
+}
+
+/// Returns what each life of `reader` has heard of `topic`, with the number of the life.
+fn readings<'a>(reader: &[&'a NodeReport], topic: &str) -> Vec<(usize, &'a Reading)> {
+    let of_life = |(life, report): (usize, &&'a NodeReport)| {
+        report.heard.get(topic).into_iter().flatten().map(move |reading| (life, reading))
+    };
+    reader.iter().enumerate().flat_map(of_life).collect()
 }
 
 #[cfg(test)]
@@ -215,6 +255,8 @@ mod tests {
             last,
             received: (last - first + 1) as u64 - missing,
             missing,
+            subscription: 1,
+            lasted: true,
         });
         let readings: Vec<Reading> = readings.collect();
         NodeReport {
@@ -270,9 +312,25 @@ mod tests {
             (late.sent, late.before, late.lost, late.after, late.is_broken()),
             (300, 40, 3, 10, false)
         );
-        let swapped = NodeReport { swapped: true, ..reader(&[("a", 1, 40, 0), ("a", 91, 100, 0)]) };
+        let mut swapped = NodeReport { swapped: true, ..reader(&[("a", 1, 40, 0), ("a", 91, 100, 0)]) };
+        swapped.heard.get_mut(TOPIC).expect("two readings")[0].lasted = false;
         let account = of_reader(&[camera("a", 130, 0), swapped]);
-        assert_eq!((account.elsewhere, account.is_broken()), (80, false));
+        assert_eq!((account.elsewhere, account.after, account.is_broken()), (50, 30, false));
+    }
+
+    /// A detector that crashed while it read another input had lost 781 of 850 messages of the first one in a crash.
+    #[test]
+    fn what_came_while_another_input_was_read_is_not_lost_in_a_crash() {
+        let mut first = NodeReport { swapped: true, ..crashed(reader(&[("a", 1, 40, 0)])) };
+        first.heard.get_mut(TOPIC).expect("a reading")[0].lasted = false;
+        let account = of_reader(&[camera("a", 130, 0), first.clone(), reader(&[("a", 91, 130, 0)])]);
+        assert_eq!((account.elsewhere, account.down), (50, 0));
+        let account = of_reader(&[camera("a", 130, 0), first.clone()]);
+        assert_eq!((account.elsewhere, account.down), (90, 0));
+        // The camera has crashed as well, and its next life is read from the middle on.
+        let lives = [crashed(camera("a", 60, 0)), camera("b", 90, 5), first, reader(&[("b", 81, 90, 0)])];
+        let account = of_reader(&lives);
+        assert_eq!((account.elsewhere, account.down), (105, 0));
     }
 
     /// Two suites in one domain gave one summary with the boxes of both cameras, and nothing said so.
@@ -301,8 +359,9 @@ mod tests {
                 let (first, last) = (pair[0], pair[1].min(sent as i64));
                 if first <= last {
                     let missing = missing.min((last - first) as u64);
-                    let heard = reader(&[(publisher, first, last, missing)]).heard.remove(TOPIC);
-                    readers[life].heard.entry(TOPIC.to_owned()).or_default().extend(heard.into_iter().flatten());
+                    let mut heard = reader(&[(publisher, first, last, missing)]).heard.remove(TOPIC).expect("one");
+                    (heard[0].lasted, heard[0].subscription) = (waiting % 2 == 0, missing);
+                    readers[life].heard.entry(TOPIC.to_owned()).or_default().extend(heard);
                     *readers[life].received.entry(TOPIC.to_owned()).or_default() += waiting;
                 }
             }

@@ -34,6 +34,13 @@ pub struct Limit {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Lane(u64);
 
+impl Lane {
+    /// Returns its number: lanes are counted in the order in which they are opened.
+    pub fn number(self) -> u64 {
+        self.0
+    }
+}
+
 /// Counts of one lane. Of the messages that arrived, `received - replaced - overflowed - unread` were read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LaneCounts {

@@ -92,7 +92,7 @@ impl<'a> Inputs<'a> {
         let left: Vec<Slot> = before.into_iter().flatten().collect();
         report.swapped |= !left.is_empty();
         closed.extend(left.into_iter().flat_map(Slot::into_inputs));
-        closed.into_iter().for_each(|input| input.close(&self.queue, self.transport, report));
+        closed.into_iter().for_each(|input| input.close((&self.queue, self.transport), false, report));
     }
 
     /// Ends the subscriptions that `renewal` has opened; the inputs stay as they are.
@@ -142,7 +142,7 @@ impl<'a> Inputs<'a> {
         if !answered {
             add(&mut report.replaced, &topic, 1);
         }
-        closed.into_iter().for_each(|input| input.close(&self.queue, self.transport, report));
+        closed.into_iter().for_each(|input| input.close((&self.queue, self.transport), false, report));
         answered
     }
 
@@ -152,7 +152,7 @@ impl<'a> Inputs<'a> {
         for slot in &mut self.slots {
             let (warning, closed) = slot.look(now);
             warnings.extend(warning);
-            closed.into_iter().for_each(|input| input.close(&self.queue, self.transport, report));
+            closed.into_iter().for_each(|input| input.close((&self.queue, self.transport), false, report));
         }
         warnings
     }
@@ -160,7 +160,7 @@ impl<'a> Inputs<'a> {
     /// Adds the counts of these subscriptions so far to `report`; messages that still wait do not count as received.
     pub fn count(&self, report: &mut NodeReport) {
         for input @ SlotInput { address, lane, .. } in self.all() {
-            input.hear(&self.queue, self.transport, report);
+            input.hear((&self.queue, self.transport), true, report);
             let counts = self.queue.counts(*lane);
             book(
                 report,
@@ -170,10 +170,10 @@ impl<'a> Inputs<'a> {
         }
     }
 
-    /// Ends all subscriptions and adds their counts to `report`.
-    pub fn close(&mut self, report: &mut NodeReport) {
+    /// Ends all subscriptions and adds their counts to `report`; `lasted` is whether the node ends as well.
+    pub fn close(&mut self, lasted: bool, report: &mut NodeReport) {
         let inputs = std::mem::take(&mut self.slots).into_iter().flat_map(Slot::into_inputs);
-        inputs.for_each(|input| input.close(&self.queue, self.transport, report));
+        inputs.for_each(|input| input.close((&self.queue, self.transport), lasted, report));
     }
 }
 

@@ -195,7 +195,7 @@ impl Live<'_> {
         self.queue.end();
         // The process must not end while a library of an engine is at work.
         let _ = self.loading.take().map(|loading| loading.thread.join());
-        self.inputs.close(&mut self.telemetry.report);
+        self.inputs.close(true, &mut self.telemetry.report);
         for (topic, warning) in self.skips.rest() {
             tracing::warn!(node = %self.telemetry.node(), topic, "skipped: {warning}");
         }

@@ -117,7 +117,7 @@ impl Live<'_> {
             } else {
                 // From now on the counts of other nodes say nothing about the frames that this one should have.
                 self.telemetry.report.swapped = true;
-                self.inputs.close(&mut self.telemetry.report);
+                self.inputs.close(false, &mut self.telemetry.report);
             }
             self.publish_state(Time::from_ns(self.time.now_ns()));
         }

@@ -38,20 +38,30 @@ impl SlotInput {
         queue.close(self.lane);
     }
 
-    /// Adds what it has heard of each publisher to `report`, with what is missing at their ends.
-    pub fn hear(&self, queue: &EventQueue, transport: &dyn Transport, report: &mut NodeReport) {
+    /// Adds what it has heard of each publisher to `report`, with what is missing at their ends; `lasts` is whether it goes on.
+    pub fn hear(
+        &self,
+        (queue, transport): (&EventQueue, &dyn Transport),
+        lasts: bool,
+        report: &mut NodeReport,
+    ) {
         let Address { topic, qos, profile, .. } = &self.address;
         let is_kept = profile.is_some_and(|profile| profile.durability == Durability::TransientLocal);
         // Late readers get the last message of such a topic on another way than its numbers.
         if *qos != Qos::Latched && !is_kept {
             let heard = queue.heard(self.lane, |publisher| transport.last_sent(publisher));
-            report.book_heard(topic, &heard);
+            report.book_heard(topic, (self.lane.number(), lasts), &heard);
         }
     }
 
-    /// Ends the subscription and adds its counts to `report`.
-    pub fn close(self, queue: &EventQueue, transport: &dyn Transport, report: &mut NodeReport) {
-        self.hear(queue, transport, report);
+    /// Ends the subscription and adds its counts to `report`; `lasted` is whether the node ends as well.
+    pub fn close(
+        self,
+        (queue, transport): (&EventQueue, &dyn Transport),
+        lasted: bool,
+        report: &mut NodeReport,
+    ) {
+        self.hear((queue, transport), lasted, report);
         drop(self.subscription);
         let counts = queue.close(self.lane);
         if let Some(warning) = counts.warning(&self.address.topic) {
