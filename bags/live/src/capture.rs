@@ -71,7 +71,6 @@ pub fn capture(
         guards: BTreeMap::new(),
         numbered: BTreeSet::new(),
         cut: BTreeMap::new(),
-        away: BTreeSet::new(),
     };
     while stop.urgency() == Urgency::None {
         capture.subscribe_new(topics)?;
@@ -103,10 +102,8 @@ struct CaptureLoop<'a> {
     guards: BTreeMap<Lane, Guard>,
     /// Lanes whose publishers tell the numbers of their last messages.
     numbered: BTreeSet<Lane>,
-    /// Topics with the node whose link was lost.
-    cut: BTreeMap<String, String>,
-    /// Those that are cut now.
-    away: BTreeSet<String>,
+    /// Topics with the node whose link was lost, and whether it is away now.
+    cut: BTreeMap<String, (String, bool)>,
 }
 
 struct AskedTopic {
@@ -154,14 +151,18 @@ impl CaptureLoop<'_> {
     /// Warns once of each link that is lost: what its node sends now is not recorded.
     fn look_for_links(&mut self) {
         for topic in self.lanes.values().map(|topic| &topic.name) {
+            let was_away = self.cut.get(topic).is_some_and(|(_, is_away)| *is_away);
             match self.transport.lost_publisher(topic) {
-                Some(LostPublisher { node, .. }) if self.away.insert(topic.clone()) => {
+                Some(LostPublisher { node, .. }) if !was_away => {
                     tracing::warn!(
                         "the link to {node} was lost: what it sends on {topic} now is not recorded"
                     );
-                    self.cut.insert(topic.clone(), node);
+                    self.cut.insert(topic.clone(), (node, true));
                 }
-                None if self.away.remove(topic) => tracing::info!("messages come again on {topic}"),
+                None if was_away => {
+                    tracing::info!("messages come again on {topic}");
+                    self.cut.entry(topic.clone()).and_modify(|(_, is_away)| *is_away = false);
+                }
                 _ => {}
             }
         }
@@ -272,7 +273,8 @@ impl CaptureLoop<'_> {
                 *lost.entry(topic.name.clone()).or_default() += counts.lost() + counts.unread;
             }
         }
-        Ok(Captured { topics: self.recorder.finish()?, lost, cut: self.cut })
+        let cut = self.cut.into_iter().map(|(topic, (node, _))| (topic, node)).collect();
+        Ok(Captured { topics: self.recorder.finish()?, lost, cut })
     }
 }
 
