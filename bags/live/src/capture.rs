@@ -59,19 +59,7 @@ pub fn capture(
     let node_name = NodeName { name: NODE.into(), namespace: "/".into(), remaps: Vec::new() };
     // Nodes that wait for a recorder find it by this name.
     let _node = transport.announce(&node_name)?;
-    let mut capture = CaptureLoop {
-        transport,
-        node_name,
-        recorder,
-        queue,
-        known: BTreeSet::new(),
-        lanes: BTreeMap::new(),
-        asked: BTreeMap::new(),
-        held: 0,
-        guards: BTreeMap::new(),
-        numbered: BTreeSet::new(),
-        cut: BTreeMap::new(),
-    };
+    let mut capture = CaptureLoop::new(transport, node_name, recorder, queue);
     while stop.urgency() == Urgency::None {
         capture.subscribe_new(topics)?;
         capture.look_for_links();
@@ -92,6 +80,9 @@ struct CaptureLoop<'a> {
     node_name: NodeName,
     recorder: BagWriter,
     queue: Arc<Queue<RawSample>>,
+    /// Compressed variants that a look at the graph has found: the tokens of a node that is new come in any order, so that its images may
+    /// be found later.
+    glimpsed: BTreeSet<String>,
     /// Topic and type hash of each subscription, and of those that are refused.
     known: BTreeSet<(String, String)>,
     lanes: BTreeMap<Lane, BagTopic>,
@@ -113,18 +104,42 @@ struct AskedTopic {
     answer: Receiver<Result<String, TransportError>>,
 }
 
-impl CaptureLoop<'_> {
+impl<'a> CaptureLoop<'a> {
+    fn new(
+        transport: &'a Arc<ZenohTransport>,
+        node_name: NodeName,
+        recorder: BagWriter,
+        queue: Arc<Queue<RawSample>>,
+    ) -> Self {
+        Self {
+            transport,
+            node_name,
+            recorder,
+            queue,
+            glimpsed: BTreeSet::new(),
+            known: BTreeSet::new(),
+            lanes: BTreeMap::new(),
+            asked: BTreeMap::new(),
+            held: 0,
+            guards: BTreeMap::new(),
+            numbered: BTreeSet::new(),
+            cut: BTreeMap::new(),
+        }
+    }
+
     fn subscribe_new(&mut self, topics: Option<&[String]>) -> Result<(), LiveError> {
         let graph = self.transport.graph();
         let publishers = graph.tokens().filter(|t| t.kind == EntityKind::Publisher);
         for endpoint in publishers.filter_map(|t| t.endpoint.as_ref()) {
             // As with `ros2 bag record --all`, hidden topics are only recorded by name. So are compressed variants of
             // images that are recorded anyway: they would be made for the recorder alone.
-            let repeats = || {
-                let raw = endpoint.topic.strip_suffix("/compressed");
-                raw.is_some_and(|raw| graph.endpoints(EntityKind::Publisher, raw).next().is_some())
+            let glimpsed = &mut self.glimpsed;
+            let mut repeats = |raw: &str| {
+                let is_new = glimpsed.insert(endpoint.topic.clone());
+                is_new || graph.endpoints(EntityKind::Publisher, raw).next().is_some()
             };
-            let usual = || !is_hidden(&endpoint.topic) && !repeats();
+            let raw = endpoint.topic.strip_suffix("/compressed");
+            let usual = || !is_hidden(&endpoint.topic) && !raw.is_some_and(&mut repeats);
             let chosen = topics.map_or_else(usual, |topics| topics.contains(&endpoint.topic));
             if !chosen || !self.known.insert((endpoint.topic.clone(), endpoint.type_hash.clone())) {
                 continue;
