@@ -191,11 +191,12 @@ impl Live<'_> {
 
     /// Ends the subscriptions and completes the report of a node that has ended.
     fn close(mut self, ended: Result<(), RunError>) -> Result<NodeReport, RunError> {
+        // First, since a message that comes to a queue that has ended is in no count.
+        self.inputs.close(true, &mut self.telemetry.report);
         // From here on requests are refused, so that no caller waits for a node that has ended.
         self.queue.end();
         // The process must not end while a library of an engine is at work.
         let _ = self.loading.take().map(|loading| loading.thread.join());
-        self.inputs.close(true, &mut self.telemetry.report);
         for (topic, warning) in self.skips.rest() {
             tracing::warn!(node = %self.telemetry.node(), topic, "skipped: {warning}");
         }
