@@ -23,8 +23,7 @@ import threading
 import time
 from pathlib import Path
 
-import websockets
-import zenoh
+from clients import page, session
 
 DOMAIN = 137
 TOKEN = "killednodes"
@@ -58,15 +57,7 @@ class Results:
     """Counts the results of each frame, by its stamp."""
 
     def __init__(self):
-        config = zenoh.Config()
-        for key, value in [
-            ("mode", '"peer"'),
-            ("connect/endpoints", f'["tcp/127.0.0.1:{7450 + DOMAIN}"]'),
-            ("listen/endpoints", '["tcp/127.0.0.1:0"]'),
-            ("scouting/multicast/enabled", "false"),
-        ]:
-            config.insert_json5(key, value)
-        self.session, self.frames = zenoh.open(config), {}
+        self.session, self.frames = session(DOMAIN), {}
         self.held = self.session.declare_subscriber(f"{DOMAIN}/detector/detections/**", self.take)
 
     def take(self, sample):
@@ -108,15 +99,10 @@ def change(modulo):
     time.sleep(3)
 
 
-async def page(seconds):
-    async with websockets.connect(f"ws://127.0.0.1:{PORT}/socket?token={TOKEN}", max_size=None) as socket:
-        await socket.send(json.dumps({"watch": WATCHED}))
-        with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(seconds):
-                while True:
-                    if isinstance(await socket.recv(), bytes):
-                        await socket.send(json.dumps({"drawn": WATCHED}))
-    await asyncio.sleep(seconds)
+def look():
+    """A page that comes, and goes."""
+    asyncio.run(page(PORT, TOKEN, WATCHED, 15))
+    time.sleep(15)
 
 
 def disturb(launcher, end):
@@ -171,7 +157,7 @@ def run(modulo, seconds, folder, log):
         time.sleep(6)
         results, end, used = Results(), time.monotonic() + seconds, []
         watch = lambda: (used.append(memory_mb(view.pid)), time.sleep(5))
-        actions = [watch, lambda: tools(modulo, folder), lambda: change(modulo), lambda: asyncio.run(page(15))]
+        actions = [watch, lambda: tools(modulo, folder), lambda: change(modulo), look]
         threads = [until(end, action) for action in actions]
         disturb(suite.pid, end)
         for thread in threads:

@@ -1,14 +1,15 @@
 """Readers that are suspended must not hold up the suite: camera and unwrap go on for all others, and each frame is in a count.
 
-    venv/bin/python tests/peers/stalled.py target/debug/modulo [raw|recorder|ending [READERS [SECONDS [RATE]]]]
+    venv/bin/python tests/peers/stalled.py target/debug/modulo [raw|recorder|page|ending|HIROZ [READERS [SECONDS [RATE]]]]
 
-The readers are raw zenoh peers (eclipse-zenoh) or `modulo bag record`, of the image topics. They read for a while (the control), are
-suspended for so many seconds, and are killed. An own session hears the camera and unwrap all the time. Fails where unwrap answers less
+The readers of the image topics are raw zenoh peers (eclipse-zenoh), `modulo bag record`, `modulo view` with a page, or nodes of hiroz,
+whose program is then named. They read for a while (the control), are suspended for so many seconds, and are killed. An own session hears the camera and unwrap all the time. Fails where unwrap answers less
 than 80 % as many of the camera's frames as in the control in any four seconds, where a frame is in no count, or where a thread
 of the suite waits in close(). With `ending` the readers are raw peers that outlive the suite, and it fails where a node does not end
 in time.
 """
 
+import asyncio
 import contextlib
 import json
 import os
@@ -16,10 +17,12 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from pathlib import Path
 
-import zenoh
+import websockets
+from clients import page, session
 
 DOMAIN = int(os.environ.get("ROS_DOMAIN_ID", "138"))
 IMAGE = "sensor_msgs::msg::dds_::Image_/RIHS01_d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47"
@@ -28,26 +31,19 @@ SOURCE = "scene://tunnel?width=640&height=192&frames=10"
 CLOSE = "3" if os.uname().machine == "x86_64" else "57"  # the number of the system call
 CONTROL_S = 8
 WINDOW_S = 4
+PORT = 8170
+TOKEN = "standsstill"
 # A raw peer announces this lease: after it, the suite closes its links to the peer. zenoh's own is 10 s.
 LEASE_MS = 60_000 if "ending" in sys.argv else 3000
 
 
-def session():
-    config = zenoh.Config()
-    for key, value in [
-        ("mode", '"peer"'),
-        ("connect/endpoints", f'["tcp/127.0.0.1:{7450 + DOMAIN}"]'),
-        ("listen/endpoints", '["tcp/127.0.0.1:0"]'),
-        ("scouting/multicast/enabled", "false"),
-        ("transport/link/tx/lease", str(LEASE_MS)),
-    ]:
-        config.insert_json5(key, value)
-    return zenoh.open(config)
+def opened():
+    return session(DOMAIN, ("transport/link/tx/lease", str(LEASE_MS)))
 
 
 def read_raw():
-    opened = session()
-    held = [opened.declare_subscriber(f"{DOMAIN}/{topic}/{IMAGE}", lambda _: None) for topic in TOPICS]
+    own = opened()
+    held = [own.declare_subscriber(f"{DOMAIN}/{topic}/{IMAGE}", lambda _: None) for topic in TOPICS]
     while held:
         time.sleep(1.0)
 
@@ -87,30 +83,42 @@ def suite(modulo, rate, hears, folder):
     command = [modulo, "launch", "sensor.launch.yaml", *arguments]
     with open(f"{folder}/log", "w", encoding="utf-8") as log, started(*command, output=log) as launch:
         time.sleep(2.0)
-        opened, heard = session(), set()
+        own, heard = opened(), set()
 
         def hear(topic, take):
             return lambda sample: (heard.add(topic), take(sample))
 
-        held = [opened.declare_subscriber(f"{DOMAIN}/{topic}/**", hear(topic, take)) for topic, take in hears.items()]
-        held.append(opened.liveliness().declare_token(f"@ros2_lv/{DOMAIN}/{opened.info.zid()}/0/0/NN/%/%/observer"))
+        held = [own.declare_subscriber(f"{DOMAIN}/{topic}/**", hear(topic, take)) for topic, take in hears.items()]
+        held.append(own.liveliness().declare_token(f"@ros2_lv/{DOMAIN}/{own.info.zid()}/0/0/NN/%/%/observer"))
         deadline = time.monotonic() + 60
         while len(heard) < len(hears):
             assert time.monotonic() < deadline, "the suite did not start: " + Path(log.name).read_text(encoding="utf-8")
             time.sleep(0.1)
         yield launch
         held.clear()
-        opened.close()
+        own.close()
         launch.send_signal(signal.SIGINT)
         launch.wait(60)
 
 
 def readers(modulo, kind, count, folder):
     """The commands of the readers."""
-    recorder = lambda n: [modulo, "bag", "record", "-o", f"{folder}/bag{n}", *(f"/{topic}" for topic in TOPICS)]
+    topics = [f"/{topic}" for topic in TOPICS]
     raw = lambda _: [sys.executable, __file__, "read", *sys.argv[2:3]]
-    commands = {"raw": raw, "ending": raw, "recorder": recorder}
-    return [commands[kind](n) for n in range(count)]
+    commands = {
+        "raw": raw,
+        "ending": raw,
+        "recorder": lambda n: [modulo, "bag", "record", "-o", f"{folder}/bag{n}", *topics],
+        "page": lambda n: [modulo, "view", "--port", str(PORT + n), "--token", TOKEN],
+    }
+    hiroz = lambda n: [kind, "receive", topics[n % len(topics)], "1000000", "3600"]
+    return [commands.get(kind, hiroz)(n) for n in range(count)]
+
+
+def look(number):
+    """A page that watches the image topics until its viewer ends."""
+    with contextlib.suppress(websockets.ConnectionClosed):
+        asyncio.run(page(PORT + number, TOKEN, [f"/{topic}" for topic in TOPICS], 3600))
 
 
 def run(modulo, kind, count, seconds, rate, folder):
@@ -120,7 +128,12 @@ def run(modulo, kind, count, seconds, rate, folder):
     with suite(modulo, rate, hears, folder) as launch, contextlib.ExitStack() as stack:
         threads = Threads(launch.pid)
         processes = [stack.enter_context(started(*command)) for command in readers(modulo, kind, count, folder)]
-        time.sleep(4.0 + CONTROL_S)
+        time.sleep(4.0)
+        pages = [threading.Thread(target=look, args=(number,), daemon=True) for number in range(count if kind == "page" else 0)]
+        for thread in pages:
+            thread.start()
+        time.sleep(CONTROL_S)
+        assert all(thread.is_alive() for thread in pages), "a page has no viewer"
         for process in processes:
             process.send_signal(signal.SIGSTOP)
         stopped = time.monotonic()

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import zenoh
+from clients import session
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -55,15 +56,7 @@ class Peer:
     """A node of its own session, written down from the convention alone."""
 
     def __init__(self):
-        config = zenoh.Config()
-        for key, value in [
-            ("mode", '"peer"'),
-            ("connect/endpoints", f'["tcp/127.0.0.1:{7450 + DOMAIN}"]'),
-            ("listen/endpoints", '["tcp/127.0.0.1:0"]'),
-            ("scouting/multicast/enabled", "false"),
-        ]:
-            config.insert_json5(key, value)
-        self.session = zenoh.open(config)
+        self.session = session(DOMAIN)
         self.zid = str(self.session.info.zid())
         self.entity = 0
         self.held = []

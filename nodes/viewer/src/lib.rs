@@ -20,6 +20,7 @@ mod http;
 mod page;
 mod protocol;
 mod record;
+mod sent;
 mod shown;
 mod streams;
 mod watch;

@@ -3,24 +3,22 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
-use modulo_core::{Frame, Samples};
 use modulo_middleware::transport::Payload;
 use modulo_msgs::cdr;
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_msgs::std_msgs::Time;
 use modulo_msgs::vision_msgs::Detection2DArray;
-use modulo_runtime::{LightScale, StampedFrame, StreamScale};
+use modulo_runtime::{StampedFrame, StreamScale};
 
 use crate::cameras::namespace;
 use crate::feed::{MessageOrigin, has_room, input_topic};
 use crate::protocol::{DetectorView, GraphView, PixelView};
+use crate::sent::SentImages;
 
 /// Images of one topic that wait for their boxes: two seconds at 30 Hz.
 const KEPT: usize = 60;
 /// Their bytes.
 const KEPT_BYTES: usize = 64 << 20;
-/// Bytes of the images of a topic that were sent and whose pixels can be asked for.
-const SENT_BYTES: usize = 16 << 20;
 /// Results of one detector that wait for their image.
 const KEPT_BOXES: usize = 32;
 /// A moment waits at most this long for its images, ns: a busy machine needs more than a second.
@@ -49,8 +47,7 @@ struct WatchedTopic {
     since_ns: u64,
     /// Whether the client has yet to draw the last image.
     busy: bool,
-    /// The newest images that were sent, and what their samples mean.
-    sent: VecDeque<(Arc<StampedFrame>, Option<StreamScale>)>,
+    sent: SentImages,
 }
 
 /// An image that has not been sent, undecoded.
@@ -158,18 +155,17 @@ impl Streams {
     /// Notes the image that was sent, and what its samples mean.
     pub fn sent(&mut self, topic: &str, image: Arc<StampedFrame>, scale: Option<StreamScale>) {
         if let Some(stream) = self.topics.get_mut(topic) {
-            stream.sent.push_back((image, scale));
-            let samples = |f: &Frame| f.height() * f.width() * f.channels() * usize::from(f.depth()) / 8;
-            drop_oldest(&mut stream.sent, SENT_BYTES, |(image, _)| samples(&image.frame));
+            stream.sent.push(image, scale);
         }
     }
 
     /// Returns the images that can be sent now: `together` those of one camera and one stamp, for which all topics of the camera wait,
     /// else the newest one of a topic. An image that detectors answer is held back until their boxes are there, so that boxes are drawn on the image that they were found in.
     ///
-    /// No image is waited for longer than three seconds, no box longer than a minute or ten seconds after the last boxes of its detector,
-    /// and what was not there then is not waited for again before it has come: a replay that is paused for long, and then plays a
-    /// single message, loses neither a topic nor the boxes.
+    /// No image is waited for longer than three seconds, and what was not there then is not waited for again before it has come: a
+    /// replay that is paused for long, and then plays a single message, loses neither a topic nor the boxes. Where detectors have
+    /// answered different frames for three seconds, as on a busy machine, each topic has the newest image that was answered. Boxes are
+    /// waited for at most a minute, and at most ten seconds after the last boxes of their detector.
     pub fn next(&mut self, graph: &GraphView, together: bool, now_ns: u64) -> Vec<NextImage> {
         let mut groups: BTreeMap<&str, Vec<&String>> = BTreeMap::new();
         for topic in self.topics.keys() {
@@ -178,46 +174,54 @@ impl Streams {
         }
         // A group whose images were sent is busy until they are drawn, so that each one has its turn.
         let moment = groups.into_values().find_map(|topics| {
-            let stamp = self.next_stamp(graph, &topics, now_ns)?;
-            Some((topics.into_iter().cloned().collect::<Vec<_>>(), stamp))
+            let stamps = self.next_stamps(graph, &topics, now_ns)?;
+            Some(topics.into_iter().cloned().zip(stamps).collect::<Vec<_>>())
         });
-        let Some((topics, stamp)) = moment else { return Vec::new() };
-        topics.into_iter().filter_map(|topic| self.take(graph, topic, stamp, now_ns)).collect()
+        let next = moment.into_iter().flatten();
+        next.filter_map(|(topic, stamp)| self.take(graph, topic, stamp, now_ns)).collect()
     }
 
-    /// Returns the stamp of the images of `topics` that are sent next: the newest one of which all is there that is waited for, or after
-    /// three seconds, of those with the most images, the newest one that has its boxes.
-    fn next_stamp(&self, graph: &GraphView, topics: &[&String], now_ns: u64) -> Option<Time> {
+    /// Returns the stamp of the image of each of `topics` that is sent next: the newest one of which all is there that is waited for, or
+    /// after three seconds that of the newest image of each topic that has its boxes.
+    fn next_stamps(&self, graph: &GraphView, topics: &[&String], now_ns: u64) -> Option<Vec<Option<Time>>> {
         let streams = || topics.iter().map(|&topic| (topic, &self.topics[topic]));
         if streams().any(|(_, stream)| stream.busy) {
             return None;
         }
         let waited_ns = streams().map(|(_, stream)| stream.waited_ns(now_ns)).max().unwrap_or(0);
-        let awaited = || streams().filter(|(topic, _)| self.awaited.contains(*topic));
-        let is_there = |stamp: &Time, stream: &WatchedTopic| stream.place(*stamp).is_some();
-        let is_answered = |stamp: &Time| {
-            let mut images = streams().filter_map(|(topic, s)| Some((topic, &s.waiting[s.place(*stamp)?])));
-            images.all(|(topic, image)| {
-                self.missing(graph, topic, image).all(|boxes| self.is_silent(boxes, waited_ns, now_ns))
+        let is_answered = |topic: &String, image: &WaitingImage| {
+            self.missing(graph, topic, image).all(|boxes| self.is_silent(boxes, waited_ns, now_ns))
+        };
+        let is_whole = |stamp: &Time| {
+            streams().all(|(topic, stream)| match stream.place(*stamp) {
+                Some(place) => is_answered(topic, &stream.waiting[place]),
+                None => !self.awaited.contains(topic),
             })
         };
-        let is_whole = |stamp: &Time| awaited().all(|(_, s)| is_there(stamp, s)) && is_answered(stamp);
-        let newest_first = awaited().next().into_iter().flat_map(|(_, stream)| stream.waiting.iter().rev());
-        // Of the moments with the most images, the newest one that has its boxes.
-        let fullest = || {
-            let stamps = || streams().flat_map(|(_, stream)| &stream.waiting).map(|image| image.stamp);
-            let count = |stamp: &Time| streams().filter(|(_, stream)| is_there(stamp, stream)).count();
-            let most = stamps().map(|stamp| count(&stamp)).max().filter(|_| waited_ns >= PATIENCE_NS)?;
-            stamps().rfind(|stamp| count(stamp) == most && is_answered(stamp))
+        let awaited = streams().find(|(topic, _)| self.awaited.contains(*topic));
+        let newest_first = awaited.into_iter().flat_map(|(_, stream)| stream.waiting.iter().rev());
+        if let Some(stamp) = newest_first.map(|image| image.stamp).find(is_whole) {
+            return Some(vec![Some(stamp); topics.len()]);
+        }
+        let newest_answered = |(topic, stream): (&String, &WatchedTopic)| {
+            let newest = stream.waiting.iter().rev().find(|image| is_answered(topic, image));
+            // A topic without images holds up nothing, one without boxes does.
+            (stream.waiting.is_empty() || newest.is_some()).then(|| newest.map(|image| image.stamp))
         };
-        newest_first.map(|image| image.stamp).find(is_whole).or_else(fullest)
+        (waited_ns >= PATIENCE_NS).then(|| streams().map(newest_answered).collect())?
     }
 
     /// Takes the image of `stamp` on `topic` to send it. What is not there is no longer waited for.
-    fn take(&mut self, graph: &GraphView, topic: String, stamp: Time, now_ns: u64) -> Option<NextImage> {
+    fn take(
+        &mut self,
+        graph: &GraphView,
+        topic: String,
+        stamp: Option<Time>,
+        now_ns: u64,
+    ) -> Option<NextImage> {
         let stream = self.topics.get_mut(&topic)?;
         stream.since_ns = now_ns;
-        let Some(place) = stream.place(stamp) else {
+        let Some(place) = stamp.and_then(|stamp| stream.place(stamp)) else {
             self.awaited.remove(&topic);
             return None;
         };
@@ -234,7 +238,7 @@ impl Streams {
         };
         let boxes = graph.detectors.iter().filter_map(found).collect();
         let truth = labels.filter_map(label).collect();
-        Some(NextImage { topic, stamp, payload: image.payload, boxes, truth })
+        Some(NextImage { topic, stamp: image.stamp, payload: image.payload, boxes, truth })
     }
 
     /// Returns the topics of the detectors that are waited for, answer the images of `topic` and have not answered `image`.
@@ -274,23 +278,16 @@ impl Streams {
 
     /// Returns the samples of `images`, named by topic and stamp, at column `u` and row `v`. Those that are no longer kept are left out.
     pub fn pixel(&self, u: usize, v: usize, images: Vec<(String, (i32, u32))>) -> Vec<PixelView> {
-        let view = |(topic, (sec, nanosec))| {
-            let mut newest_first = self.topics.get(&topic)?.sent.iter().rev();
-            let (image, scale) = newest_first.find(|sent| sent.0.header.stamp == Time { sec, nanosec })?;
-            let is_inside = v < image.frame.height() && u < image.frame.width();
-            let samples = is_inside.then(|| samples_at(&image.frame, v, u))?;
-            let light = scale.and_then(|scale| Some((scale.most, scale.light?)));
-            let radiance = |(most, light): (f64, LightScale)| {
-                samples.iter().map(|&sample| light.radiance(f64::from(sample) / most)).collect()
-            };
-            Some(PixelView { topic, radiance: light.map_or_else(Vec::new, radiance), samples })
+        let view = |(topic, (sec, nanosec)): (String, _)| {
+            let (samples, radiance) = self.topics.get(&topic)?.sent.pixel(Time { sec, nanosec }, u, v)?;
+            Some(PixelView { topic, radiance, samples })
         };
         images.into_iter().filter_map(view).collect()
     }
 }
 
 /// Drops the oldest of the images that are kept when there are too many. The newest one stays even if it is a huge one.
-fn drop_oldest<T>(images: &mut VecDeque<T>, most: usize, size: impl Fn(&T) -> usize) {
+pub(crate) fn drop_oldest<T>(images: &mut VecDeque<T>, most: usize, size: impl Fn(&T) -> usize) {
     let mut bytes: usize = images.iter().map(&size).sum();
     while images.len() > 1 && (images.len() > KEPT || bytes > most) {
         bytes -= images.pop_front().map_or(0, |image| size(&image));
@@ -338,22 +335,12 @@ fn shows(graph: &GraphView, detector: &DetectorView, streams: Option<&str>, topi
     }
 }
 
-/// Returns the samples of the pixel in row `v` and column `u`, which must be inside of `frame`.
-fn samples_at(frame: &Frame, v: usize, u: usize) -> Vec<f32> {
-    let channels = 0..frame.channels();
-    match frame.samples() {
-        Samples::U8(codes) => channels.map(|c| f32::from(codes[[v, u, c]])).collect(),
-        Samples::U16(codes) => channels.map(|c| f32::from(codes[[v, u, c]])).collect(),
-        Samples::F32(values) => channels.map(|c| values[[v, u, c]]).collect(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use modulo_core::Frame;
     use modulo_msgs::diagnostic_msgs::{DiagnosticStatus, KeyValue};
     use modulo_msgs::image::encode_frame;
     use modulo_msgs::std_msgs::Header;
-    use modulo_runtime::SensorModel;
     use ndarray::Array3;
 
     use super::*;
@@ -595,6 +582,27 @@ mod tests {
         assert_eq!(moment(&mut streams, &graph, 2 * PATIENCE_NS).len(), 2);
     }
 
+    #[test]
+    fn streams_whose_detectors_answer_other_frames_go_on() {
+        let (mut streams, mut graph) = (Streams::default(), detector(&["/recovered"]));
+        let other = MessageOrigin { node: "/other".into(), topic: "/other_boxes".into() };
+        let (node, topic) = (other.node.clone(), other.topic.clone());
+        graph.detectors.push(DetectorView {
+            node,
+            topic,
+            inputs: vec!["/modulo".into()],
+            offers: Vec::new(),
+        });
+        streams.watch(&["/modulo".into(), "/recovered".into()]);
+        for (ns, detector) in [(1, &other), (2, &origin())] {
+            ["/modulo", "/recovered"].iter().for_each(|topic| streams.image(topic, image(ns), 0));
+            streams.boxes(detector, boxes(ns), 0);
+        }
+        assert_eq!(moment(&mut streams, &graph, PATIENCE_NS - 1), []);
+        let mixed = [("/modulo".into(), 1, 1), ("/recovered".into(), 2, 1)];
+        assert_eq!(moment(&mut streams, &graph, PATIENCE_NS), mixed);
+    }
+
     /// Both streams show the same frames, and the detector reads both while it changes from one to the other one.
     #[test]
     fn boxes_are_sent_only_with_images_of_the_stream_that_they_were_found_in() {
@@ -674,26 +682,5 @@ mod tests {
         assert!(streams.topics["/modulo"].waiting.is_empty(), "older images are never shown later");
         streams.image("/modulo", Payload::new(vec![0, 1]), 0);
         assert!(streams.topics["/modulo"].waiting.is_empty(), "a cut message");
-    }
-
-    #[test]
-    fn a_pixel_is_that_of_the_image_that_is_asked_for() {
-        let (mut streams, topic) = (Streams::default(), "/recovered".to_owned());
-        streams.watch(std::slice::from_ref(&topic));
-        let sensor = SensorModel { alpha: 4.0, headroom: 1.0, ..SensorModel::default() };
-        let scale = StreamScale::of(&topic, 8, Some(&sensor), 0);
-        // A row more than a quarter of what is kept.
-        let size = (1025, 4096, 1);
-        for ns in 1..=4 {
-            let frame = Frame::from_u8(Array3::from_elem(size, 51 * ns as u8)).expect("a frame");
-            streams.sent(&topic, Arc::new(StampedFrame { header: header(ns), frame }), scale);
-        }
-        let pixel = |u, ns| streams.pixel(u, 1024, vec![(topic.clone(), (0, ns))]).pop();
-        let expected =
-            PixelView { topic: topic.clone(), samples: vec![102.0], radiance: vec![4.0 * 102.0 / 255.0] };
-        assert_eq!(pixel(4095, 2), Some(expected));
-        assert_eq!(pixel(4096, 2), None, "right of the image");
-        assert_eq!(pixel(0, 1), None, "no longer kept");
-        assert_eq!(pixel(0, 5), None, "not yet sent");
     }
 }
