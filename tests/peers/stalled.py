@@ -3,8 +3,8 @@
     venv/bin/python tests/peers/stalled.py target/debug/modulo [raw|recorder|page|ending|HIROZ [READERS [SECONDS [RATE]]]]
 
 The readers of the image topics are raw zenoh peers (eclipse-zenoh), `modulo bag record`, `modulo view` with a page, or nodes of hiroz,
-whose program is then named. They read for a while (the control), are suspended for so many seconds, and are killed. An own session hears the camera and unwrap all the time. Fails where unwrap answers less
-than 80 % as many of the camera's frames as in the control in any four seconds, where a frame is in no count, or where a thread
+whose program is then named. They read for a while (the control), are suspended for so many seconds, and are killed. An own session
+hears the camera and unwrap all the time. Fails where unwrap answers less than 80 % as many of the camera's frames as in the control in any four seconds, where a frame is in no count, or where a thread
 of the suite waits in close(). With `ending` the readers are raw peers that outlive the suite, and it fails where a node does not end
 in time.
 """
@@ -134,6 +134,7 @@ def run(modulo, kind, count, seconds, rate, folder):
             thread.start()
         time.sleep(CONTROL_S)
         assert all(thread.is_alive() for thread in pages), "a page has no viewer"
+        assert all(process.poll() is None for process in processes), "a reader has ended"
         for process in processes:
             process.send_signal(signal.SIGSTOP)
         stopped = time.monotonic()

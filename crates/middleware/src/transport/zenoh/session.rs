@@ -177,7 +177,7 @@ fn defaults(domain: u32, is_host: bool) -> Vec<(&'static str, String)> {
         // What announces sessions and endpoints waits for every reader, so that there must be room for it.
         ("transport/link/tx/queue/size/control", "16".into()),
         ("transport/link/tx/queue/size/data", "16".into()),
-        // In us. A publisher waits once for each reader that stands still: three of them must not cost its others a fifth of two seconds.
+        // In microseconds. A publisher waits once for each reader that stands still: three of them must not keep it from all others for long.
         ("transport/link/tx/queue/congestion_control/drop/wait_before_drop", "20000".into()),
         ("transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments", "50000".into()),
     ]
