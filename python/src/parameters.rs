@@ -28,6 +28,9 @@ fn descriptors() -> Vec<Descriptor> {
     all
 }
 
+/// The width of the lens, whose None stands for a lens that is not known.
+const SIGMA: &str = "psf_sigma";
+
 /// Returns the parameters with the values of `given`, and their defaults for all others.
 ///
 /// # Errors
@@ -35,13 +38,20 @@ fn descriptors() -> Vec<Descriptor> {
 pub fn parse(given: &Bound<'_, PyDict>) -> PyResult<Parameters> {
     let changes: PyResult<Vec<_>> = given
         .iter()
+        .filter(|(name, value)| !(value.is_none() && name.eq(SIGMA).unwrap_or(false)))
         .map(|(name, value)| {
             let name: String = name.extract()?;
             let value = to_value(&name, &value)?;
             Ok((name, value))
         })
         .collect();
-    Parameters::declare(descriptors()).with(&changes?, false).map_err(value_error)
+    let mut changes = changes?;
+    let is_unknown = given.get_item(SIGMA)?.is_none_or(|sigma| sigma.is_none());
+    let gaussian = Value::String("gaussian".to_owned());
+    for (_, shape) in changes.iter_mut().filter(|(name, shape)| is_unknown && name == "psf" && *shape == gaussian) {
+        *shape = Value::String("unknown".to_owned());
+    }
+    Parameters::declare(descriptors()).with(&changes, false).map_err(value_error)
 }
 
 fn to_value(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Value> {

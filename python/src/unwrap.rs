@@ -1,6 +1,5 @@
 //! The unwrapping of modulo images.
 
-use modulo_core::Psf;
 use modulo_core::unwrap::{QualityMetrics, Recovered, of_gains};
 use modulo_runtime::SensorModel;
 use modulo_unwrap::UnwrapParameters;
@@ -42,10 +41,7 @@ pub fn unwrap<'py>(
         Some(method) => method,
         None => options.method().map_err(value_error)?,
     };
-    // A sigma of 0 stands for a lens that is not given.
-    if sensor.psf() != Psf::None {
-        method.expect_edges(sensor.sharpness());
-    }
+    method.expect_edges(sensor.sharpness());
     let Image { pixels, is_flat } = Image::new("codes", codes)?;
     let mut frame = pixels.to_frame().map_err(value_error)?;
     if let Some(mosaic) = mosaic {

@@ -4,8 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Parser;
 use clap::builder::Resettable;
-use modulo_core::unwrap::Sharpness;
-use modulo_core::{Frame, Psf};
+use modulo_core::Frame;
 use modulo_images::read_codes;
 use modulo_runtime::SensorModel;
 use modulo_runtime::output::ResultFolder;
@@ -56,9 +55,7 @@ pub fn unwrap_files(
     tell: &mut dyn FnMut(BenchEvent<'_>),
 ) -> Result<RunOutcome, BenchError> {
     let sensor = request.sensor.first();
-    // A sigma of 0 stands for a lens that is not given.
-    let sharpness = if sensor.psf() == Psf::None { Sharpness::Unknown } else { sensor.sharpness() };
-    let range = sensor.range()?;
+    let (sharpness, range) = (sensor.sharpness(), sensor.range()?);
     if range.limit() > 65536.0 {
         let why = "the results have 16 bits, which cannot hold alpha * 2^bits above 65536; use the node unwrap for floats";
         return Err(BenchError::Request(why.to_owned()));

@@ -15,8 +15,8 @@ use std::sync::Arc;
 
 use modulo_core::deblur::Deblur;
 use modulo_core::unwrap::{
-    Method, Options, QualityMetrics, Recovered, Report, Sharpness, ThresholdOn, Trust, TrustLimits, Unwrap,
-    UnwrapError, of_gains,
+    Method, Options, QualityMetrics, Recovered, Report, ThresholdOn, Trust, TrustLimits, Unwrap, UnwrapError,
+    of_gains,
 };
 use modulo_core::{FrameError, MAX_THREADS, Psf, Range, exposed_anew, tone};
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
@@ -166,16 +166,11 @@ impl UnwrapNode {
         if self.sensor.as_ref().is_none_or(|prepared| prepared.model != model) {
             let blur = Some(model.psf()).filter(|psf| self.parameters.deblur && *psf != Psf::None);
             let deblur = blur.map(Deblur::new);
-            let sharpness = if camera.is_some() || self.parameters.sensor.has_lens() {
-                model.warn_if_unfit();
-                model.sharpness()
-            } else {
-                Sharpness::Unknown
-            };
+            model.warn_if_unfit();
             let range = model.range()?;
             let mut of_gains = of_gains(model.gains()?);
             let method = of_gains.as_mut().unwrap_or(&mut self.method);
-            method.expect_edges(sharpness);
+            method.expect_edges(model.sharpness());
             method.leave_out_radiance(true);
             self.sensor = Some(Prepared { model, range, deblur, of_gains });
         }

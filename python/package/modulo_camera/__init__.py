@@ -199,8 +199,9 @@ class Sensor:
         Bits of the sensor's converter. The peak is 2^bits code units.
     alpha : float, a finite number in 0.001 to 256
         Saturation factor: the brightest radiance of the scene divided by the sensor's peak.
-    psf_sigma : float, a finite number in 0 to 100
-        Standard deviation of the gaussian lens blur in px. 0 is a perfect lens. paper7 does not use it.
+    psf_sigma : float, a finite number in 0 to 100, or None
+        Standard deviation of the gaussian lens blur in px. 0 is a perfect lens. Other shapes do not use it. None: no blur is simulated, and
+        the lens of the codes is not known.
     read_noise : float, a finite number in 0 to 65536
         Standard deviation of the read noise in code units.
     shot_noise : float, a finite number in 0 to 65536
@@ -213,9 +214,9 @@ class Sensor:
         Pixels with a lower gain, which do not wrap: none, or every second one, as on a checkerboard.
     seed : int, in 0 to 9223372036854775807
         Seed of the noise. A sensor gives each frame the same noise; the camera adds the number of the frame to its seed.
-    psf : str, one of gaussian, paper7, unknown
-        Shape of the lens blur: gaussian with the width psf_sigma, paper7 for the paper's fixed 7 taps (about 1.4 px), or
-        unknown for images that have the blur of a real lens. Images of raw mosaics always have the latter.
+    psf : str, one of gaussian, paper7, perfect, unknown
+        Shape of the lens blur: gaussian with the width psf_sigma, paper7 for the paper's fixed 7 taps (about 1.4 px), perfect for
+        no blur, or unknown for images that have the blur of a real lens. Images of raw mosaics always have the latter.
     gain_ratio : float, a finite number in 0 to 1
         The lower gain divided by the full one, at most 1 / alpha. 0: 1 / alpha.
     full_well_electrons : float, a finite number in 0 to 1000000000
@@ -281,7 +282,7 @@ class Sensor:
         self,
         bits: int = 8,
         alpha: float = 4.0,
-        psf_sigma: float = 0.0,
+        psf_sigma: float | None = None,
         read_noise: float = 0.0,
         shot_noise: float = 0.0,
         mosaic: str = "none",

@@ -261,7 +261,8 @@ def _named(sensors: Sequence[Sensor]) -> dict[str, Sensor]:
         for parameter in ("mosaic", "gains"):
             if one[parameter] != "none":
                 raise ValueError(f"sensors has a sensor with {parameter} = {one[parameter]}, but methods are told only bits and alpha; take none")
-        name = f"alpha {one['alpha']:g}, lens {one['psf_sigma']:g} px, read noise {one['read_noise']:g}"
+        lens = "unknown" if one["psf_sigma"] is None else f"{one['psf_sigma']:g} px"
+        name = f"alpha {one['alpha']:g}, lens {lens}, read noise {one['read_noise']:g}"
         plain = Sensor().parameters
         for parameter, value in one.items():
             if parameter not in ("alpha", "psf_sigma", "read_noise") and value != plain[parameter]:

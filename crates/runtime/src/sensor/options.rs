@@ -3,6 +3,7 @@
 use std::marker::PhantomData;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser as _, ValueParser};
+use clap::parser::ValueSource;
 use clap::{Arg, ArgGroup, ArgMatches, Args, Command, FromArgMatches};
 
 use modulo_images::{Coding, Knees};
@@ -137,7 +138,15 @@ impl<C: SensorCommand> FromArgMatches for SensorOptions<C> {
             let given = if C::WITHOUT.contains(&name) { None } else { matches.get_many::<Value>(name) };
             (name, given.map_or_else(|| vec![default], |given| given.cloned().collect()))
         };
-        let values = C::defaults().declared().into_iter().map(values).collect();
+        let mut values: Vec<_> = C::defaults().declared().into_iter().map(values).collect();
+        // A width is that of a Gaussian, also where another shape is the default.
+        let is_given = |name: &str| {
+            !C::WITHOUT.contains(&name) && matches.value_source(name) == Some(ValueSource::CommandLine)
+        };
+        if is_given("psf_sigma") && !is_given("psf") {
+            let shapes = values.iter_mut().filter(|(name, _)| *name == "psf");
+            shapes.for_each(|(_, shape)| *shape = vec![Value::String("gaussian".to_owned())]);
+        }
         Ok(Self { values, command: PhantomData })
     }
 

@@ -16,21 +16,27 @@ pub enum BlurShape {
     Gaussian,
     /// The paper's fixed 7 taps.
     Paper7,
+    /// A perfect lens, which does not blur.
+    Perfect,
     /// No blur is simulated: the images have that of a lens which nobody describes.
     Unknown,
 }
 
 impl BlurShape {
     /// Every shape with its word.
-    pub const WORDS: [(&'static str, Self); 3] =
-        [("gaussian", Self::Gaussian), ("paper7", Self::Paper7), ("unknown", Self::Unknown)];
+    pub const WORDS: [(&'static str, Self); 4] = [
+        ("gaussian", Self::Gaussian),
+        ("paper7", Self::Paper7),
+        ("perfect", Self::Perfect),
+        ("unknown", Self::Unknown),
+    ];
 
     /// Returns the blur of this shape. `sigma` is the width of a Gaussian in px; 0 is a perfect lens.
     pub fn of_sigma(self, sigma: f64) -> Psf {
         match self {
             Self::Gaussian => Psf::of_sigma(sigma),
             Self::Paper7 => Psf::Paper7,
-            Self::Unknown => Psf::None,
+            Self::Perfect | Self::Unknown => Psf::None,
         }
     }
 }
@@ -57,10 +63,10 @@ crate::parameters! {
         /// Radiance in code units that you promise the darkest pixels of each frame to have, as the pedestal of a data sheet, to 1/32 of
         /// 2^bits. It shows unwrap the absolute level of a frame in which some pixels have it. -1: no promise.
         black_level: f64 = -1.0 => -1.0..=65536.0,
-        /// Shape of the lens blur: gaussian with the width psf_sigma, paper7 for the paper's fixed 7 taps (about 1.4 px), or unknown for
-        /// images that have the blur of a real lens. Images of raw mosaics always have the latter.
+        /// Shape of the lens blur: gaussian with the width psf_sigma, paper7 for the paper's fixed 7 taps (about 1.4 px), perfect for
+        /// no blur, or unknown for images that have the blur of a real lens. Images of raw mosaics always have the latter.
         psf: BlurShape = BlurShape::Gaussian => BlurShape::WORDS,
-        /// Standard deviation of the gaussian lens blur in px. 0 is a perfect lens. paper7 does not use it.
+        /// Standard deviation of the gaussian lens blur in px. 0 is a perfect lens. Other shapes do not use it.
         psf_sigma: f64 = 1.4 => 0.0..=MAX_SIGMA,
         /// Pixels with a lower gain, which do not wrap: none, or every second one, as on a checkerboard.
         gains: bool = false => Gains::WORDS,
@@ -108,7 +114,7 @@ impl SensorModel {
 
     /// Returns the sensor of images of which nothing is known: no columns are taken for black, and no lens is assumed.
     pub fn unknown() -> Self {
-        Self { optical_black: 0, psf_sigma: 0.0, ..Self::default() }
+        Self { optical_black: 0, psf: BlurShape::Unknown, psf_sigma: 0.0, ..Self::default() }
     }
 
     /// Returns the names of the parameters that describe the chip or the lens.
@@ -253,9 +259,10 @@ crate::parameters! {
         /// Radiance in code units that you promise the darkest pixels of each frame to have. -1: that of the camera's sensor
         /// description.
         black_level: f64 = -1.0 => -1.0..=65536.0,
-        /// Shape of the lens blur: gaussian, paper7 for the paper's fixed 7 taps (about 1.4 px), or unknown.
+        /// Shape of the lens blur: gaussian, paper7 for the paper's fixed 7 taps (about 1.4 px), perfect for no blur, or unknown.
         psf: BlurShape = BlurShape::Gaussian => BlurShape::WORDS,
-        /// Standard deviation of the gaussian lens blur in px. 0: the blur of the camera's sensor description.
+        /// Standard deviation of the gaussian lens blur in px. 0: the blur of the camera's sensor description (an unknown one without a
+        /// description), where psf is gaussian.
         psf_sigma: f64 = 0.0 => 0.0..=MAX_SIGMA,
         /// Pixels with a lower gain: none, every second one, as on a checkerboard, or as the camera's sensor description has them
         /// (none without a description).
@@ -280,8 +287,7 @@ impl SensorOverride {
         let mut model = camera.cloned().unwrap_or_else(SensorModel::unknown);
         model.bits = bits.ok_or_else(|| missing("bits"))?;
         model.alpha = alpha.ok_or_else(|| missing("alpha"))?;
-        // A perfect lens cannot be told from one that is not set, so a sigma of 0 takes the camera's.
-        if self.has_lens() {
+        if self.psf != BlurShape::Gaussian || self.psf_sigma > 0.0 {
             (model.psf, model.psf_sigma) = (self.psf, self.psf_sigma);
         }
         if let Some(gains) = self.gains {
@@ -293,11 +299,6 @@ impl SensorOverride {
         model.black_level = if self.black_level >= 0.0 { self.black_level } else { model.black_level };
         model.check()?;
         Ok(model)
-    }
-
-    /// Returns whether the lens is known without the camera.
-    pub fn has_lens(&self) -> bool {
-        self.psf != BlurShape::Gaussian || self.psf_sigma > 0.0
     }
 
     /// Returns whether bits and saturation factor are known without the camera.
@@ -315,7 +316,8 @@ impl From<SensorModel> for SensorOverride {
             transfer: Some(model.transfer),
             optical_black: model.optical_black,
             black_level: model.black_level,
-            psf: model.psf,
+            // Here a Gaussian of width 0 would be that of the camera.
+            psf: if model.is_sharp() { BlurShape::Perfect } else { model.psf },
             psf_sigma: model.psf_sigma,
             gains: Some(model.gains),
             gain_ratio: model.gain_ratio,

@@ -247,7 +247,8 @@ impl Axes {
 
 /// The sensor of the paper behind a Gaussian of about its lens.
 fn paper_lens() -> SensorModel {
-    SensorModel { psf_sigma: SensorModel::default().psf_sigma, ..SensorModel::unknown() }
+    let SensorModel { psf, psf_sigma, .. } = SensorModel::default();
+    SensorModel { psf, psf_sigma, ..SensorModel::unknown() }
 }
 
 /// The images that this sensor has of those of a sensor with one gain and no mosaic.
