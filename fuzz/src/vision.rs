@@ -77,7 +77,7 @@ pub fn unwrap(data: &[u8]) {
     let mut out = Recovered::default();
     for name in METHODS {
         let mut method = by_name(name, &options).expect("a listed method");
-        method.unwrap(&y, range, &mut out).expect("every code is possible");
+        method.unwrap(&y, &range.into(), &mut out).expect("every code is possible");
         let y = y.to_f32();
         assert!(out.k.iter().all(|&k| k <= range.max_wraps()), "{name}: k out of range");
         let congruent =
@@ -87,7 +87,7 @@ pub fn unwrap(data: &[u8]) {
     let mut method = of_gains(Gains::checkerboard(range.alpha())).expect("two gains");
     let mosaic = y.clone().with_mosaic(Mosaic::Grbg).ok();
     for y in mosaic.iter().chain([&y]) {
-        method.unwrap(y, range, &mut out).expect("every code is possible");
+        method.unwrap(y, &range.into(), &mut out).expect("every code is possible");
         assert!(out.x.dim() == y.dim() && out.k.iter().all(|&k| k <= range.max_wraps()));
         assert!(out.x.iter().all(|x| x.is_finite()));
     }

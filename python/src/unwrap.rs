@@ -1,6 +1,6 @@
 //! The unwrapping of modulo images.
 
-use modulo_core::unwrap::{QualityMetrics, Recovered, of_gains};
+use modulo_core::unwrap::{QualityMetrics, Recovered, Scene, of_gains};
 use modulo_runtime::SensorModel;
 use modulo_unwrap::UnwrapParameters;
 use pyo3::prelude::*;
@@ -35,13 +35,13 @@ pub fn unwrap<'py>(
     let sensor = SensorModel::from(&parameters);
     let (mosaic, range, gains) =
         (sensor.mosaic, sensor.range().map_err(value_error)?, sensor.gains().map_err(value_error)?);
-    // Nothing waits for a single image.
-    let options = UnwrapParameters { budget: 0.0, ..UnwrapParameters::from(&parameters) };
+    let options = UnwrapParameters::from(&parameters);
     let mut method = match of_gains(gains) {
         Some(method) => method,
         None => options.method().map_err(value_error)?,
     };
-    method.expect_edges(sensor.sharpness());
+    // Nothing waits for a single image, so that the work has no limit.
+    let scene = Scene { lens: sensor.lens(), ..Scene::from(range) };
     let Image { pixels, is_flat } = Image::new("codes", codes)?;
     let mut frame = pixels.to_frame().map_err(value_error)?;
     if let Some(mosaic) = mosaic {
@@ -49,7 +49,7 @@ pub fn unwrap<'py>(
     }
     let (recovered, confidence) = py.detach(|| -> PyResult<_> {
         let mut recovered = Recovered::default();
-        method.unwrap(&frame, range, &mut recovered).map_err(value_error)?;
+        method.unwrap(&frame, &scene, &mut recovered).map_err(value_error)?;
         let confidence = confidence.then(|| recovered.confidence(mosaic, range));
         Ok((recovered, confidence))
     })?;

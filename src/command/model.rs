@@ -253,7 +253,7 @@ fn relative_work() -> f64 {
     // The first image takes the memory, and the faster one of the others is not disturbed.
     let times = [(); 3].map(|()| {
         let start = clock.ticks_ns();
-        method.unwrap(&y, range, &mut out).expect("codes of 8 bits");
+        method.unwrap(&y, &range.into(), &mut out).expect("codes of 8 bits");
         (clock.ticks_ns() - start) as f64
     });
     times[1].min(times[2]) / (WORK_OF_NOISE * (SIDE * SIDE) as f64)

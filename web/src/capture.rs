@@ -1,6 +1,6 @@
 //! One exposure of a picture and its recovery, as `modulo simulate` makes them.
 
-use modulo_core::unwrap::{Method, OffsetEvidence, Options, Sharpness, Trust, fit_up_to};
+use modulo_core::unwrap::{Method, OffsetEvidence, Options, Scene, Trust, fit_up_to};
 use modulo_core::{Exposure, Frame, Psf, Recovered, Sensor, SensorConfig, SensorError, UnwrapError};
 use ndarray::Array3;
 
@@ -44,17 +44,13 @@ impl Capture {
     /// Finds the wrap counts of the modulo image.
     pub fn recover(&mut self) -> Result<(), UnwrapError> {
         let mut method = Method::Auto.build(&Options::default())?;
-        method.expect_edges(self.sharpness());
-        method.unwrap(&self.modulo, self.exposure.range(), &mut self.recovered)
+        let scene = Scene { lens: Some(self.psf), ..self.exposure.range().into() };
+        method.unwrap(&self.modulo, &scene, &mut self.recovered)
     }
 
     /// Returns the largest alpha up to which this sensor is fit.
     pub fn fit_up_to(&self) -> f64 {
         fit_up_to(self.psf, false, false)
-    }
-
-    fn sharpness(&self) -> Sharpness {
-        Sharpness::behind(self.psf, self.exposure.range().alpha(), self.fit_up_to())
     }
 
     /// Returns the second differences above the peak, per sample.
@@ -70,7 +66,7 @@ impl Capture {
             Trust::Trusted if report.offset == Some(OffsetEvidence::OpticalBlack) => Reason::ColumnsShowLevel,
             Trust::Trusted => Reason::RangeShowsLevel,
             Trust::Relative => Reason::LevelIsUnknown,
-            _ if self.sharpness() == Sharpness::Unfit => Reason::AlphaIsTooLarge,
+            _ if self.exposure.range().alpha() > self.fit_up_to() => Reason::AlphaIsTooLarge,
             Trust::Unobservable => Reason::EdgesMayHide,
             Trust::Untrusted | Trust::Unknown => Reason::CountsContradict,
         }

@@ -6,8 +6,8 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use modulo_core::sensor::{Sensor, SensorConfig};
-use modulo_core::unwrap::{Method, Options, Sharpness, Unwrap};
-use modulo_core::{Frame, Psf, Range, Recovered};
+use modulo_core::unwrap::{self, Method, Options, Unwrap};
+use modulo_core::{Frame, Psf, Recovered};
 use modulo_scene::{Preset, Scene};
 
 /// The shape of an image of KITTI.
@@ -26,7 +26,7 @@ const LONGEST: Duration = Duration::from_secs(3);
 /// A modulo image of 8 bits with three colours, and what unwraps it.
 struct Unwrapped {
     image: Frame,
-    range: Range,
+    scene: unwrap::Scene,
     method: Box<dyn Unwrap>,
     out: Recovered,
 }
@@ -39,12 +39,10 @@ impl Unwrapped {
             Sensor::new(SensorConfig { alpha, psf, ..SensorConfig::default() }).expect("a possible sensor");
         let scene = Scene::new(Preset::Tunnel, 3).render(0, height, width);
         let exposure = sensor.expose(scene.radiance.view(), 0).expect("finite radiance");
-        let options = Options { threads, budget: f64::INFINITY, ..Options::default() };
-        let mut method =
-            method.parse::<Method>().and_then(|method| method.build(&options)).expect("a method");
-        method.expect_edges(Sharpness::UpTo(alpha * psf.bend()));
-        let (image, range) = (exposure.modulo(), exposure.range());
-        let mut all = Self { image, range, method, out: Recovered::default() };
+        let options = Options { threads, ..Options::default() };
+        let method = method.parse::<Method>().and_then(|method| method.build(&options)).expect("a method");
+        let scene = unwrap::Scene { lens: Some(psf), ..exposure.range().into() };
+        let mut all = Self { image: exposure.modulo(), scene, method, out: Recovered::default() };
         all.call();
         all
     }
@@ -52,7 +50,7 @@ impl Unwrapped {
     /// Returns the time of a call in ms.
     fn call(&mut self) -> f64 {
         let begin = Instant::now();
-        self.method.unwrap(&self.image, self.range, &mut self.out).expect("an image of the sensor");
+        self.method.unwrap(&self.image, &self.scene, &mut self.out).expect("an image of the sensor");
         begin.elapsed().as_secs_f64() * 1e3
     }
 }

@@ -52,7 +52,7 @@ fn range() -> Range {
 fn recovered() -> Recovered {
     let mut out = Recovered::default();
     let mut method = by_name("auto", &Options::default()).expect("a method");
-    method.unwrap(&MODULO, range(), &mut out).expect("an image of the sensor");
+    method.unwrap(&MODULO, &range().into(), &mut out).expect("an image of the sensor");
     out
 }
 
@@ -89,14 +89,16 @@ fn unwrapping() {
     for (name, threads) in METHODS.iter().flat_map(|&name| [(name, 1), (name, 2)]) {
         let mut method = by_name(name, &Options { threads, ..Options::default() }).expect("a method");
         time(&format!("unwrap {name} {threads}"), || {
-            method.unwrap(&MODULO, range(), &mut out).expect("an image of the sensor");
+            method.unwrap(&MODULO, &range().into(), &mut out).expect("an image of the sensor");
         });
     }
     let gains = Gains::checkerboard(ALPHA);
     let sensor = Sensor::new(SensorConfig { alpha: ALPHA, gains, ..SensorConfig::default() });
     let exposure = sensor.expect("a possible sensor").expose(RADIANCE.view(), 0).expect("finite radiance");
     let (modulo, mut method) = (exposure.modulo(), TwoGains::new(gains).expect("two gains"));
-    time("unwrap_two_gains", || method.unwrap(&modulo, range(), &mut out).expect("an image of the sensor"));
+    time("unwrap_two_gains", || {
+        method.unwrap(&modulo, &range().into(), &mut out).expect("an image of the sensor")
+    });
 }
 
 fn display() {
@@ -117,7 +119,7 @@ fn transforms() {
         let (frame, mut out) = (sense_width(width), Recovered::default());
         let mut method = by_name("least_squares", &Options::default()).expect("a method");
         time(&format!("least_squares {width}"), || {
-            method.unwrap(&frame, range(), &mut out).expect("an image of the sensor");
+            method.unwrap(&frame, &range().into(), &mut out).expect("an image of the sensor");
         });
         let (mut plane, mut library) = (vec![0.5; height * width], Library::new(height, width));
         time(&format!("dct_pair_rustdct {width}"), || {

@@ -18,7 +18,7 @@ use crate::mosaic::{Mosaic, PLACES};
 use crate::range::Range;
 use crate::simd::widest;
 use crate::unwrap::edges::{self, Arrangement};
-use crate::unwrap::{Integers, Recovered, Sharpness, Trust, Unwrap, UnwrapError};
+use crate::unwrap::{Integers, Recovered, Scene, Trust, Unwrap, UnwrapError};
 
 /// The gains of the pixels of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
@@ -88,7 +88,6 @@ pub(crate) fn is_low(row: usize, column: usize) -> bool {
 pub struct TwoGains {
     prediction: Prediction,
     mosaic: MosaicRadiance,
-    sharpness: Sharpness,
 }
 
 /// The counts that bring samples nearest to their predictions.
@@ -136,7 +135,7 @@ impl TwoGains {
     pub fn new(gains: Gains) -> Option<Self> {
         let Gains::Checkerboard { ratio } = gains else { return None };
         let prediction = Prediction { ratio: ratio as f32, ..Prediction::default() };
-        Some(Self { prediction, mosaic: MosaicRadiance::default(), sharpness: Sharpness::default() })
+        Some(Self { prediction, mosaic: MosaicRadiance::default() })
     }
 
     /// Writes radiance and wrap counts of the codes `y` into `out`.
@@ -230,18 +229,15 @@ impl Unwrap for TwoGains {
         Self::NAME
     }
 
-    fn expect_edges(&mut self, sharpness: Sharpness) {
-        self.sharpness = sharpness;
-    }
-
-    fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
+    fn unwrap(&mut self, y: &Frame, scene: &Scene, out: &mut Recovered) -> Result<(), UnwrapError> {
+        let range = scene.range;
         let samples = Integers::checked(y, range)?;
         out.prepare(y.dim(), Self::NAME);
         match samples {
             Integers::U8(codes) => self.recover_any(codes, y.mosaic(), range, out),
             Integers::U16(codes) => self.recover_any(codes, y.mosaic(), range, out),
         }
-        edges::withhold_trust(y, out, Arrangement::TwoGains, self.sharpness, range);
+        edges::withhold_trust(y, out, Arrangement::TwoGains, scene);
         Ok(())
     }
 }
@@ -490,7 +486,7 @@ mod tests {
             });
             let mut out = Recovered::default();
             let mut method = TwoGains::new(Gains::Checkerboard { ratio }).unwrap();
-            method.unwrap(&Frame::from_u16(codes.clone()).unwrap(), range, &mut out).unwrap();
+            method.unwrap(&Frame::from_u16(codes.clone()).unwrap(), &range.into(), &mut out).unwrap();
             let peak = f64::from(range.peak());
             for ((i, j, c), &k) in out.k.indexed_iter() {
                 let y = f64::from(codes[(i, j, c)]);
@@ -520,7 +516,7 @@ mod tests {
             let sensor = Sensor::new(SensorConfig { alpha, gains, ..SensorConfig::default() }).unwrap();
             let exposure = sensor.expose(radiance.view(), 0).unwrap();
             let mut out = Recovered::default();
-            TwoGains::new(gains).unwrap().unwrap(&exposure.modulo(), exposure.range(), &mut out).unwrap();
+            TwoGains::new(gains).unwrap().unwrap(&exposure.modulo(), &exposure.range().into(), &mut out).unwrap();
             prop_assert_eq!(exposure.exact_share(&out.k), Some(1.0));
             prop_assert_eq!(out.report.trust, Trust::Trusted);
             // A pixel of low gain counts steps of alpha codes.
@@ -535,7 +531,7 @@ mod tests {
         let trust = |codes: Array3<u8>| {
             let mut out = Recovered::default();
             let mut method = TwoGains::new(Gains::checkerboard(4.0)).unwrap();
-            method.unwrap(&Frame::from_u8(codes).unwrap(), range, &mut out).unwrap();
+            method.unwrap(&Frame::from_u8(codes).unwrap(), &range.into(), &mut out).unwrap();
             out.report.trust
         };
         let noise = Array3::from_shape_fn((20, 30, 3), |(i, j, c)| {
@@ -573,7 +569,7 @@ mod tests {
             let exposure = sensor.expose(radiance.view(), 0).expect("an image");
             let mut out = Recovered::default();
             let mut method = TwoGains::new(gains).expect("two gains");
-            method.unwrap(&exposure.modulo(), exposure.range(), &mut out).expect("valid codes");
+            method.unwrap(&exposure.modulo(), &exposure.range().into(), &mut out).expect("valid codes");
             let exact = exposure.exact_share(&out.k).expect("the same shape");
             let is_trusted = out.report.trust == Trust::Trusted;
             assert!(!is_trusted || exact >= 0.999, "{lamps} lamps: {exact}");

@@ -304,7 +304,7 @@ mod tests {
 
     fn unwrapped(gains: Gains, y: &Frame, range: Range) -> Recovered {
         let mut out = Recovered::default();
-        TwoGains::new(gains).unwrap().unwrap(y, range, &mut out).unwrap();
+        TwoGains::new(gains).unwrap().unwrap(y, &range.into(), &mut out).unwrap();
         out
     }
 

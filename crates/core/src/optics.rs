@@ -50,26 +50,34 @@ impl Psf {
         match self {
             Self::None => vec![1.0],
             Self::Paper7 => PAPER_TAPS.to_vec(),
-            Self::Gaussian { sigma } => gaussian(sigma),
+            Self::Gaussian { sigma } => gaussian(sigma).collect(),
         }
     }
 
     /// Returns the largest second difference, along a row or a column, of an edge of height 1 behind the lens: 1 for a perfect one.
     pub fn bend(self) -> f64 {
-        let taps = self.taps();
         // The differences of the edge are the taps themselves.
-        let before = std::iter::once(&0.0).chain(&taps);
-        taps.iter().zip(before).map(|(tap, before)| f64::from((tap - before).abs())).fold(0.0, f64::max)
+        match self {
+            Self::None => 1.0,
+            Self::Paper7 => largest_step(PAPER_TAPS.into_iter()),
+            Self::Gaussian { sigma } => largest_step(gaussian(sigma)),
+        }
     }
 }
 
-fn gaussian(sigma: f64) -> Vec<f32> {
+fn gaussian(sigma: f64) -> impl Iterator<Item = f32> {
     // Beyond 3 sigma a weight is at most 1.1 % of the middle one; dividing by the sum keeps the brightness.
     let radius = (3.0 * sigma).ceil() as i32;
-    let weights: Vec<f64> =
-        (-radius..=radius).map(|t| (-0.5 * (f64::from(t) / sigma).powi(2)).exp()).collect();
-    let sum: f64 = weights.iter().sum();
-    weights.iter().map(|weight| (weight / sum) as f32).collect()
+    let weights = (-radius..=radius).map(move |t| (-0.5 * (f64::from(t) / sigma).powi(2)).exp());
+    let sum: f64 = weights.clone().sum();
+    weights.map(move |weight| (weight / sum) as f32)
+}
+
+/// Returns the largest difference between neighbouring `taps`, and between the first one and 0.
+fn largest_step(taps: impl Iterator<Item = f32>) -> f64 {
+    let mut before = 0.0;
+    let step = |tap: f32| f64::from((tap - std::mem::replace(&mut before, tap)).abs());
+    taps.map(step).fold(0.0, f64::max)
 }
 
 /// The rule that continues an image `abcd` beyond its border.

@@ -57,9 +57,9 @@ fn asked(unwrap: &mut dyn Unwrap, bits: u8, channels: usize, first_noise: u32) -
     let needs_mosaic = unwrap.name().ends_with("_gains") && channels == 1;
     let [first, second] =
         [first, second].map(|y| if needs_mosaic { y.with_mosaic(Mosaic::Rggb).unwrap() } else { y });
-    unwrap.unwrap(&first, range, &mut out).unwrap();
+    unwrap.unwrap(&first, &range.into(), &mut out).unwrap();
     let before = ASKED.get();
-    unwrap.unwrap(&second, range, &mut out).unwrap();
+    unwrap.unwrap(&second, &range.into(), &mut out).unwrap();
     ASKED.get() - before
 }
 

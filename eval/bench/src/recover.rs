@@ -55,7 +55,7 @@ pub fn unwrap_files(
     tell: &mut dyn FnMut(BenchEvent<'_>),
 ) -> Result<RunOutcome, BenchError> {
     let sensor = request.sensor.first();
-    let (sharpness, range) = (sensor.sharpness(), sensor.range()?);
+    let (lens, range) = (sensor.lens(), sensor.range()?);
     if range.limit() > 65536.0 {
         let why = "the results have 16 bits, which cannot hold alpha * 2^bits above 65536; use the node unwrap for floats";
         return Err(BenchError::Request(why.to_owned()));
@@ -73,7 +73,7 @@ pub fn unwrap_files(
     });
     let capture = |name: &str, y: &Frame, sensor| {
         let (y, name) = (y.clone(), name.to_owned());
-        Ok(Capture { y, sensor, range, sharpness, name, counts: true, full_scale: 1.0, truth: None })
+        Ok(Capture { y, sensor, range, lens, name, counts: true, full_scale: 1.0, truth: None })
     };
     let sensors = std::slice::from_ref(&sensor);
     runner.run((pictures, files.len()), sensors, capture, tell)

@@ -8,9 +8,9 @@ use std::time::Instant;
 
 use clap::{Args, value_parser};
 use modulo_core::metric::{mse, psnr_db, ssim};
-use modulo_core::unwrap::{METHODS, Options, Sharpness, by_name, of_gains};
+use modulo_core::unwrap::{METHODS, Options, Scene, by_name, of_gains};
 use modulo_core::{
-    Exposure, Frame, Gains, MAX_THREADS, Range, Recovered, TwoGains, Unwrap, UnwrapError, tone,
+    Exposure, Frame, Gains, MAX_THREADS, Psf, Range, Recovered, TwoGains, Unwrap, UnwrapError, tone,
 };
 use modulo_images::{save_exr, save_png};
 use modulo_runtime::SensorModel;
@@ -109,8 +109,8 @@ pub(crate) struct Capture<'a> {
     pub y: Frame,
     pub sensor: &'a SensorModel,
     pub range: Range,
-    /// How sharp its edges may be.
-    pub sharpness: Sharpness,
+    /// The blur of its lens, where it is known.
+    pub lens: Option<Psf>,
     /// The beginning of the names of the written images.
     pub name: String,
     /// Whether wrap counts and code units are written, too.
@@ -230,10 +230,10 @@ fn recover(
     (file, capture): (&str, &Capture<'_>),
     method: &mut dyn Unwrap,
 ) -> Result<Row, BenchError> {
-    let Capture { y, sensor, range, truth, .. } = capture;
+    let Capture { y, sensor, range, lens, truth, .. } = capture;
     let mut recovered = Recovered::default();
-    method.expect_edges(capture.sharpness);
-    let ms = median_time(options.repeats, || method.unwrap(y, *range, &mut recovered));
+    let scene = Scene { lens: *lens, ..Scene::from(*range) };
+    let ms = median_time(options.repeats, || method.unwrap(y, &scene, &mut recovered));
     let ms = ms.map_err(|why| match truth {
         Some(_) => why.into(),
         // A file may hold codes that the sensor cannot have.

@@ -154,11 +154,11 @@ impl SimulationRequest {
             // The sensor counts whole codes.
             save_counts(path, &exposure.wraps(), &exposure.x().mapv(f32::floor), exposure.range())?;
         }
-        let (range, sharpness) = (model.range()?, model.of_channels(pixels.len_of(Axis(2))).sharpness());
+        let (range, lens) = (model.range()?, model.of_channels(pixels.len_of(Axis(2))).lens());
         let given = Some(self.coding.white).filter(|white| *white > 0.0);
         let full_scale = white.or(given).filter(|_| *is_float).unwrap_or(1.0);
         let truth = Some((exposure, *white, self.seed));
-        Ok(Capture { y, sensor: model, range, sharpness, name, counts: self.counts, full_scale, truth })
+        Ok(Capture { y, sensor: model, range, lens, name, counts: self.counts, full_scale, truth })
     }
 }
 

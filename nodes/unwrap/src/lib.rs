@@ -15,8 +15,8 @@ use std::sync::Arc;
 
 use modulo_core::deblur::Deblur;
 use modulo_core::unwrap::{
-    Method, Options, QualityMetrics, Recovered, Report, ThresholdOn, Trust, TrustLimits, Unwrap, UnwrapError,
-    of_gains,
+    Method, Options, QualityMetrics, Recovered, Report, Scene, ThresholdOn, Trust, TrustLimits, Unwrap,
+    UnwrapError, of_gains,
 };
 use modulo_core::{FrameError, MAX_THREADS, Psf, Range, exposed_anew, tone};
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
@@ -78,7 +78,6 @@ impl UnwrapParameters {
             threshold_on: self.threshold_on,
             threads: self.threads,
             trust: TrustLimits { lines: self.trust_lines, jumps: self.trust_jumps },
-            budget: if self.budget > 0.0 { self.budget } else { f64::INFINITY },
             successive: true,
         }
     }
@@ -168,10 +167,7 @@ impl UnwrapNode {
             let deblur = blur.map(Deblur::new);
             model.warn_if_unfit();
             let range = model.range()?;
-            let mut of_gains = of_gains(model.gains()?);
-            let method = of_gains.as_mut().unwrap_or(&mut self.method);
-            method.expect_edges(model.sharpness());
-            method.leave_out_radiance(true);
+            let of_gains = of_gains(model.gains()?);
             self.sensor = Some(Prepared { model, range, deblur, of_gains });
         }
         Ok(())
@@ -218,10 +214,12 @@ impl UnwrapNode {
 
     fn unwrap(&mut self, modulo: &StampedFrame, cx: &mut Context<'_>) -> Result<(), StepError> {
         let skip = |why: String| StepError::Skip(why);
-        let Prepared { range, of_gains, .. } = self.sensor.as_mut().expect("`prepare` comes before");
+        let Prepared { model, range, of_gains, .. } = self.sensor.as_mut().expect("`prepare` comes before");
+        let work = Some(self.parameters.budget).filter(|budget| *budget > 0.0).unwrap_or(f64::INFINITY);
+        let scene = Scene { range: *range, lens: model.lens(), work, radiance: false };
         let method = of_gains.as_mut().unwrap_or(&mut self.method);
         let out = &mut self.recovered;
-        cx.stage("unwrap", || method.unwrap(&modulo.frame, *range, out))
+        cx.stage("unwrap", || method.unwrap(&modulo.frame, &scene, out))
             .map_err(|why| skip(why.to_string()))?;
         self.counts.count(&self.recovered.report);
         let status = (cx.wanted(DIAGNOSTICS) | cx.wanted(RECOVERY)).then(|| {

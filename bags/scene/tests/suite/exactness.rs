@@ -30,7 +30,7 @@ fn expose(radiance: &Array3<f32>, alpha: f64, psf: Psf) -> Exposure {
 /// Returns the share of exact wrap counts.
 fn score(method: &str, exposure: &Exposure) -> f64 {
     let (mut unwrap, mut out) = (by_name(method, &Options::default()).unwrap(), Recovered::default());
-    unwrap.unwrap(&exposure.modulo(), exposure.range(), &mut out).unwrap();
+    unwrap.unwrap(&exposure.modulo(), &exposure.range().into(), &mut out).unwrap();
     exposure.exact_share(&out.k).unwrap()
 }
 
@@ -76,7 +76,7 @@ fn rendered_scenes_in_strong_noise() {
         let radiance = Scene::new(preset, 0).render(0, 160, 480).radiance;
         let exposure = sensor.expose(radiance.view(), 0).unwrap();
         let (mut unwrap, mut out) = (by_name("auto", &Options::default()).unwrap(), Recovered::default());
-        unwrap.unwrap(&exposure.modulo(), exposure.range(), &mut out).unwrap();
+        unwrap.unwrap(&exposure.modulo(), &exposure.range().into(), &mut out).unwrap();
         let share = exposure.exact_share(&out.k).unwrap();
         let spud = score("spud", &exposure);
         let tree = score("gradient_tree", &exposure);

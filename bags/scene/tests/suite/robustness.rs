@@ -1,7 +1,7 @@
 //! Tests `auto` with the properties of ordinary chips and scenes, on rendered scenes: defects, an alpha that is known to some percent, scenes in which
 //! nothing is dark.
 
-use modulo_core::unwrap::{OffsetEvidence, Options, PASS_THROUGH, Trust, Unwrap as _, by_name};
+use modulo_core::unwrap::{self, OffsetEvidence, Options, PASS_THROUGH, Trust, Unwrap as _, by_name};
 use modulo_core::{Exposure, Frame, Gains, Mosaic, Psf, Range, Recovered, Sensor, SensorConfig, TwoGains};
 use modulo_scene::{Preset, Scene};
 use ndarray::{Array3, s};
@@ -30,7 +30,10 @@ fn wrong_of_sound(out: &Recovered, exposure: &Exposure, clean: &Exposure) -> usi
 
 fn recover(exposure: &Exposure, range: Range) -> Recovered {
     let mut out = Recovered::default();
-    by_name("auto", &Options::default()).unwrap().unwrap(&exposure.modulo(), range, &mut out).unwrap();
+    by_name("auto", &Options::default())
+        .unwrap()
+        .unwrap(&exposure.modulo(), &range.into(), &mut out)
+        .unwrap();
     out
 }
 
@@ -84,7 +87,7 @@ fn hot_samples_of_two_gains_change_no_count_beside_them() {
                     let exposure = expose_by(&radiance, SensorConfig { hot_pixels, ..config });
                     let mut out = Recovered::default();
                     let mut method = TwoGains::new(gains).unwrap();
-                    method.unwrap(&exposure.modulo(), exposure.range(), &mut out).unwrap();
+                    method.unwrap(&exposure.modulo(), &exposure.range().into(), &mut out).unwrap();
                     (exposure, out)
                 });
                 let [(clean, expected), (exposure, out)] = &outcomes;
@@ -129,7 +132,7 @@ fn an_alpha_that_is_known_to_two_percent_loses_no_count() {
         let mut tree = by_name("gradient_tree", &Options::default()).unwrap();
         let mut wrong = |wanted: f64| {
             let mut out = Recovered::default();
-            tree.unwrap(&exposure.modulo(), Range::new(8, wanted).unwrap(), &mut out).unwrap();
+            tree.unwrap(&exposure.modulo(), &Range::new(8, wanted).unwrap().into(), &mut out).unwrap();
             out.k.iter().zip(&exposure.wraps()).filter(|(k, truth)| k != truth).count()
         };
         let wrong = [3.92, 4.0, 4.08].map(&mut wrong);
@@ -198,16 +201,15 @@ fn black_columns_show_the_offset() {
 fn the_last_trusted_frame_gives_the_offset_until_a_cut() {
     let frames = |preset, number| Scene::new(preset, 1).render(number, 120, 320).radiance;
     // The same evidence is found where the radiance is left out at first.
-    let mut methods = [false, true].map(|leaves_out| {
-        let mut method = by_name("auto", &Options { successive: true, ..Options::default() }).unwrap();
-        method.leave_out_radiance(leaves_out);
-        method
+    let mut methods = [true, false].map(|radiance| {
+        (by_name("auto", &Options { successive: true, ..Options::default() }).unwrap(), radiance)
     });
     let mut recover = |light: &Array3<f32>| {
         let exposure = expose(light, 4.0, 0.0);
-        let [out, left_out] = methods.each_mut().map(|method| {
+        let [out, left_out] = methods.each_mut().map(|(method, radiance)| {
             let mut out = Recovered::default();
-            method.unwrap(&exposure.modulo(), exposure.range(), &mut out).unwrap();
+            let scene = unwrap::Scene { radiance: *radiance, ..exposure.range().into() };
+            method.unwrap(&exposure.modulo(), &scene, &mut out).unwrap();
             out.fill(&exposure.modulo(), exposure.range());
             out
         });
@@ -251,7 +253,7 @@ fn stuck(places: &[(usize, usize)], code: u8) -> (Recovered, usize) {
     codes.indexed_iter_mut().filter(|(at, _)| is_stuck(*at)).for_each(|(_, y)| *y = code);
     let mut out = Recovered::default();
     let mut auto = by_name("auto", &Options::default()).unwrap();
-    auto.unwrap(&Frame::from_u8(codes.clone()).unwrap(), exposure.range(), &mut out).unwrap();
+    auto.unwrap(&Frame::from_u8(codes.clone()).unwrap(), &exposure.range().into(), &mut out).unwrap();
     assert!(out.x.indexed_iter().all(|(at, x)| *x == f32::from(codes[at]) + 256.0 * f32::from(out.k[at])));
     let truth = exposure.wraps();
     let wrong = out.k.indexed_iter().filter(|(at, k)| !is_stuck(*at) && **k != truth[*at]).count();
@@ -305,7 +307,7 @@ fn small_lights_are_no_defects() {
         codes[HOT] = codes[HOT].wrapping_add(120);
         let mut out = Recovered::default();
         let mut auto = by_name("auto", &Options::default()).unwrap();
-        auto.unwrap(&Frame::from_u8(codes).unwrap(), exposure.range(), &mut out).unwrap();
+        auto.unwrap(&Frame::from_u8(codes).unwrap(), &exposure.range().into(), &mut out).unwrap();
         let near = |at: usize| {
             let (i, j) = (at / 3 / 320, at / 3 % 320);
             lights.iter().any(|&(row, column, _)| i.abs_diff(row) < 3 && j.abs_diff(column) < 3)

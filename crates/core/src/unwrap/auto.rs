@@ -22,7 +22,7 @@ use super::lines::Scanned;
 use super::smoothed_tree::SmoothedTree;
 use super::{
     GradientTree, Integers, Lines, Options, PASS_THROUGH, QualityMetrics, Range, Recovered, SMOOTHED_TREE,
-    Spud, Trust, Unwrap, UnwrapError, jumps, offset,
+    Scene, Spud, Trust, Unwrap, UnwrapError, jumps, offset,
 };
 use crate::frame::Frame;
 
@@ -65,8 +65,7 @@ const HANDICAP: f64 = 1.02;
 /// The method with the buffers of its candidates.
 pub struct Auto {
     limits: TrustLimits,
-    /// The work that is allowed on a frame, in ms, and what is left of it.
-    work: f64,
+    /// What is left of the work that is allowed on the image.
     budget: Budget,
     /// Whether trust needs evidence for the absolute offset.
     needs_offset: bool,
@@ -101,7 +100,6 @@ impl Auto {
     pub fn new(options: &Options) -> Result<Self, UnwrapError> {
         Ok(Self {
             limits: options.trust,
-            work: options.budget,
             budget: Budget::default(),
             needs_offset: true,
             few_outliers: FEW_OUTLIERS,
@@ -240,7 +238,7 @@ impl Auto {
                     if self.growable { smoothed_tree.grow(range, *few, budget, other) } else { Some(false) };
                 let needs_spud = grown == Some(false) && budget.take(budget::SPUD * samples(y) as f64);
                 if needs_spud {
-                    spud.unwrap(y, range, other)?;
+                    spud.unwrap(y, &range.into(), other)?;
                 }
                 needs_spud || grown == Some(true)
             }
@@ -317,16 +315,10 @@ impl Unwrap for Auto {
         "auto"
     }
 
-    fn limit_work(&mut self, ms: f64) {
-        self.work = ms;
-    }
-
-    fn leave_out_radiance(&mut self, may_leave_out: bool) {
-        self.lines.leave_out_radiance(may_leave_out);
-    }
-
-    fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
-        self.budget = Budget::of_ms(self.work);
+    fn unwrap(&mut self, y: &Frame, scene: &Scene, out: &mut Recovered) -> Result<(), UnwrapError> {
+        let range = scene.range;
+        self.budget = Budget::of_ms(scene.work);
+        self.lines.leaves_out_radiance = !scene.radiance;
         // A defect that matters makes loops steep: an image without steep loops is not searched.
         let rows = match self.lines.scan(0, y, range, None)? {
             Scanned::Whole(quality) => return self.unwrap_scanned(y, quality, range, out),

@@ -18,7 +18,7 @@
 
 use ndarray::Array3;
 
-use super::{Range, Recovered, Trust, jumps};
+use super::{Range, Recovered, Scene, Trust, fit_up_to, jumps};
 use crate::frame::{Frame, in_order};
 use crate::simd::widest;
 
@@ -62,15 +62,24 @@ const FEWEST_STEPS: f64 = 2e-4;
 
 /// How sharp the edges of the images of a sensor may be, as far as its lens and its fitness say so.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum Sharpness {
+pub(crate) enum Sharpness {
     /// The lens is not known.
     #[default]
     Unknown,
-    /// The second differences of an edge from black to the end of the range are at most so many peaks, see
-    /// [`Psf::bend`](crate::Psf::bend).
+    /// The second differences of an edge from black to the end of the range are at most so many peaks, see [`Psf::bend`].
     UpTo(f64),
     /// The counts of this sensor cannot be found in real pictures.
     Unfit,
+}
+
+impl Sharpness {
+    /// Returns the sharpness of an image of `scene`. Above the largest alpha for which such a sensor is fit, see [`fit_up_to`], it is unfit.
+    fn of(scene: &Scene, y: &Frame, arrangement: Arrangement) -> Self {
+        let Some(psf) = scene.lens else { return Self::Unknown };
+        let alpha = scene.range.alpha();
+        let fit = fit_up_to(psf, y.mosaic().is_some(), arrangement == Arrangement::TwoGains);
+        if alpha > fit { Self::Unfit } else { Self::UpTo(alpha * psf.bend()) }
+    }
 }
 
 /// Where the next samples of the same gain and colour are.
@@ -85,15 +94,13 @@ pub(crate) enum Arrangement {
 }
 
 /// Takes the trust from a result that may be wrong without a trace.
-pub(crate) fn withhold_trust(
-    y: &Frame,
-    out: &mut Recovered,
-    arrangement: Arrangement,
-    sharpness: Sharpness,
-    range: Range,
-) {
+pub(crate) fn withhold_trust(y: &Frame, out: &mut Recovered, arrangement: Arrangement, scene: &Scene) {
+    let range = scene.range;
     let is_trusted = [Trust::Trusted, Trust::Relative].contains(&out.report.trust);
-    if is_trusted && range.max_wraps() > 0 && may_hide(y, out, arrangement, sharpness, range) {
+    if is_trusted
+        && range.max_wraps() > 0
+        && may_hide(y, out, arrangement, Sharpness::of(scene, y, arrangement), range)
+    {
         out.report.trust = Trust::Unobservable;
     }
 }
@@ -248,10 +255,10 @@ mod tests {
                 ((smooth + noise) as u32 % (1 << bits)) as u16
             });
             let (y, mut out, mut left_out) = (Frame::from_u16(y).unwrap(), Recovered::default(), Recovered::default());
-            Lines::default().unwrap(&y, range, &mut out).unwrap();
+            Lines::default().unwrap(&y, &range.into(), &mut out).unwrap();
             let mut lines = Lines::default();
-            lines.leave_out_radiance(true);
-            lines.unwrap(&y, range, &mut left_out).unwrap();
+            let scene = Scene { radiance: false, ..range.into() };
+            lines.unwrap(&y, &scene, &mut left_out).unwrap();
             prop_assert!(left_out.x.is_empty());
             left_out.fill(&y, range);
             prop_assert_eq!(&left_out, &out);

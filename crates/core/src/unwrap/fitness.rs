@@ -1,6 +1,5 @@
 //! Up to which alpha a sensor is fit for its task: nearly all counts of real pictures can be found.
 
-use super::Sharpness;
 use crate::optics::Psf;
 
 /// The widths of the lenses of [`MEASURED`], in px.
@@ -22,11 +21,4 @@ pub fn fit_up_to(psf: Psf, has_mosaic: bool, has_two_gains: bool) -> f64 {
     let (.., fit) = row.expect("the table has each kind of mosaic and gains");
     let softer = LENSES.iter().filter(|&&lens| lens <= psf.sigma()).count();
     fit[softer.saturating_sub(1)]
-}
-
-impl Sharpness {
-    /// Returns the sharpness of the images behind `psf` of a sensor that is fit up to `fit`, see [`fit_up_to`].
-    pub fn behind(psf: Psf, alpha: f64, fit: f64) -> Self {
-        if alpha > fit { Self::Unfit } else { Self::UpTo(alpha * psf.bend()) }
-    }
 }

@@ -17,7 +17,7 @@ use super::tree::{
     ImageEdges, MAX_KEY, Pixels, Quad, Region, first_difference_keys, key_of_change, place, recover,
     second_difference_keys, subtract, wrap_steps,
 };
-use super::{Integers, Range, Recovered, Unwrap, UnwrapError, WorkersError};
+use super::{Integers, Range, Recovered, Scene, Unwrap, UnwrapError, WorkersError};
 use crate::frame::Frame;
 use crate::simd::widest;
 use crate::workers::Workers;
@@ -79,8 +79,8 @@ impl Unwrap for GradientTree {
         Self::NAME
     }
 
-    fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
-        self.unwrap_within(y, range, OUTLIERS, out)
+    fn unwrap(&mut self, y: &Frame, scene: &Scene, out: &mut Recovered) -> Result<(), UnwrapError> {
+        self.unwrap_within(y, scene.range, OUTLIERS, out)
     }
 }
 

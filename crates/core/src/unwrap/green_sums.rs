@@ -136,7 +136,7 @@ impl GreenSums {
         let blocks = Array3::from_shape_fn((height.div_ceil(2), width, 3), |(i, j, channel)| {
             code(2 * i + places[channel].0, 2 * j + places[channel].1)
         });
-        self.blocks.unwrap(&frame(blocks, range), range, &mut self.in_colours)?;
+        self.blocks.unwrap(&frame(blocks, range), &range.into(), &mut self.in_colours)?;
         self.counts.clear();
         for row in 0..height {
             // The green pixel of the other row has the count that brings it nearest to the one of the block.

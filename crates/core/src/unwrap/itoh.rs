@@ -1,7 +1,7 @@
 //! Itoh's method: it follows the wrapped differences down the first column, then along each row. One difference
 //! of half a peak or more spoils the rest of its row.
 
-use super::{Integers, Range, Recovered, Unwrap, UnwrapError, congruence};
+use super::{Integers, Recovered, Scene, Unwrap, UnwrapError, congruence};
 use crate::frame::Frame;
 use crate::gradient::wrap_step;
 
@@ -18,7 +18,8 @@ impl Unwrap for Itoh {
         "itoh"
     }
 
-    fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
+    fn unwrap(&mut self, y: &Frame, scene: &Scene, out: &mut Recovered) -> Result<(), UnwrapError> {
+        let range = scene.range;
         let samples = Integers::checked(y, range)?;
         out.prepare(y.dim(), self.name());
         let (_, width, channels) = y.dim();

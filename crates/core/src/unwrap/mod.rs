@@ -35,7 +35,6 @@ use ndarray::Array3;
 pub use crate::range::{Range, RangeError};
 pub use auto::{Auto, TrustLimits};
 pub use budget::WORK_OF_NOISE;
-pub use edges::Sharpness;
 pub use fitness::fit_up_to;
 pub use gradient_tree::GradientTree;
 pub use itoh::Itoh;
@@ -48,6 +47,7 @@ pub use tree::Tree;
 use self::mosaic::MosaicUnwrap;
 use crate::frame::{Frame, FrameError, SamplePosition, Samples, copy_channel, in_order, position_of};
 use crate::gains::{Gains, TwoGains};
+use crate::optics::Psf;
 use crate::simd::widest;
 use crate::workers::WorkersError;
 
@@ -115,7 +115,7 @@ impl FromStr for Method {
 ///
 /// let mut recovered = Recovered::default();
 /// let mut method = Method::Auto.build(&Options::default())?;
-/// method.unwrap(&exposure.modulo(), exposure.range(), &mut recovered)?;
+/// method.unwrap(&exposure.modulo(), &exposure.range().into(), &mut recovered)?;
 /// assert_eq!(recovered.k, exposure.wraps());
 /// assert_eq!(recovered.report.trust, Trust::Trusted);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -124,29 +124,39 @@ pub trait Unwrap: Send {
     /// Returns the name of the method, as in [`METHODS`].
     fn name(&self) -> &'static str;
 
-    /// Tells a method that judges its results how sharp the edges of the next images may be; before, the lens is unknown.
-    fn expect_edges(&mut self, _sharpness: Sharpness) {}
-
-    /// Limits the work that `auto` may do on each of the next images, in ms, as [`Options::budget`] does.
-    fn limit_work(&mut self, _ms: f64) {}
-
-    /// Tells a method whether the next radiance may be left out, since its reader needs the counts only; [`Recovered::fill`] computes it from
-    /// them. Before, all radiance is written.
-    fn leave_out_radiance(&mut self, _may_leave_out: bool) {}
-
-    /// Writes radiance and wrap counts of `y` (values below 2^b) into `out`, whose buffers are reused when the
+    /// Writes radiance and wrap counts of `y` (values below 2^b), an image of `scene`, into `out`, whose buffers are reused when the
     /// shape is the same.
     ///
     /// # Errors
     /// [`UnwrapError::Float`] when `y` has float samples, [`UnwrapError::Code`] when a value of `y` is 2^b or more.
-    fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError>;
+    fn unwrap(&mut self, y: &Frame, scene: &Scene, out: &mut Recovered) -> Result<(), UnwrapError>;
+}
+
+/// What is known of an image, and what may be done for it. A [`Range`] alone is a scene behind an unknown lens, without a limit of the work.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scene {
+    /// The bits of the sensor, its saturation factor, and what shows the absolute level.
+    pub range: Range,
+    /// The blur of the lens; `None`: it is not known. [`Psf::None`] is a perfect lens.
+    pub lens: Option<Psf>,
+    /// The work that `auto` may do, 0 or above: the time of its candidates in ms on one core of a server of 2023. It is counted
+    /// beforehand and not measured, so that the result is the same on every machine. Infinite: no limit.
+    pub work: f64,
+    /// Whether the radiance is needed. A method may leave it out otherwise; [`Recovered::fill`] computes it from the counts.
+    pub radiance: bool,
+}
+
+impl From<Range> for Scene {
+    fn from(range: Range) -> Self {
+        Self { range, lens: None, work: f64::INFINITY, radiance: true }
+    }
 }
 
 /// The result of unwrapping one image.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recovered {
     /// The radiance x_hat in code units, H x W x C, a colour mosaic where y is one: exactly `y + k * 2^b`, and at pixels of low gain `(y + 1/2) / gain - 1/2`.
-    /// It is empty where it was left out, see [`Unwrap::leave_out_radiance`].
+    /// It is empty where it was left out, see [`Scene::radiance`].
     pub x: Array3<f32>,
     /// The wrap counts, H x W x C, `0 <= k <= ceil(alpha) - 1`.
     pub k: Array3<u8>,
@@ -172,7 +182,7 @@ pub struct Report {
     pub trust: Trust,
     /// The evidence for the absolute offset of a trusted result; `None` if the method needs none or the result is not trusted.
     pub offset: Option<OffsetEvidence>,
-    /// Whether `auto` has left out what could have found a better result, since its work exceeded [`Options::budget`].
+    /// Whether `auto` has left out what could have found a better result, since its work exceeded [`Scene::work`].
     pub is_over_budget: bool,
 }
 
@@ -275,26 +285,16 @@ pub struct Options {
     pub threads: usize,
     /// The limits at which `auto` trusts a result.
     pub trust: TrustLimits,
-    /// The work that `auto` may do on an image, 0 or above: the time of its candidates in ms on one core of a server of 2023. It is counted
-    /// beforehand and not measured, so that the result is the same on every machine. Infinite: no limit.
-    pub budget: f64,
     /// Whether the images are successive frames of one camera, so that `auto` may take the absolute offset of a frame that shows none
     /// from the last trusted frame.
     pub successive: bool,
 }
 
 impl Default for Options {
-    /// Returns the options of the paper: tau = 0.1 on phi, and one thread, for single images, without a limit of the work.
+    /// Returns the options of the paper: tau = 0.1 on phi, and one thread, for single images.
     fn default() -> Self {
         let trust = TrustLimits::default();
-        Self {
-            tau: 0.1,
-            threshold_on: ThresholdOn::Phi,
-            threads: 1,
-            trust,
-            budget: f64::INFINITY,
-            successive: false,
-        }
+        Self { tau: 0.1, threshold_on: ThresholdOn::Phi, threads: 1, trust, successive: false }
     }
 }
 

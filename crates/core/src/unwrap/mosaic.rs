@@ -12,7 +12,7 @@ use ndarray::{Array3, s};
 use super::auto::{FEWEST_BITS, STRONG_NOISE};
 use super::budget::{self, Budget};
 use super::defects::Defects;
-use super::edges::{Arrangement, Sharpness};
+use super::edges::Arrangement;
 use super::green_sums::{FEW_CONTRADICTIONS, GreenSums};
 use super::lattice::Lattice;
 use super::lines::Lines;
@@ -20,7 +20,7 @@ use super::mosaic_image::{MosaicImage, frame};
 use super::offset::OffsetFinder;
 use super::other_colour::{OtherColour, OtherDoubts};
 use super::{
-    GRADIENT_SUMS, GradientTree, Integers, Options, QualityMetrics, Range, Recovered, Report, Trust,
+    GRADIENT_SUMS, GradientTree, Integers, Options, QualityMetrics, Range, Recovered, Report, Scene, Trust,
     TrustLimits, Unwrap, UnwrapError, edges, jumps, offset,
 };
 use crate::frame::Frame;
@@ -56,8 +56,6 @@ pub(super) struct MosaicUnwrap {
     sums: GreenSums,
     others: [OtherColour; 2],
     limits: TrustLimits,
-    /// The work that `auto` may do on an image, in ms.
-    work: f64,
     /// Unwraps single places.
     lines: Lines,
     defects: Defects,
@@ -66,8 +64,6 @@ pub(super) struct MosaicUnwrap {
     /// The result for the lattice, as a buffer.
     green: Recovered,
     offset: OffsetFinder,
-    sharpness: Sharpness,
-    leaves_out_radiance: bool,
 }
 
 impl MosaicUnwrap {
@@ -84,14 +80,11 @@ impl MosaicUnwrap {
             sums: GreenSums::new(options.threads)?,
             others: [other()?, other()?],
             limits: options.trust,
-            work: options.budget,
             lines: Lines::default(),
             defects: Defects::default(),
             codes: Vec::new(),
             green: Recovered::default(),
             offset: OffsetFinder::new(options.successive),
-            sharpness: Sharpness::default(),
-            leaves_out_radiance: false,
         })
     }
 
@@ -104,9 +97,9 @@ impl MosaicUnwrap {
         out: &mut Recovered,
     ) -> Result<(), UnwrapError> {
         let lattice = Lattice::new(image);
-        self.method.limit_work((1.0 - OF_OTHERS) * left.left_ms());
         let frame = lattice.frame(image, range);
-        self.method.unwrap(&frame, range, &mut self.green)?;
+        let scene = Scene { work: (1.0 - OF_OTHERS) * left.left_ms(), ..range.into() };
+        self.method.unwrap(&frame, &scene, &mut self.green)?;
         lattice.scatter(&self.green, out);
         out.report = self.green.report;
         // Beyond the margin nothing is steep, which must not make an image look flatter than it is.
@@ -187,7 +180,7 @@ impl MosaicUnwrap {
             let codes = Array3::from_shape_fn(dim, |(i, j, _)| {
                 image.codes[(2 * i + row) * image.width + 2 * j + column]
             });
-            self.lines.unwrap(&frame(codes, range), range, &mut self.green)?;
+            self.lines.unwrap(&frame(codes, range), &range.into(), &mut self.green)?;
             let place = s![row..;2, column..;2, ..];
             out.x.slice_mut(place).assign(&self.green.x);
             out.k.slice_mut(place).assign(&self.green.k);
@@ -206,13 +199,12 @@ impl MosaicUnwrap {
         work: f64,
         out: &mut Recovered,
     ) -> Result<[OtherDoubts; 2], UnwrapError> {
-        self.others.iter_mut().for_each(|other| other.limit_work(work / 2.0));
         let (row, column) = image.mosaic.red();
         let places = [(row, column), (1 - row, 1 - column)];
         let x = out.x.as_slice().expect("prepare has made the layout standard");
         let mut done = [Ok(()), Ok(())];
         self.workers.each_chunk((&mut self.others, &mut done), 1, |at, other, done| {
-            done[0] = other[0].find(image, x, places[at], range);
+            done[0] = other[0].find(image, x, places[at], range, work / 2.0);
         });
         done.into_iter().collect::<Result<(), _>>()?;
         let doubts = [0, 1].map(|at| self.others[at].write(image, places[at], range, out));
@@ -226,28 +218,18 @@ impl Unwrap for MosaicUnwrap {
         self.method.name()
     }
 
-    fn expect_edges(&mut self, sharpness: Sharpness) {
-        self.sharpness = sharpness;
-    }
-
-    fn leave_out_radiance(&mut self, may_leave_out: bool) {
-        self.leaves_out_radiance = may_leave_out;
-    }
-
-    fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
-        match y.mosaic() {
+    fn unwrap(&mut self, y: &Frame, scene: &Scene, out: &mut Recovered) -> Result<(), UnwrapError> {
+        let (arrangement, range) = match y.mosaic() {
             Some(mosaic) => {
-                self.method.leave_out_radiance(false);
-                self.unwrap_mosaic(y, mosaic, range, out)?;
+                self.unwrap_mosaic(y, mosaic, scene, out)?;
+                (Arrangement::Mosaic, scene.range)
             }
             None => {
-                self.method.leave_out_radiance(self.leaves_out_radiance);
-                self.method.limit_work(self.work);
-                self.method.unwrap(y, range, out)?;
+                self.method.unwrap(y, scene, out)?;
+                (Arrangement::Next, scene.range)
             }
-        }
-        let arrangement = if y.mosaic().is_some() { Arrangement::Mosaic } else { Arrangement::Next };
-        edges::withhold_trust(y, out, arrangement, self.sharpness, range);
+        };
+        edges::withhold_trust(y, out, arrangement, scene);
         self.offset.settle(y, out, range);
         // What does not contradict itself would not have become better.
         out.report.is_over_budget &= ![Trust::Trusted, Trust::Relative].contains(&out.report.trust);
@@ -260,9 +242,10 @@ impl MosaicUnwrap {
         &mut self,
         y: &Frame,
         mosaic: Mosaic,
-        range: Range,
+        scene: &Scene,
         out: &mut Recovered,
     ) -> Result<(), UnwrapError> {
+        let range = scene.range;
         let codes = Integers::checked(y, range)?;
         let mut defects = std::mem::take(&mut self.defects);
         let sound = if self.judges { defects.remove(y, codes, range) } else { None };
@@ -276,7 +259,7 @@ impl MosaicUnwrap {
         }
         let codes_of_sound = if let Integers::U16(codes) = sound { codes } else { &words };
         let image = MosaicImage { codes: codes_of_sound, height: y.height(), width: y.width(), mosaic };
-        let done = self.unwrap_sound(&image, range, out);
+        let done = self.unwrap_sound(&image, scene, out);
         if let Some(quality) = &mut out.report.quality {
             quality.defects = share;
         }
@@ -289,12 +272,13 @@ impl MosaicUnwrap {
     fn unwrap_sound(
         &mut self,
         image: &MosaicImage<'_>,
-        range: Range,
+        scene: &Scene,
         out: &mut Recovered,
     ) -> Result<(), UnwrapError> {
+        let range = scene.range;
         out.prepare((image.height, image.width, 1), self.name());
         // A method that was asked for by its name is run whatever it takes.
-        let mut left = if self.judges { Budget::of_ms(self.work) } else { Budget::default() };
+        let mut left = if self.judges { Budget::of_ms(scene.work) } else { Budget::default() };
         if self.judges && self.sums.read(image, range) <= STRONG_NOISE {
             if self.sum(image, range, &mut left, out)? {
                 return Ok(());
@@ -327,7 +311,7 @@ mod tests {
 
     fn unwrapped(method: Method, y: &Frame, range: Range) -> Recovered {
         let mut out = Recovered::default();
-        method.build(&Options::default()).unwrap().unwrap(y, range, &mut out).unwrap();
+        method.build(&Options::default()).unwrap().unwrap(y, &range.into(), &mut out).unwrap();
         out
     }
 
@@ -355,10 +339,9 @@ mod tests {
                 ((random >> 40) % (1 << bits)) as u16
             });
             let y = Frame::from_u16(codes.clone()).unwrap().with_mosaic(Mosaic::WORDS[which].1.unwrap()).unwrap();
-            for budget in [f64::INFINITY, 0.0] {
-                let mut out = Recovered::default();
-                let options = Options { budget, ..Options::default() };
-                Method::Auto.build(&options).unwrap().unwrap(&y, range, &mut out).unwrap();
+            for work in [f64::INFINITY, 0.0] {
+                let (mut out, scene) = (Recovered::default(), Scene { work, ..range.into() });
+                Method::Auto.build(&Options::default()).unwrap().unwrap(&y, &scene, &mut out).unwrap();
                 for ((at, x), y) in out.x.indexed_iter().zip(&codes) {
                     prop_assert_eq!(*x, f32::from(*y) + f32::from(out.k[at]) * range.peak());
                     prop_assert!(out.k[at] <= range.max_wraps());

@@ -6,7 +6,7 @@
 use ndarray::Array3;
 
 use super::mosaic_image::{MosaicImage, frame};
-use super::{Auto, Options, Range, Recovered, Report, Trust, Unwrap, UnwrapError, congruence};
+use super::{Auto, Options, Range, Recovered, Report, Scene, Trust, Unwrap, UnwrapError, congruence};
 use crate::frame::in_order;
 use crate::mosaic::mirrored;
 use crate::simd::widest;
@@ -37,18 +37,12 @@ impl OtherColour {
     /// # Errors
     /// The errors of [`Auto::new`].
     pub fn new(options: &Options) -> Result<Self, UnwrapError> {
-        let (mut auto, difference) = (Auto::of_differences(options)?, Recovered::default());
-        auto.leave_out_radiance(true);
+        let (auto, difference) = (Auto::of_differences(options)?, Recovered::default());
         Ok(Self { auto, difference, counts: Vec::new(), levels: Vec::new() })
     }
 
-    /// Limits the work on each of the next images, in ms.
-    pub fn limit_work(&mut self, ms: f64) {
-        self.auto.limit_work(ms);
-    }
-
     /// Finds the counts at the pixels of one place in the 2 x 2 pixels, up to a constant, beside green in `x`, an image of the size of
-    /// `image`.
+    /// `image`, with so much `work` in ms.
     ///
     /// # Errors
     /// None: the codes are those of the range.
@@ -58,6 +52,7 @@ impl OtherColour {
         x: &[f32],
         (first, column): (usize, usize),
         range: Range,
+        work: f64,
     ) -> Result<(), UnwrapError> {
         let MosaicImage { height, width, .. } = *image;
         let dim = ((height - first).div_ceil(2), (width - column).div_ceil(2), 1);
@@ -72,7 +67,8 @@ impl OtherColour {
             widest!(take_from(codes, counts, wrapped, range.bits()));
         }
         let wrapped = Array3::from_shape_vec(dim, wrapped).expect("one difference for each pixel");
-        self.auto.unwrap(&frame(wrapped, range), range.of_differences(), &mut self.difference)?;
+        let scene = Scene { work, radiance: false, ..range.of_differences().into() };
+        self.auto.unwrap(&frame(wrapped, range), &scene, &mut self.difference)?;
         // A difference is known up to a multiple of the peak, and so are these counts.
         let known = in_order(self.difference.k.view());
         widest!(self.counts.iter_mut().zip(known).for_each(|(count, &k)| *count += i32::from(k)));

@@ -5,7 +5,7 @@ use ndarray::{Array3, ArrayView3, Axis};
 
 use super::congruence::{self, CountRule, Histogram, LaneCountRules};
 use super::poisson::{Codes, Poisson, ThresholdOn};
-use super::{Range, Recovered, Unwrap, UnwrapError, check_codes};
+use super::{Range, Recovered, Scene, Unwrap, UnwrapError, check_codes};
 use crate::dct::{self, LANES, SampleRun};
 use crate::frame::{Frame, check_shape, copy_channel, in_order};
 use crate::gradient;
@@ -209,8 +209,8 @@ impl Unwrap for Spud {
         "spud"
     }
 
-    fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
-        self.unwrap_as(self.name(), y, range, out)
+    fn unwrap(&mut self, y: &Frame, scene: &Scene, out: &mut Recovered) -> Result<(), UnwrapError> {
+        self.unwrap_as(self.name(), y, scene.range, out)
     }
 }
 
@@ -248,7 +248,7 @@ impl Unwrap for LeastSquares {
         "least_squares"
     }
 
-    fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
-        self.solver.unwrap_as(self.name(), y, range, out)
+    fn unwrap(&mut self, y: &Frame, scene: &Scene, out: &mut Recovered) -> Result<(), UnwrapError> {
+        self.solver.unwrap_as(self.name(), y, scene.range, out)
     }
 }

@@ -204,7 +204,7 @@ fn jumps(x: &Array3<f32>, range: Range) -> usize {
 
 fn lines(y: &Frame, range: Range) -> Recovered {
     let mut out = Recovered::default();
-    by_name("lines", &Options::default()).unwrap().unwrap(y, range, &mut out).unwrap();
+    by_name("lines", &Options::default()).unwrap().unwrap(y, &range.into(), &mut out).unwrap();
     out
 }
 

@@ -147,7 +147,7 @@ fn threads_change_nothing() {
         let recover = |threads| {
             let options = Options { threads, ..Options::default() };
             let mut out = Recovered::default();
-            by_name("spud", &options).unwrap().unwrap(&y, range, &mut out).unwrap();
+            by_name("spud", &options).unwrap().unwrap(&y, &range.into(), &mut out).unwrap();
             (out, Spud::with_threads(0.1, ThresholdOn::Phi, threads).unwrap().solve(y.to_f32().view(), range))
         };
         let alone = recover(1);

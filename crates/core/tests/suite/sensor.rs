@@ -203,7 +203,7 @@ fn sharpness(radiance: &Array3<f32>, deblur: &Deblur) -> (f64, f64) {
     let exposure = Sensor::new(config).unwrap().expose(radiance.view(), 0).unwrap();
     let mut recovered = Recovered::default();
     let mut lines = by_name("lines", &Options::default()).unwrap();
-    lines.unwrap(&exposure.modulo(), range, &mut recovered).unwrap();
+    lines.unwrap(&exposure.modulo(), &range.into(), &mut recovered).unwrap();
     let blurred = tone::linear8(&recovered.x, range).unwrap();
     let sharp = deblur.picture(&recovered.x, range, Transfer::Linear).unwrap();
     (psnr(&blurred, &ideal), psnr(&sharp, &ideal))
@@ -252,7 +252,7 @@ fn two_gains_recover_kitti_without_a_lens() {
         let (mut method, mut recovered) = (TwoGains::new(gains).unwrap(), Recovered::default());
         let exact = frames.iter().map(|radiance| {
             let exposure = sensor.expose(radiance.view(), 0).unwrap();
-            method.unwrap(&exposure.modulo(), exposure.range(), &mut recovered).unwrap();
+            method.unwrap(&exposure.modulo(), &exposure.range().into(), &mut recovered).unwrap();
             let exact = exposure.exact_share(&recovered.k).unwrap();
             assert!(exact >= 0.999 || recovered.report.trust != Trust::Trusted, "{exact}");
             exact
@@ -405,7 +405,7 @@ fn two_gains_go_with_a_mosaic() {
     assert!(low(2, 0) && low(3, 1) && !low(0, 0) && !low(1, 1), "pairs of rows and columns");
     let mut out = Recovered::default();
     let mut method = TwoGains::new(gains).unwrap();
-    method.unwrap(&exposure.modulo(), exposure.range(), &mut out).unwrap();
+    method.unwrap(&exposure.modulo(), &exposure.range().into(), &mut out).unwrap();
     assert_eq!((exposure.exact_share(&out.k), out.report.trust), (Some(1.0), Trust::Trusted));
     let saturated = exposure.saturated();
     let apart = (saturated.to_f32() - exposure.x().mapv(|x| x / 4.0)).mapv(f32::abs);

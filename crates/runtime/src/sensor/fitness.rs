@@ -1,6 +1,7 @@
 //! Warns of a sensor whose alpha is too large for its lens.
 
-use modulo_core::unwrap::{Sharpness, fit_up_to};
+use modulo_core::Psf;
+use modulo_core::unwrap::fit_up_to;
 
 use super::parameters::{BlurShape, SensorModel};
 use crate::warning::warn_once;
@@ -8,12 +9,12 @@ use crate::warning::warn_once;
 impl SensorModel {
     /// Returns the largest alpha up to which such a sensor is fit, see [`fit_up_to`]; `None` if its lens is unknown.
     pub fn fit_up_to(&self) -> Option<f64> {
-        (self.psf != BlurShape::Unknown).then(|| fit_up_to(self.psf(), self.mosaic.is_some(), self.gains))
+        self.lens().map(|psf| fit_up_to(psf, self.mosaic.is_some(), self.gains))
     }
 
-    /// Returns what the lens and the fitness say about the edges of the images.
-    pub fn sharpness(&self) -> Sharpness {
-        self.fit_up_to().map_or(Sharpness::Unknown, |fit| Sharpness::behind(self.psf(), self.alpha, fit))
+    /// Returns the blur of the lens; `None` where it is not known.
+    pub fn lens(&self) -> Option<Psf> {
+        (self.psf != BlurShape::Unknown).then(|| self.psf())
     }
 
     /// Returns what is to be expected of this sensor, if its alpha is too large for it.
@@ -67,7 +68,7 @@ mod tests {
         assert_eq!(sensor(&[("alpha", "1")]).unfit(), None, "nothing wraps");
         let raw = sensor(&[("alpha", "4"), ("mosaic", "grbg"), ("psf_sigma", "0")]);
         assert!(raw.unfit().is_some() && raw.of_channels(3).unfit().is_some());
-        assert_eq!((raw.of_channels(1).unfit(), raw.of_channels(1).sharpness()), (None, Sharpness::Unknown));
+        assert_eq!((raw.of_channels(1).unfit(), raw.of_channels(1).lens()), (None, None));
         let why = sensor(&[("alpha", "4"), ("psf_sigma", "0")]).unfit().expect("a sharp lens");
         assert!(why.contains("alpha 4") && why.contains("gains"), "{why}");
     }

@@ -108,7 +108,7 @@ pub fn score(
     truth: &Exposure,
 ) -> Result<(MethodScore, Array3<f32>), BenchError> {
     let mut out = Recovered::default();
-    method.unwrap(y, truth.range(), &mut out)?;
+    method.unwrap(y, &truth.range().into(), &mut out)?;
     let off = out.k.mapv(i16::from) - truth.wraps().mapv(i16::from);
     let score = MethodScore {
         exact: truth.exact_share(&out.k).expect("a method keeps the shape of its image"),

@@ -40,7 +40,7 @@ fn errors(radiance: &Array3<f32>, alpha: f64, has_two_gains: bool) -> [[f64; 2];
         None => by_name("auto", &Options::default()).unwrap(),
     };
     let mut out = Recovered::default();
-    method.unwrap(&exposure.modulo(), exposure.range(), &mut out).unwrap();
+    method.unwrap(&exposure.modulo(), &exposure.range().into(), &mut out).unwrap();
     [&out.x, &exposure.saturated_radiance()].map(|x| errors_in_stops(x, truth.x()))
 }
 
@@ -109,7 +109,7 @@ fn from_low_bits(x: &Array3<f32>, bits: u8, read_noise: f64, black_level: Option
     let mut out = Recovered::default();
     let mut method = by_name("auto", &Options::default()).unwrap();
     let range = exposure.range().with_black_level(black_level);
-    method.unwrap(&exposure.modulo(), range, &mut out).unwrap();
+    method.unwrap(&exposure.modulo(), &range.into(), &mut out).unwrap();
     let (exact, report) = (exposure.exact_share(&out.k).unwrap(), out.report);
     println!(
         "{bits} bits, {read_noise} codes, {black_level:?}: {exact:.5}, {:?} by {}",

@@ -41,7 +41,7 @@ fn has_twin(case: &Case) -> bool {
     let truth = roughness(&exposure.x().mapv(f32::floor));
     METHODS.iter().any(|method| {
         let mut out = Recovered::default();
-        by_name(method, &Options::default()).unwrap().unwrap(&y, exposure.range(), &mut out).unwrap();
+        by_name(method, &Options::default()).unwrap().unwrap(&y, &exposure.range().into(), &mut out).unwrap();
         let twin = roughness(&out.x);
         let in_range = out.x.iter().all(|&x| x >= 0.0 && f64::from(x) < limit);
         out.k != exposure.wraps() && in_range && twin.0 <= truth.0 && twin.1 <= truth.1

@@ -8,7 +8,7 @@ use crate::data;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use modulo_core::unwrap::{Options, Range, Trust, TrustLimits, by_name, of_gains};
+use modulo_core::unwrap::{self, Options, Range, Trust, TrustLimits, by_name, of_gains};
 use modulo_core::{Frame, Mosaic, Psf, Recovered, Sensor, SensorConfig};
 use modulo_images::{Coding, EXTENSIONS, White, read_image};
 use modulo_runtime::SensorModel;
@@ -97,7 +97,7 @@ impl Tally {
         let range = Range::new(8, config.alpha * expected).unwrap().with_optical_black(config.optical_black);
         let mut out = Recovered::default();
         let mut auto = by_name("auto", &Options::default()).expect("listed");
-        auto.unwrap(&exposure.modulo(), range, &mut out).expect("codes of that sensor");
+        auto.unwrap(&exposure.modulo(), &range.into(), &mut out).expect("codes of that sensor");
         let truth = exposure.wraps();
         let right = out.k.iter().zip(&truth).filter(|(k, truth)| k == truth).count();
         let exact = right as f64 / truth.len() as f64;
@@ -314,8 +314,8 @@ fn drawn(seed: u64, kind: Kind) -> (Option<String>, bool) {
     let method = of_gains(sensor.gains().unwrap());
     let mut method = method.unwrap_or_else(|| by_name("auto", &Options::default()).unwrap());
     let mut out = Recovered::default();
-    method.expect_edges(sensor.sharpness());
-    method.unwrap(&exposure.modulo(), exposure.range(), &mut out).unwrap();
+    let scene = unwrap::Scene { lens: sensor.lens(), ..exposure.range().into() };
+    method.unwrap(&exposure.modulo(), &scene, &mut out).unwrap();
     let (exact, is_trusted) = (exposure.exact_share(&out.k).unwrap(), out.report.trust == Trust::Trusted);
     let what = || {
         format!(
@@ -362,7 +362,7 @@ fn steps_of_half_a_peak_are_not_trusted() {
         let range = Range::new(8, 4.0).unwrap().with_optical_black(optical_black);
         let mut out = Recovered::default();
         let mut auto = by_name("auto", &Options::default()).unwrap();
-        auto.unwrap(&Frame::from_u8(x).unwrap(), range, &mut out).unwrap();
+        auto.unwrap(&Frame::from_u8(x).unwrap(), &range.into(), &mut out).unwrap();
         assert_ne!(out.report.trust, Trust::Trusted, "{:?}", out.report);
     }
 }

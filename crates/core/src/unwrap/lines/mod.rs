@@ -35,7 +35,7 @@ use rows::Rows;
 
 use super::congruence::OUTLIERS;
 use super::wrapped::Word;
-use super::{Integers, QualityMetrics, Range, Recovered, Unwrap, UnwrapError};
+use super::{Integers, QualityMetrics, Range, Recovered, Scene, Unwrap, UnwrapError};
 use crate::frame::Frame;
 use crate::simd::widest;
 
@@ -50,7 +50,7 @@ const PAUSE: usize = 16;
 pub struct Lines {
     bytes: Buffers<i8>,
     words: Buffers<i16>,
-    leaves_out_radiance: bool,
+    pub(super) leaves_out_radiance: bool,
 }
 
 /// The part of an image that a scan has read.
@@ -149,13 +149,10 @@ impl Unwrap for Lines {
         "lines"
     }
 
-    fn leave_out_radiance(&mut self, may_leave_out: bool) {
-        self.leaves_out_radiance = may_leave_out;
-    }
-
-    fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
-        self.scan_from(0, y, range, f64::INFINITY)?;
-        self.finish(y, range, OUTLIERS, out)
+    fn unwrap(&mut self, y: &Frame, scene: &Scene, out: &mut Recovered) -> Result<(), UnwrapError> {
+        self.leaves_out_radiance = !scene.radiance;
+        self.scan_from(0, y, scene.range, f64::INFINITY)?;
+        self.finish(y, scene.range, OUTLIERS, out)
     }
 }
 

@@ -34,7 +34,7 @@ pub(super) use pixels::{Bounds, EdgeDirection, Pixels, Quad, subtract, wrap_step
 pub(super) use regions::Region;
 
 use super::congruence::OUTLIERS;
-use super::{Integers, Range, Recovered, Trust, Unwrap, UnwrapError, congruence};
+use super::{Integers, Range, Recovered, Scene, Trust, Unwrap, UnwrapError, congruence};
 use crate::frame::Frame;
 
 /// The method with its buffers.
@@ -74,7 +74,8 @@ impl Unwrap for Tree {
         "tree"
     }
 
-    fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
+    fn unwrap(&mut self, y: &Frame, scene: &Scene, out: &mut Recovered) -> Result<(), UnwrapError> {
+        let range = scene.range;
         let samples = Integers::checked(y, range)?;
         out.prepare(y.dim(), self.name());
         // The codes are stored twice, as planes for the keys and by pixel for the tree.

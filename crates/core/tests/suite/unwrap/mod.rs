@@ -2,7 +2,7 @@
 //! whose neighbours differ by more than half a peak, so that Itoh's condition fails: smooth bumps and edges of the
 //! lens's width.
 
-use modulo_core::unwrap::{METHODS, Options, Trust, by_name};
+use modulo_core::unwrap::{METHODS, Options, Scene, Trust, by_name};
 use modulo_core::{Frame, Mosaic, Range, Recovered, SamplePosition, UnwrapError};
 use ndarray::{Array3, Axis, s};
 use proptest::prelude::*;
@@ -25,12 +25,12 @@ fn wrap16(x: &Array3<u32>, bits: u8) -> Frame {
 }
 
 /// Returns the result of a method, which is the same where its radiance is left out at first.
-fn recover(method: &str, options: &Options, y: &Frame, range: Range) -> Recovered {
-    let [out, left_out] = [false, true].map(|leaves_out| {
+fn recover(method: &str, options: &Options, y: &Frame, scene: impl Into<Scene>) -> Recovered {
+    let scene = scene.into();
+    let [out, left_out] = [true, false].map(|radiance| {
         let (mut method, mut out) = (by_name(method, options).unwrap(), Recovered::default());
-        method.leave_out_radiance(leaves_out);
-        method.unwrap(y, range, &mut out).unwrap();
-        out.fill(y, range);
+        method.unwrap(y, &Scene { radiance, ..scene }, &mut out).unwrap();
+        out.fill(y, scene.range);
         out
     });
     assert_eq!((&out.x, &out.k, out.report), (&left_out.x, &left_out.k, left_out.report));
@@ -260,7 +260,7 @@ proptest! {
         let (y, range) = (Frame::from_u16(pixels).unwrap(), Range::new(bits, 2.0).unwrap());
         for method in METHODS {
             let mut out = Recovered::default();
-            let error = by_name(method, &Options::default()).unwrap().unwrap(&y, range, &mut out).unwrap_err();
+            let error = by_name(method, &Options::default()).unwrap().unwrap(&y, &range.into(), &mut out).unwrap_err();
             let (value, most) = (range.peak(), range.peak() - 1.0);
             let at = SamplePosition { row: at / 7, column: at % 7, channel: 0 };
             let want = UnwrapError::Code { at, value, most, bits };
@@ -277,31 +277,31 @@ fn buffers_are_reused_and_follow_the_shape() {
         let mut out = Recovered::default();
         let small = Frame::from_u8(Array3::from_elem((3, 4, 1), 9)).unwrap();
         let large = Frame::from_u8(Array3::from_elem((6, 5, 3), 200)).unwrap();
-        unwrap.unwrap(&small, range, &mut out).unwrap();
+        unwrap.unwrap(&small, &range.into(), &mut out).unwrap();
         let before = (out.x.as_ptr(), out.k.as_ptr());
         // The same buffers must come back for the same shape.
-        unwrap.unwrap(&small, range, &mut out).unwrap();
+        unwrap.unwrap(&small, &range.into(), &mut out).unwrap();
         assert_eq!(before, (out.x.as_ptr(), out.k.as_ptr()), "{method}");
-        unwrap.unwrap(&large, range, &mut out).unwrap();
+        unwrap.unwrap(&large, &range.into(), &mut out).unwrap();
         assert_eq!((out.x.dim(), out.x.iter().all(|&x| x == 200.0)), ((6, 5, 3), true), "{method}");
     }
 }
 
-/// A node must not stand at a frame of noise. What is left out for that is said, and a budget that suffices changes nothing.
+/// A node must not stand at a frame of noise. What is left out for that is said, and a limit that suffices changes nothing.
 #[test]
-fn work_beyond_the_budget_is_left_out_and_said() {
+fn work_beyond_the_limit_is_left_out_and_said() {
     let range = Range::new(8, 4.0).unwrap();
-    let with = |budget: f64, y: &Frame| recover("auto", &Options { budget, ..Options::default() }, y, range);
+    let with = |work: f64, y: &Frame| recover("auto", &Options::default(), y, Scene { work, ..range.into() });
     let mosaic = |dim| wrap(&noise(dim, 8), 8).with_mosaic(Mosaic::Rggb).unwrap();
     for y in [wrap(&noise((96, 128, 1), 8), 8), wrap(&noise((96, 128, 3), 8), 8), mosaic((96, 128, 1))] {
         let free = with(f64::INFINITY, &y);
         assert!(!free.report.is_over_budget && free.report.method != "lines", "{:?}", free.report);
         assert_eq!(with(1e3, &y), free);
-        for (budget, method) in [(0.4, None), (0.0, Some("lines"))] {
-            let bound = with(budget, &y);
+        for (work, method) in [(0.4, None), (0.0, Some("lines"))] {
+            let bound = with(work, &y);
             assert!(method.is_none_or(|method| method == bound.report.method), "{:?}", bound.report);
             assert!(bound.report.is_over_budget && bound.report.trust == Trust::Untrusted);
-            assert_eq!(with(budget, &y), bound, "no clock is read");
+            assert_eq!(with(work, &y), bound, "no clock is read");
             for ((x, k), y) in bound.x.iter().zip(&bound.k).zip(&y.to_f32()) {
                 assert_eq!(*x, y + 256.0 * f32::from(*k));
             }
@@ -314,7 +314,8 @@ fn a_frame_of_floats_is_no_modulo_image() {
     let y = Frame::from_f32(Array3::zeros((4, 5, 3))).unwrap();
     for method in METHODS {
         let mut unwrap = by_name(method, &Options::default()).unwrap();
-        let error = unwrap.unwrap(&y, Range::new(8, 2.0).unwrap(), &mut Recovered::default()).unwrap_err();
+        let error =
+            unwrap.unwrap(&y, &Range::new(8, 2.0).unwrap().into(), &mut Recovered::default()).unwrap_err();
         assert_eq!(error, UnwrapError::Float, "{method}");
     }
 }
@@ -324,7 +325,8 @@ fn samples_of_8_bits_hold_no_codes_of_10() {
     let y = Frame::from_u8(Array3::from_shape_fn((8, 8, 1), |(i, j, _)| (97 * i + 31 * j) as u8)).unwrap();
     for method in METHODS {
         let mut unwrap = by_name(method, &Options::default()).unwrap();
-        let error = unwrap.unwrap(&y, Range::new(10, 4.0).unwrap(), &mut Recovered::default()).unwrap_err();
+        let error =
+            unwrap.unwrap(&y, &Range::new(10, 4.0).unwrap().into(), &mut Recovered::default()).unwrap_err();
         assert_eq!(error, UnwrapError::Narrow { bits: 10 }, "{method}");
     }
 }

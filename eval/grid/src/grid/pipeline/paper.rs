@@ -106,7 +106,7 @@ impl<'a> PaperPipeline<'a> {
         // Q_b of eq. 1: whole codes, of which 2^b is 0.
         let y = Frame::from_u8(codes.mapv(|v| v as u32 as u8)).map_err(UnwrapError::from)?;
         let mut out = Recovered::default();
-        self.spud.unwrap(&y, self.range, &mut out)?;
+        self.spud.unwrap(&y, &self.range.into(), &mut out)?;
         Ok(tone::linear8(&out.x, self.range).map_err(UnwrapError::from)?.to_f32())
     }
 }
