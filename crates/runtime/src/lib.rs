@@ -30,6 +30,7 @@ pub mod sensor {
     #[cfg(feature = "options")]
     pub mod options;
     pub mod parameters;
+    pub mod recovery;
     pub mod scale;
 }
 

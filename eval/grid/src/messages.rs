@@ -6,6 +6,7 @@ use std::sync::Arc;
 use modulo_core::Detection;
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::lockstep::OnTopic;
+use modulo_runtime::sensor::recovery::Recovery;
 use modulo_runtime::{Message, StampedFrame};
 
 fn on<'a>(out: &'a [OnTopic], topic: &'a str) -> impl Iterator<Item = &'a Message> {
@@ -45,12 +46,11 @@ pub fn classes(out: &[OnTopic], topic: &str) -> Option<BTreeSet<String>> {
     })
 }
 
-/// The value of `key` in the diagnostics on `topic`.
-pub fn value<'a>(out: &'a [OnTopic], topic: &'a str, key: &str) -> Option<&'a str> {
-    let mut statuses = on(out, topic).flat_map(|message| match message {
-        Message::Diagnostics(array) => &array.status[..],
-        _ => &[],
+/// Returns what `unwrap` says on `topic` of the image of this frame.
+pub fn recovery<'a>(out: &'a [OnTopic], topic: &'a str) -> Option<Recovery<'a>> {
+    let mut statuses = on(out, topic).filter_map(|message| match message {
+        Message::Diagnostics(array) => Some(Recovery::of(array)),
+        _ => None,
     });
-    let pair = statuses.find_map(|status| status.values.iter().find(|pair| pair.key == key))?;
-    Some(&pair.value)
+    statuses.find(|status| !status.method_used.is_empty())
 }

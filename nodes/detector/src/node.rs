@@ -7,6 +7,7 @@ use modulo_core::{Detection, Frame, Letterbox};
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_msgs::vision_msgs::{Detection2D, Detection2DArray, LabelInfo, VisionInfo};
+use modulo_runtime::sensor::recovery::Recovery;
 use modulo_runtime::sensor_info::{self, SensorHistory};
 use modulo_runtime::topic::RECOVERY_TOPIC;
 use modulo_runtime::{
@@ -393,7 +394,7 @@ impl Detector {
         let before = camera.stream(wanted).to_owned();
         if role == Role::Recovery {
             // A method without a claim is no reason to leave its image.
-            camera.trust.note(info.value("trusted").is_none_or(|trusted| trusted == "true"), now_ns);
+            camera.trust.note(Recovery::of(info).trusted != Some(false), now_ns);
         } else {
             camera.described.entry(stream).or_default().note(info).map_err(|why| why.to_string())?;
         }

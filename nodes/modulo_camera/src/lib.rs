@@ -23,6 +23,7 @@ use modulo_runtime::name::NameError;
 use modulo_runtime::parameter::file as parameter_file;
 use modulo_runtime::ros_args::ArgsError;
 use modulo_runtime::secret::without_secrets;
+use modulo_runtime::sensor::recovery::Recovery;
 use modulo_runtime::topic::{ImageCompression, RECOVERY_TOPIC};
 use modulo_runtime::{
     Context, Flow, Job, Message, MessageKind, Node, NodeName, ParameterError, ParameterSet as _, Parameters,
@@ -187,10 +188,8 @@ impl ModuloCamera {
     /// Follows the trust of the unwrapper in a frame.
     fn follow(&mut self, recovery: &DiagnosticArray) -> Result<(), StepError> {
         let Some(control) = &mut self.control else { return Ok(()) };
-        let values = recovery.status.iter().flat_map(|status| &status.values);
         // A method that makes no claim trusts nothing.
-        let is_trusted = values.into_iter().any(|value| value.key == "trusted" && value.value == "true");
-        if control.note(recovery.header.stamp, is_trusted) {
+        if control.note(recovery.header.stamp, Recovery::of(recovery).trusted == Some(true)) {
             let model = self.parameters.model(Some(control));
             self.sensor = model.simulated().map_err(|why| StepError::Fatal(why.to_string()))?;
             self.model = model;

@@ -22,6 +22,7 @@ use modulo_core::{FrameError, MAX_THREADS, Psf, Range, exposed_anew, tone};
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::sensor::parameters::SensorOverride;
+use modulo_runtime::sensor::recovery::Recovery;
 use modulo_runtime::sensor_info::{self, SensorHistory};
 use modulo_runtime::topic::{self, ImageCompression, RECOVERY_TOPIC};
 use modulo_runtime::{
@@ -430,10 +431,10 @@ fn level_of(report: &Report) -> (u8, String) {
 /// qualified `node`.
 fn describe(node: &str, header: &Header, method: &str, report: &Report) -> DiagnosticArray {
     // Two names: the method that was asked for, and the one that `auto` selected for this frame.
-    let mut values = vec![("method", method.to_owned()), ("method_used", report.method.to_owned())];
+    let mut values = vec![("method", method.to_owned()), (Recovery::METHOD_USED, report.method.to_owned())];
     // A method without a claim has no entry, so that no reader takes it for distrust.
     if let Some(trusted) = report.trust.claim() {
-        values.push(("trusted", trusted.to_string()));
+        values.push((Recovery::TRUSTED, trusted.to_string()));
     }
     // The evidence for the absolute offset, so that a reader knows when it comes from the frame before.
     if let Some(evidence) = report.offset_evidence() {

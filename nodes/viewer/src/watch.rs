@@ -8,6 +8,7 @@ use modulo_images::FileFormat;
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_msgs::std_msgs::Time;
 use modulo_msgs::vision_msgs::Detection2DArray;
+use modulo_runtime::sensor::recovery::Recovery;
 use modulo_runtime::sensor_info::{self, SensorHistory};
 use modulo_runtime::topic::RECOVERY_TOPIC;
 use modulo_runtime::{Message, MessageKind, SensorModel, StampedFrame, StreamScale};
@@ -220,7 +221,7 @@ impl Inbox {
             }
             self.note(watch, origin, array.header.stamp, Step::Sensed);
         } else if origin.topic.rsplit('/').next() == Some(RECOVERY_TOPIC) {
-            let trusted = array.value("trusted").map(|trusted| trusted == "true");
+            let trusted = Recovery::of(array).trusted;
             let message = array.status.first().map(|status| status.message.clone()).unwrap_or_default();
             let step = Step::Unwrapped { camera: namespace(&origin.topic).to_owned(), trusted, message };
             self.note(watch, origin, array.header.stamp, step);

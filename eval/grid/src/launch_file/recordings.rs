@@ -9,12 +9,13 @@ use modulo_core::{Detection, Frame};
 use modulo_draw::{Picture, RgbImage, distinct, sheet};
 use modulo_images::save_png;
 use modulo_runtime::lockstep::OnTopic;
+use modulo_runtime::sensor::recovery::Recovery;
 use modulo_runtime::{Qos, sensor_info};
 use ndarray::Array3;
 
 use super::file_name;
 use super::plan::{CameraPlan, DetectorStream, EvaluationPlan};
-use crate::messages::{found, image, value};
+use crate::messages::{found, image, recovery};
 use crate::video::AnnotatedVideo;
 
 /// Why a file could not be written.
@@ -170,7 +171,7 @@ impl Recordings {
 impl Shown {
     /// What the messages of a frame show of `stream`, with the method that has unwrapped its image and its trust in the title.
     fn of(stream: &DetectorStream, out: &[OnTopic]) -> Self {
-        let note = stream.recovery.as_deref().and_then(|topic| recovery(out, topic));
+        let note = stream.recovery.as_deref().and_then(|topic| method_of(out, topic));
         let boxes: Vec<Detection> = found(out, &stream.detections).unwrap_or_default();
         Self {
             title: note.map_or_else(|| stream.name.clone(), |note| format!("{}: {note}", stream.name)),
@@ -189,13 +190,14 @@ fn save_sheet(folder: &Path, sheet: &RgbImage) -> Result<(), Fault> {
 }
 
 /// Returns the method that has unwrapped the image of this frame, and whether it trusts its result.
-fn recovery(out: &[OnTopic], topic: &str) -> Option<String> {
-    let trust = match value(out, topic, "trusted") {
-        Some("true") => ", trusted",
-        Some(_) => ", not trusted",
+fn method_of(out: &[OnTopic], topic: &str) -> Option<String> {
+    let Recovery { method_used, trusted } = recovery(out, topic)?;
+    let trust = match trusted {
+        Some(true) => ", trusted",
+        Some(false) => ", not trusted",
         None => "",
     };
-    Some(format!("{}{trust}", value(out, topic, "method_used")?))
+    Some(format!("{method_used}{trust}"))
 }
 
 /// An annotated frame. `None` unless it is 8-bit RGB.

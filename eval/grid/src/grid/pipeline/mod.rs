@@ -13,6 +13,7 @@ use modulo_core::metric::{LEAST_SIDE, mse, psnr_db, ssim};
 use modulo_core::{Exposure, Frame, Gains, Psf, Sensor, SensorConfig, tone};
 use modulo_detector::{Detector, DetectorParameters};
 use modulo_msgs::std_msgs::Header;
+use modulo_runtime::sensor::recovery::Recovery;
 use modulo_runtime::{Clock, Node, NodeName, StampedFrame};
 use ndarray::Array3;
 use serde::Serialize;
@@ -193,11 +194,11 @@ pub const RECOVERY_DEFINITION: &str = "\
 
 impl RecoveryQuality {
     /// The quality of an unwrapped image. `counts` is x_hat in code units, `image` the 8-bit image for the detector,
-    /// `value` gives what the node says about the image, and `truth` the exposures with and without the lens. `None` if an image has another size than the truth.
-    pub fn of_unwrapped<'a>(
+    /// `said` what the node says about the image, and `truth` the exposures with and without the lens. `None` if an image has another size than the truth.
+    pub fn of_unwrapped(
         counts: &Frame,
         image: &Frame,
-        value: impl Fn(&str) -> Option<&'a str>,
+        said: Recovery<'_>,
         truth: &[Exposure; 2],
     ) -> Option<Self> {
         let peak = truth[0].range().peak();
@@ -218,8 +219,8 @@ impl RecoveryQuality {
         Some(Self {
             exact,
             samples,
-            trusted: value("trusted").and_then(|word| word.parse().ok()),
-            method_used: value("method_used").unwrap_or_default().to_owned(),
+            trusted: said.trusted,
+            method_used: said.method_used.to_owned(),
             ..Self::of_merged(image, truth)?
         })
     }

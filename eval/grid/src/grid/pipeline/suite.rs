@@ -11,7 +11,7 @@ use ndarray::{Array3, Axis};
 
 use super::{DetectorInput, PipelineConfig, RecoveryQuality, Truth, node_name, stamp};
 use crate::GridError;
-use crate::messages::{image, value};
+use crate::messages::{image, recovery};
 use crate::results::{Point, Stream};
 
 /// The nodes of one cell before its detector.
@@ -112,8 +112,9 @@ impl<'a> SuitePipeline<'a> {
         if let (Some(scene), Some(toned), Some(counts)) =
             (scene, image(&out, "/recovered"), image(&out, "/hdr"))
         {
-            let (said, truth) = (|key: &str| value(&out, "/diagnostics", key), self.truth.expose(scene)?);
-            passed.recovery = RecoveryQuality::of_unwrapped(&counts.frame, &toned.frame, said, &truth);
+            let (said, truth) = (recovery(&out, "/diagnostics"), self.truth.expose(scene)?);
+            passed.recovery = said
+                .and_then(|said| RecoveryQuality::of_unwrapped(&counts.frame, &toned.frame, said, &truth));
         }
         Ok(())
     }
