@@ -75,7 +75,7 @@ impl BagSource {
         Ok(RecordedImage { header, pixels, ground_truth })
     }
 
-    /// Learns the white level from a message that is skipped. What cannot be read teaches nothing, as in `frame`.
+    /// Learns the white level from a message that is skipped. Unreadable messages do not affect it, as in `frame`.
     fn learn(&mut self, message: &RawMessage) {
         let depths = [SampleDepth::U8, SampleDepth::U16, SampleDepth::F32];
         if depths.into_iter().all(|depth| self.white.is_settled(depth)) {

@@ -69,7 +69,7 @@ impl Source for FolderSource {
             usize::try_from(frames).unwrap_or(usize::MAX).saturating_add(self.next).min(self.images.len());
         for image in &self.images[self.next..end] {
             let depth = open_regular(image).ok().and_then(|file| sample_depth(BufReader::new(file)));
-            // What is no image teaches nothing, neither here nor in `next`.
+            // Unreadable files do not affect the white level, neither here nor in `next`.
             if depth.is_some_and(|depth| !self.white.is_settled(depth))
                 && let Ok(pixels) = read_image(image)
             {

@@ -125,7 +125,7 @@ pub trait Source: Send {
     /// bad one.
     fn next(&mut self) -> Option<Result<SourceFrame, SourceError>>;
 
-    /// Goes on behind the next `frames` frames without reading them where that is possible.
+    /// Resumes after the next `frames` frames, without reading them where that is possible.
     fn skip(&mut self, frames: u64) {
         for _ in 0..frames {
             if self.next().is_none() {

@@ -14,7 +14,7 @@ const CONTRAST: f64 = 1.8;
 /// shown = srgb(t^1.8)
 /// ```
 ///
-/// `white` is shown as white, and what is far below the peak looks alike for each `white`: a saturated image and the recovered image
+/// `white` is shown as white, and dark regions are displayed alike for every `white`: a saturated image and the recovered image
 /// beside it have the same exposure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DisplayCurve {

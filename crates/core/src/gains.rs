@@ -17,7 +17,6 @@ use crate::gains_mosaic::{MosaicGains, MosaicRadiance, radiance_of_low};
 use crate::mosaic::{Mosaic, PLACES};
 use crate::range::Range;
 use crate::simd::widest;
-use crate::unwrap::edges::{self, Arrangement};
 use crate::unwrap::{Integers, Recovered, Scene, Trust, Unwrap, UnwrapError};
 
 /// The gains of the pixels of a sensor.
@@ -237,7 +236,6 @@ impl Unwrap for TwoGains {
             Integers::U8(codes) => self.recover_any(codes, y.mosaic(), range, out),
             Integers::U16(codes) => self.recover_any(codes, y.mosaic(), range, out),
         }
-        edges::withhold_trust(y, out, Arrangement::TwoGains, scene);
         Ok(())
     }
 }

@@ -25,7 +25,7 @@ pub fn linear8(x: &ArrayRef3<f32>, range: Range) -> Result<Frame, FrameError> {
 
 /// Returns the picture of 8 bits that `transfer` has for the radiance `x` of whole codes: as [`linear8`], or
 /// `round(255 * encode((x + 1/2) / (headroom * alpha * 2^b)))`, where the half undoes the bias of rounding down. The picture that a sensor saw
-/// is returned, but for what its lens, its noise and its whole codes have taken away. NaN becomes 0.
+/// is returned, up to blur, noise and quantisation. NaN becomes 0.
 ///
 /// # Errors
 /// [`FrameError`] when `x` (H x W x C, code units) does not have the shape of an image.

@@ -396,7 +396,7 @@ impl<'a> Bits<'a> {
         Ok(band.last + 1)
     }
 
-    /// Goes on behind the restart marker of this number.
+    /// Resumes after the restart marker of this number.
     fn restart(&mut self, number: usize) -> Step<()> {
         let place = self.end()?;
         let (marker, behind) = next_marker(self.bytes, place).ok_or(TRUNCATED)?;

@@ -103,7 +103,7 @@ pub trait Node: Send {
         None
     }
 
-    /// Goes on behind the first `position` frames, which an earlier life has taken; called before the first step.
+    /// Resumes after the first `position` frames, which an earlier life has taken; called before the first step.
     fn resume(&mut self, position: u64) {
         let _ = position;
     }

@@ -87,7 +87,7 @@ impl VideoFile {
         [hdr, mosaic].into_iter().flatten().map(|line| format!("{}: {line}", self.path.display())).collect()
     }
 
-    /// Goes on behind the next `frames` frames. ffmpeg seeks to the next one where the container allows it, and otherwise decodes those
+    /// Resumes after the next `frames` frames. ffmpeg seeks to the next one where the container allows it, and otherwise decodes those
     /// before it.
     pub fn skip(&mut self, frames: u64) {
         self.next = self.next.saturating_add(frames).min(self.frames());

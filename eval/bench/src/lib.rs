@@ -131,7 +131,7 @@ fn images(folder: &Path, tell: &mut dyn FnMut(BenchEvent<'_>)) -> Result<Vec<Pat
     if let Some(first) = others.iter().min() {
         let (folder, count, first) = (folder.display(), others.len(), first.display());
         tell(BenchEvent::Warning(&format!(
-            "{folder}: left out what is no image, {count} in number, the first: {first}"
+            "{folder}: skipped {count} files that are no images, the first: {first}"
         )));
     }
     Ok(images)

@@ -49,7 +49,7 @@ impl TrustedExposure {
         }
         self.lost = self.lost.map(|(alpha, frames)| (alpha, frames + 1)).filter(|lost| lost.1 < MEMORY);
         if !is_trusted {
-            self.lost = Some((self.alpha, 0));
+            (self.lost, self.trusted) = (Some((self.alpha, 0)), 0);
             return self.set(self.alpha * DOWN);
         }
         self.trusted += 1;
@@ -90,6 +90,17 @@ mod tests {
         let untrusted = alphas.iter().filter(|alpha| **alpha > 5.0).count();
         assert!(untrusted <= 5, "one frame a while: {untrusted}");
         assert!(alphas[100..].iter().all(|alpha| (3.5..5.6).contains(alpha)), "{alphas:?}");
+    }
+
+    #[test]
+    fn a_frame_that_is_not_trusted_ends_a_row_at_the_least_alpha_as_well() {
+        let mut control = TrustedExposure::new(1.0, 8.0);
+        // Long enough for the distance to the lost value to be forgotten.
+        for frame in 0..1000 {
+            control.exposed(Time::from_ns(frame));
+            let is_trusted = frame % 4 > 0;
+            assert!(!control.note(Time::from_ns(frame), is_trusted), "three in a row, frame {frame}");
+        }
     }
 
     #[test]

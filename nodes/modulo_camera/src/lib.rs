@@ -469,7 +469,7 @@ impl FrameReader {
         StepError::Skip(why)
     }
 
-    /// Goes on behind the first `frames` frames, good and bad ones, of all rounds.
+    /// Resumes after the first `frames` frames, good and bad ones, of all rounds.
     fn skip(&mut self, frames: u64) {
         // The position counts on over all rounds of a loop, so only its rest lies in this round.
         let round = self.source.len().map(|frames| frames as u64).filter(|frames| self.repeat && *frames > 0);
@@ -564,8 +564,8 @@ impl CameraParameters {
     fn control(&self) -> Option<TrustedExposure> {
         let Self { sensor: SensorModel { alpha, gains, gain_ratio, .. }, alpha_most, .. } = *self;
         // A little less, since 1 / (1 / ratio) may be below the ratio.
-        let of_gains = 0.999 / gain_ratio;
-        let most = if gains && gain_ratio > 0.0 { alpha_most.min(of_gains) } else { alpha_most };
+        let of_gains = gain_ratio.filter(|_| gains).map_or(f64::INFINITY, |ratio| 0.999 / ratio);
+        let most = alpha_most.min(of_gains);
         self.exposure.then(|| TrustedExposure::new(alpha, most))
     }
 

@@ -94,16 +94,16 @@ class Report(NamedTuple):
     method: str
     """The method used: the one that was asked for, the one that `auto` took, or that of the gains."""
     trusted: bool | None
-    """Whether the method vouches for the counts; `None` if it makes no claim."""
+    """Whether the method claims that the counts are right; `None` if it makes no claim."""
     reason: str | None
-    """Why the method does not vouch for the counts, in one sentence; `None` if it does, or makes no claim."""
+    """Why the method does not claim that the counts are right, in one sentence; `None` if it does, or makes no claim."""
     offset: str | None
     """The evidence for the absolute offset: `range`, `optical_black`, or `unknown`, with which all counts may be too small by the same
     number; `None` if the counts do not agree with each other, or if the method makes no claim."""
     quality: Quality | None
     """The quality metrics; `None` for a method that does not compute them."""
     confidence: NDArray[np.uint8] | None
-    """255 where the counts are vouched for, else 0, H x W; `None` unless it was asked for."""
+    """255 where the counts are claimed to be right, else 0, H x W; `None` unless it was asked for."""
 
 
 class Unwrapped(NamedTuple):

@@ -1,4 +1,4 @@
-//! Auto: candidates from cheap to dear, of which one score chooses, and whether the result can be trusted.
+//! Auto: tries candidates in order of cost, keeps the one with the best score, and says whether the result can be trusted.
 //!
 //! The candidates are `lines`, `gradient_tree` (unless the noise is strong), `smoothed_tree` (if there is noise), and [`growth`](super::growth) of
 //! the last result; `spud` instead of growth for an image that cannot be predicted. The first one is the result whose second differences do not contradict it: at most
@@ -83,7 +83,7 @@ pub struct Auto {
     growable: bool,
 }
 
-/// The candidates after `lines`, from cheap to dear.
+/// The candidates after `lines`, in order of cost.
 #[derive(Clone, Copy, PartialEq)]
 enum Candidate {
     Tree,
@@ -256,7 +256,7 @@ impl Auto {
         if f64::from(jumps) <= self.limits.jumps || candidate == Candidate::Growth {
             return Ok(Some(jumps));
         }
-        // Nor must regions that are wrong.
+        // Wrong regions must not shift the whole image either.
         let mut other = std::mem::take(&mut self.other);
         self.place(y, range, &mut other)?;
         if candidate == Candidate::Tree {

@@ -8,13 +8,13 @@
 //! | up to half a peak | unless very many of its second differences are near half a peak or above it |
 //! | up to [`READABLE`] | if hardly one is: where an edge may be wrong, its wrapped second differences are at least 3/16 of the peak |
 //! | above | never |
-//! | of an unknown lens | as up to half a peak, unless its edges are as sharp as without a lens |
+//! | of an unknown lens | as up to half a peak, if the image has edges and none are as sharp as without a lens |
 //!
 //! On a mosaic, samples of one colour are two pixels apart, where edges bend more: there a result is trusted up to [`READABLE`] unless very many of these
 //! second differences are near half a peak. With two gains, a result is trusted up to [`OF_TWO_GAINS`].
 //!
-//! An unknown lens is taken for one of at least 0.8 px, and what is sharper is searched for. It remains undetected where all edges differ from a multiple
-//! of the peak by less than a sixteenth of it or by the noise, or have three differences that are alike modulo the peak.
+//! An unknown lens is taken for one of at least 0.8 px where the edges of the image show so: a lens blurs all of them alike. It is not seen
+//! where an edge differs from a multiple of the peak by less than a sixteenth of it or by the noise, while others are soft by themselves.
 
 use ndarray::Array3;
 
@@ -31,13 +31,13 @@ const READABLE: f64 = 13.0 / 16.0;
 /// Second differences above so many eighths of the peak are near half of it. True ones at most as large are off by 5/8 where a count is wrong.
 pub(super) const NEAR_HALF: u16 = 3;
 
-/// The most of them per sample: natural frames behind a lens of 1.4 px at alpha 4 have 0.001 to 0.013, also with noise.
+/// The maximum number of them per sample: natural frames behind a lens of 1.4 px at alpha 4 have 0.001 to 0.013, also with noise.
 const MANY_NEAR_HALF: f32 = 1.0 / 64.0;
 
 /// Second differences above this share of the peak may be those of an edge that is read wrong.
 const BENT: f32 = 0.25;
 
-/// The most of them per sample, where an edge may be read wrong. A region of wrong counts of 0.1 % of the pixels has as many.
+/// The maximum number of them per sample, where an edge may be read wrong. A region of wrong counts of 0.1 % of the pixels has as many.
 const FEW_BENT: f32 = 1e-3;
 
 /// The largest second difference of an edge, in peaks, with which two gains are trusted: the mean of two opposite neighbours of low gain is wrong by
@@ -57,12 +57,12 @@ const BESIDE: f32 = 0.35;
 /// The lone steps over the second differences of the same height: a perfect lens has 1/2, noise 0.17, lenses from 0.5 px on have at most 0.11.
 const SHARP: f64 = 0.25;
 
-/// The least lone steps per sample.
+/// The least lone steps per sample, and the least second differences of the edges of an image.
 const FEWEST_STEPS: f64 = 2e-4;
 
 /// How sharp the edges of the images of a sensor may be, as far as its lens and its fitness say so.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) enum Sharpness {
+enum Sharpness {
     /// The lens is not known.
     #[default]
     Unknown,
@@ -84,7 +84,7 @@ impl Sharpness {
 
 /// Where the next samples of the same gain and colour are.
 #[derive(Clone, Copy, PartialEq)]
-pub(crate) enum Arrangement {
+pub(super) enum Arrangement {
     /// At the next pixel.
     Next,
     /// Two pixels away, in a colour mosaic of one gain.
@@ -93,8 +93,8 @@ pub(crate) enum Arrangement {
     TwoGains,
 }
 
-/// Takes the trust from a result that may be wrong without a trace.
-pub(crate) fn withhold_trust(y: &Frame, out: &mut Recovered, arrangement: Arrangement, scene: &Scene) {
+/// Downgrades a result whose errors could be undetectable.
+pub(super) fn withhold_trust(y: &Frame, out: &mut Recovered, arrangement: Arrangement, scene: &Scene) {
     let range = scene.range;
     let is_trusted = [Trust::Trusted, Trust::Relative].contains(&out.report.trust);
     if is_trusted
@@ -132,7 +132,7 @@ fn may_hide(
         (Arrangement::Mosaic, _) => share_of_mosaic(x, limit) > MANY_IN_MOSAIC,
         (_, Some(edge)) if edge > SAFE => jumps::share_above(x, BENT * range.peak()) > FEW_BENT,
         (_, Some(_)) => near_half() > MANY_NEAR_HALF,
-        (_, None) => near_half() > MANY_NEAR_HALF || has_lone_steps(x, range),
+        (_, None) => near_half() > MANY_NEAR_HALF || !has_soft_edges(x, range),
     }
 }
 
@@ -148,8 +148,8 @@ fn share_of_mosaic(x: &Array3<f32>, limit: f32) -> f32 {
     (along + across) as f32 / x.len() as f32
 }
 
-/// Returns whether edges of some height are mostly as sharp as without a lens, along rows and columns together.
-fn has_lone_steps(x: &Array3<f32>, range: Range) -> bool {
+/// Returns whether there are edges, and at no height mostly such as without a lens, along rows and columns together.
+fn has_soft_edges(x: &Array3<f32>, range: Range) -> bool {
     let (height, width, channels) = x.dim();
     let (samples, stride) = (in_order(x.view()), width * channels);
     let row = |at: usize| &samples[at * stride..][..stride];
@@ -165,7 +165,8 @@ fn has_lone_steps(x: &Array3<f32>, range: Range) -> bool {
     }
     (3..height).for_each(|at| add([3, 2, 1, 0].map(|before| row(at - before))));
     let least = FEWEST_STEPS * (height * stride) as f64;
-    counts.iter().any(|&[lone, bent]| lone as f64 > least && lone as f64 > SHARP * bent as f64)
+    let is_sharp = |&[lone, bent]: &[u64; 2]| lone as f64 > least && lone as f64 > SHARP * bent as f64;
+    counts.iter().any(|&[_, bent]| bent as f64 > least) && !counts.iter().any(is_sharp)
 }
 
 /// Returns, for each height of [`STEPS`], how many steps between the second and the third line stand alone, modulo the peak, and how many

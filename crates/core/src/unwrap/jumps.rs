@@ -122,10 +122,10 @@ fn limited(before: &[f32], here: &[f32], after: &[f32], limit: f32) -> f64 {
 }
 
 impl Recovered {
-    /// Returns a confidence image, H x W x 1 of 8 bits: 255 where the counts are vouched for, 0 elsewhere. `mosaic` is that of the
+    /// Returns a confidence image, H x W x 1 of 8 bits: 255 where the counts are claimed to be right, 0 elsewhere. `mosaic` is that of the
     /// modulo image.
     ///
-    /// The pixels at which no second difference is above 3/8 of the peak form regions; the largest one is vouched for if it has at
+    /// The pixels at which no second difference is above 3/8 of the peak form regions; the counts of the largest one are claimed to be right if it has at
     /// least 85 % of the pixels. In a mosaic, 2 x 2 pixels count as one, with neighbours of the same colours. Behind a lens
     /// of 0.8 px and more, hardly a count in it is wrong (docs/research/trust.md); behind a sharper one an error may leave no trace.
     ///
@@ -324,7 +324,7 @@ mod tests {
     }
 
     #[test]
-    fn a_square_of_wrong_counts_is_seen_and_not_vouched_for() {
+    fn a_square_of_wrong_counts_is_seen_and_not_claimed_to_be_right() {
         for (channels, mosaic) in [(3, None), (1, None), (1, Some(Mosaic::Gbrg))] {
             let dim = (90, 120, channels);
             let right = result(dim, None);
@@ -381,7 +381,7 @@ mod tests {
     }
 
     #[test]
-    fn a_divided_image_is_not_vouched_for() {
+    fn a_divided_image_is_not_claimed_to_be_right() {
         // Stripes as wide as three pixels, of which every second one is two peaks brighter.
         let x = Array3::from_shape_fn((60, 60, 1), |(i, ..)| if i / 3 % 2 == 0 { 10.0 } else { 522.0 });
         let out = Recovered { k: Array3::zeros(x.dim()), x, ..Recovered::default() };

@@ -6,13 +6,14 @@ mod auto;
 mod budget;
 mod congruence;
 mod defects;
-pub(crate) mod edges;
+mod edges;
 mod fitness;
 mod gradient_sums;
 mod gradient_tree;
 mod green_sums;
 mod growth;
 mod itoh;
+mod judge;
 mod jumps;
 mod lattice;
 mod lines;
@@ -44,6 +45,7 @@ pub use poisson::ThresholdOn;
 pub use spud::{LeastSquares, Spud};
 pub use tree::Tree;
 
+use self::judge::Judged;
 use self::mosaic::MosaicUnwrap;
 use crate::frame::{Frame, FrameError, SamplePosition, Samples, copy_channel, in_order, position_of};
 use crate::gains::{Gains, TwoGains};
@@ -77,7 +79,8 @@ macro_rules! methods {
                 let make: fn(&Options) -> Result<Box<dyn Unwrap>, UnwrapError> = match self {
                     $(Self::$method => $make,)*
                 };
-                Ok(Box::new(MosaicUnwrap::new(make(options)?, self == Self::Auto, options)?))
+                let method = MosaicUnwrap::new(make(options)?, self == Self::Auto, options)?;
+                Ok(Box::new(Judged::of_one_gain(Box::new(method), options.successive)))
             }
         }
     };
@@ -178,7 +181,7 @@ pub struct Report {
     pub method: &'static str,
     /// The quality metrics of y, if the method computes them.
     pub quality: Option<QualityMetrics>,
-    /// Whether the method vouches for k.
+    /// Whether the method claims that k is right.
     pub trust: Trust,
     /// The evidence for the absolute offset of a trusted result; `None` if the method needs none or the result is not trusted.
     pub offset: Option<OffsetEvidence>,
@@ -196,7 +199,7 @@ impl Report {
         }
     }
 
-    /// Returns why the method does not vouch for the counts, for tables and messages; `None` if it vouches for them or makes no claim.
+    /// Returns why the method does not claim that the counts are right, for tables and messages; `None` if it claims it or makes no claim.
     pub fn reason(&self) -> Option<&'static str> {
         match self.trust {
             Trust::Unknown | Trust::Trusted => None,
@@ -206,21 +209,22 @@ impl Report {
             ),
             Trust::Untrusted => Some("the wrap counts contradict each other"),
             Trust::Unobservable => Some(
-                "a wrong wrap count may leave no trace: the lens is too sharp for this alpha, or the image too small",
+                "a wrong wrap count may leave no trace: the lens is too sharp for this alpha, or unknown in an image without \
+                 edges, or the image is too small",
             ),
         }
     }
 }
 
-/// Whether a method vouches for the wrap counts that it found.
+/// Whether a method claims that the wrap counts that it found are right.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Trust {
     /// The method makes no claim.
     #[default]
     Unknown,
-    /// The method vouches for the counts.
+    /// The method claims that the counts are right.
     Trusted,
-    /// The method vouches for the differences between the counts only: nothing shows the absolute offset, and all counts may be
+    /// The method claims that the differences between the counts are right, and no more: nothing shows the absolute offset, and all counts may be
     /// too small by the same number.
     Relative,
     /// The counts contradict each other. Most of them may be right all the same.
@@ -352,7 +356,7 @@ pub fn by_name(name: &str, options: &Options) -> Result<Box<dyn Unwrap>, UnwrapE
 
 /// Makes the method for the gains of a sensor; `None` for a sensor with one gain, whose images any of the [`METHODS`] unwraps.
 pub fn of_gains(gains: Gains) -> Option<Box<dyn Unwrap>> {
-    TwoGains::new(gains).map(|method| Box::new(method) as Box<dyn Unwrap>)
+    TwoGains::new(gains).map(|method| Box::new(Judged::of_two_gains(Box::new(method))) as Box<dyn Unwrap>)
 }
 
 impl Recovered {

@@ -12,16 +12,14 @@ use ndarray::{Array3, s};
 use super::auto::{FEWEST_BITS, STRONG_NOISE};
 use super::budget::{self, Budget};
 use super::defects::Defects;
-use super::edges::Arrangement;
 use super::green_sums::{FEW_CONTRADICTIONS, GreenSums};
 use super::lattice::Lattice;
 use super::lines::Lines;
 use super::mosaic_image::{MosaicImage, frame};
-use super::offset::OffsetFinder;
 use super::other_colour::{OtherColour, OtherDoubts};
 use super::{
     GRADIENT_SUMS, GradientTree, Integers, Options, QualityMetrics, Range, Recovered, Report, Scene, Trust,
-    TrustLimits, Unwrap, UnwrapError, edges, jumps, offset,
+    TrustLimits, Unwrap, UnwrapError, jumps, offset,
 };
 use crate::frame::Frame;
 use crate::mosaic::{Mosaic, PLACES};
@@ -63,7 +61,6 @@ pub(super) struct MosaicUnwrap {
     codes: Vec<u16>,
     /// The result for the lattice, as a buffer.
     green: Recovered,
-    offset: OffsetFinder,
 }
 
 impl MosaicUnwrap {
@@ -84,7 +81,6 @@ impl MosaicUnwrap {
             defects: Defects::default(),
             codes: Vec::new(),
             green: Recovered::default(),
-            offset: OffsetFinder::new(options.successive),
         })
     }
 
@@ -219,21 +215,10 @@ impl Unwrap for MosaicUnwrap {
     }
 
     fn unwrap(&mut self, y: &Frame, scene: &Scene, out: &mut Recovered) -> Result<(), UnwrapError> {
-        let (arrangement, range) = match y.mosaic() {
-            Some(mosaic) => {
-                self.unwrap_mosaic(y, mosaic, scene, out)?;
-                (Arrangement::Mosaic, scene.range)
-            }
-            None => {
-                self.method.unwrap(y, scene, out)?;
-                (Arrangement::Next, scene.range)
-            }
-        };
-        edges::withhold_trust(y, out, arrangement, scene);
-        self.offset.settle(y, out, range);
-        // What does not contradict itself would not have become better.
-        out.report.is_over_budget &= ![Trust::Trusted, Trust::Relative].contains(&out.report.trust);
-        Ok(())
+        match y.mosaic() {
+            Some(mosaic) => self.unwrap_mosaic(y, mosaic, scene, out),
+            None => self.method.unwrap(y, scene, out),
+        }
     }
 }
 

@@ -17,7 +17,7 @@ pub fn gid(key: &str) -> [u8; 16] {
     xxh3_128(key.as_bytes()).to_le_bytes()
 }
 
-/// Most publishers of buffers, and most readers apart of one of them, that are remembered.
+/// The maximum number of publishers of buffers that are remembered, and of the readers of one of them that have a buffer backend of their own.
 const REMEMBERED: usize = 256;
 
 /// Most entities that are kept: a peer may declare tokens without end.
@@ -253,10 +253,7 @@ impl fmt::Display for Twins {
             if left_out > 0 {
                 nodes += &format!(" and {left_out} more");
             }
-            write!(
-                f,
-                "{shown} {have} {count} publishers ({nodes}), which mix in each reader, its counts and its boxes; "
-            )?;
+            write!(f, "{shown} {have} {count} publishers ({nodes}): readers receive interleaved frames; ")?;
         }
         write!(f, "give one of the suites another namespace or another ROS_DOMAIN_ID")
     }

@@ -275,7 +275,7 @@ impl<T: Queued> State<T> {
         let latest = fronts()
             .filter(|(_, w, _)| w.keep == Keep::Latest)
             .min_by_key(|(_, w, item)| (w.served, item.arrival));
-        // A replaced message would lose its place to a lane that is never replaced. But a message that describes an image
+        // Keep-latest lanes would starve behind lanes that are never replaced. But a message that describes an image
         // came before it, and must be taken before it.
         let (lane, ..) = match (other, latest) {
             (Some(other), Some(latest)) if latest.2.arrival < other.2.arrival => latest,

@@ -99,8 +99,24 @@ impl Rule<f64> for RangeInclusive<f64> {
     }
 }
 
+/// The rule of a field that need not be set, which its least value stands for.
+impl Rule<Option<f64>> for RangeInclusive<f64> {
+    fn allowed(&self) -> Allowed {
+        Rule::<f64>::allowed(self)
+    }
+
+    fn value(&self, field: &Option<f64>) -> Value {
+        Rule::<f64>::value(self, &field.unwrap_or(*self.start()))
+    }
+
+    fn field(&self, value: &Value) -> Option<Option<f64>> {
+        let value: f64 = self.field(value)?;
+        Some(Some(value).filter(|value| value > self.start()))
+    }
+}
+
 /// The types of integer fields.
-pub trait Integer: Copy + TryFrom<i64> + TryInto<i64> {}
+pub trait Integer: Copy + PartialOrd + TryFrom<i64> + TryInto<i64> {}
 impl Integer for u8 {}
 impl Integer for i64 {}
 impl Integer for usize {}
@@ -116,6 +132,21 @@ impl<T: Integer> Rule<T> for RangeInclusive<T> {
 
     fn field(&self, value: &Value) -> Option<T> {
         if let Value::Integer(value) = value { T::try_from(*value).ok() } else { None }
+    }
+}
+
+impl<T: Integer> Rule<Option<T>> for RangeInclusive<T> {
+    fn allowed(&self) -> Allowed {
+        Rule::<T>::allowed(self)
+    }
+
+    fn value(&self, field: &Option<T>) -> Value {
+        Rule::<T>::value(self, &field.unwrap_or(*self.start()))
+    }
+
+    fn field(&self, value: &Value) -> Option<Option<T>> {
+        let value: T = self.field(value)?;
+        Some(Some(value).filter(|value| value > self.start()))
     }
 }
 
@@ -157,7 +188,7 @@ pub fn name_of(field: &'static str) -> &'static str {
 /// Declares a struct of parameters with the methods of [`ParameterSet`].
 ///
 /// A field is `name: type = default => rule; fixed`. Its doc comment is the help of the parameter. The rule is a range
-/// (`1..=16`, of the field's type), or an array of `("word", value)` for an enum; it is left out for `bool`, `String`
+/// (`1..=16`, of the field's type; of an `Option`, its least value is None), or an array of `("word", value)` for an enum; it is left out for `bool`, `String`
 /// and `Vec<String>`, which can have any value. `fixed` parameters cannot change after the start. After the fields,
 /// `..name: Type` includes the parameters of another set.
 ///

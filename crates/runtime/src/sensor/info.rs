@@ -138,12 +138,12 @@ mod tests {
             (transfer, optical_black) in (0usize..4, 0usize..=64),
             psf in 0usize..3,
             psf_sigma in 0.0f64..4.0,
-            (gains, gain_ratio) in (any::<bool>(), 0.0f64..1.0),
+            (gains, gain_ratio) in (any::<bool>(), 1e-9f64..1.0),
         ) {
             let psf = BlurShape::WORDS[psf].1;
             let transfer = modulo_core::Transfer::WORDS[transfer].1;
             let rest = SensorModel { bits, alpha, headroom, transfer, optical_black, ..SensorModel::default() };
-            let model = SensorModel { psf, psf_sigma, gains, gain_ratio, ..rest };
+            let model = SensorModel { psf, psf_sigma, gains, gain_ratio: Some(gain_ratio), ..rest };
             prop_assert_eq!(read(&description(1, &model)), Ok(model));
         }
     }

@@ -62,7 +62,7 @@ crate::parameters! {
         optical_black: usize = 32 => 0..=MAX_OPTICAL_BLACK,
         /// Radiance in code units that you promise the darkest pixels of each frame to have, as the pedestal of a data sheet, to 1/32 of
         /// 2^bits. It shows unwrap the absolute level of a frame in which some pixels have it. -1: no promise.
-        black_level: f64 = -1.0 => -1.0..=65536.0,
+        black_level: Option<f64> = None => -1.0..=65536.0,
         /// Shape of the lens blur: gaussian with the width psf_sigma, paper7 for the paper's fixed 7 taps (about 1.4 px), perfect for
         /// no blur, or unknown for images that have the blur of a real lens. Images of raw mosaics always have the latter.
         psf: BlurShape = BlurShape::Gaussian => BlurShape::WORDS,
@@ -71,14 +71,14 @@ crate::parameters! {
         /// Pixels with a lower gain, which do not wrap: none, or every second one, as on a checkerboard.
         gains: bool = false => Gains::WORDS,
         /// The lower gain divided by the full one, at most 1 / alpha. 0: 1 / alpha.
-        gain_ratio: f64 = 0.0 => 0.0..=1.0,
+        gain_ratio: Option<f64> = None => 0.0..=1.0,
         /// Standard deviation of the read noise in code units.
         read_noise: f64 = 0.0 => 0.0..=MAX_NOISE,
         /// Strength of the shot noise: its standard deviation at the signal x is sqrt(shot_noise * x) in code units.
         shot_noise: f64 = 0.0 => 0.0..=MAX_NOISE,
         /// Electrons that fill the 2^bits codes of the converter at full gain (the saturation capacity of EMVA 1288). They add
         /// shot noise of the variance x * 2^bits / full_well_electrons. 0: only shot_noise.
-        full_well_electrons: f64 = 0.0 => 0.0..=1e9,
+        full_well_electrons: Option<f64> = None => 0.0..=1e9,
         /// Photo response non-uniformity (EMVA 1288): standard deviation of the gain between pixels, as a fraction. The pattern is
         /// the same in every frame.
         prnu: f64 = 0.0 => 0.0..=1.0,
@@ -175,10 +175,8 @@ impl SensorModel {
 
     /// Returns the variance of the shot noise divided by the signal in code units, that of the electrons included.
     fn shot_variance(&self) -> f64 {
-        let of_electrons = match self.full_well_electrons {
-            0.0 => 0.0,
-            electrons => f64::from(self.bits).exp2() / electrons,
-        };
+        let of_electrons =
+            self.full_well_electrons.map_or(0.0, |electrons| f64::from(self.bits).exp2() / electrons);
         (self.shot_noise + of_electrons).min(MAX_NOISE)
     }
 
@@ -190,8 +188,7 @@ impl SensorModel {
         self.check()?;
         let range = Range::new(self.bits, self.alpha).and_then(|range| range.with_headroom(self.headroom));
         let range = range.expect("the declared ranges lie within those of `Range`");
-        let level = Some(self.black_level).filter(|level| *level >= 0.0);
-        Ok(range.with_optical_black(self.optical_black).with_black_level(level))
+        Ok(range.with_optical_black(self.optical_black).with_black_level(self.black_level))
     }
 
     /// Returns the blur of the lens.
@@ -213,16 +210,15 @@ impl SensorModel {
             return Ok(Gains::One);
         }
         let most = self.alpha.recip().min(1.0);
-        if self.gain_ratio > most {
-            let why =
-                format!("must be at most {most} (1 / alpha), so that the pixels of low gain do not wrap");
-            return Err(ParameterError::new("gain_ratio", self.gain_ratio, why));
+        match self.gain_ratio {
+            None => Ok(Gains::checkerboard(self.alpha)),
+            Some(ratio) if ratio <= most => Ok(Gains::Checkerboard { ratio }),
+            Some(ratio) => {
+                let why =
+                    format!("must be at most {most} (1 / alpha), so that the pixels of low gain do not wrap");
+                Err(ParameterError::new("gain_ratio", ratio, why))
+            }
         }
-        Ok(if self.gain_ratio > 0.0 {
-            Gains::Checkerboard { ratio: self.gain_ratio }
-        } else {
-            Gains::checkerboard(self.alpha)
-        })
     }
 }
 
@@ -244,31 +240,31 @@ crate::parameters! {
     /// description that the camera publishes with each frame.
     pub struct SensorOverride {
         /// Bits of the sensor's converter. 0: those of the camera's sensor description.
-        bits: u8 = 0 => 0..=16,
+        bits: Option<u8> = None => 0..=16,
         /// Saturation factor: the brightest radiance of the scene divided by the sensor's peak. 0: that of the camera's
         /// sensor description.
-        alpha: f64 = 0.0 => 0.0..=256.0,
+        alpha: Option<f64> = None => 0.0..=256.0,
         /// Full scale of a picture divided by alpha * 2^bits, which the recovered image shows as its largest code. 0: that of
         /// the camera's sensor description (0.97 without a description).
-        headroom: f64 = 0.0 => 0.0..=1.0,
+        headroom: Option<f64> = None => 0.0..=1.0,
         /// Transfer function by which the recovered image is encoded: linear, srgb, gamma22, rec709, or as the camera's sensor
         /// description has it (linear without a description).
         transfer: Option<Transfer> = None => TRANSFERS,
         /// Columns at the left border that a field stop shades, as at the camera. 0: those of the camera's sensor description.
-        optical_black: usize = 0 => 0..=MAX_OPTICAL_BLACK,
+        optical_black: Option<usize> = None => 0..=MAX_OPTICAL_BLACK,
         /// Radiance in code units that you promise the darkest pixels of each frame to have. -1: that of the camera's sensor
         /// description.
-        black_level: f64 = -1.0 => -1.0..=65536.0,
+        black_level: Option<f64> = None => -1.0..=65536.0,
         /// Shape of the lens blur: gaussian, paper7 for the paper's fixed 7 taps (about 1.4 px), perfect for no blur, or unknown.
         psf: BlurShape = BlurShape::Gaussian => BlurShape::WORDS,
         /// Standard deviation of the gaussian lens blur in px. 0: the blur of the camera's sensor description (an unknown one without a
         /// description), where psf is gaussian.
-        psf_sigma: f64 = 0.0 => 0.0..=MAX_SIGMA,
+        psf_sigma: Option<f64> = None => 0.0..=MAX_SIGMA,
         /// Pixels with a lower gain: none, every second one, as on a checkerboard, or as the camera's sensor description has them
         /// (none without a description).
         gains: Option<bool> = None => OVERRIDES,
         /// The lower gain divided by the full one, where gains is not camera. 0: 1 / alpha.
-        gain_ratio: f64 = 0.0 => 0.0..=1.0,
+        gain_ratio: Option<f64> = None => 0.0..=1.0,
     }
 }
 
@@ -282,43 +278,42 @@ impl SensorOverride {
             let why = "no sensor description has come on sensor_info; start the camera, or set the parameter";
             ParameterError::new(name, 0, why)
         };
-        let bits = Some(self.bits).filter(|&bits| bits > 0).or_else(|| Some(camera?.bits));
-        let alpha = Some(self.alpha).filter(|&alpha| alpha > 0.0).or_else(|| Some(camera?.alpha));
         let mut model = camera.cloned().unwrap_or_else(SensorModel::unknown);
-        model.bits = bits.ok_or_else(|| missing("bits"))?;
-        model.alpha = alpha.ok_or_else(|| missing("alpha"))?;
-        if self.psf != BlurShape::Gaussian || self.psf_sigma > 0.0 {
-            (model.psf, model.psf_sigma) = (self.psf, self.psf_sigma);
+        model.bits = self.bits.or_else(|| Some(camera?.bits)).ok_or_else(|| missing("bits"))?;
+        model.alpha = self.alpha.or_else(|| Some(camera?.alpha)).ok_or_else(|| missing("alpha"))?;
+        match (self.psf, self.psf_sigma) {
+            (BlurShape::Gaussian, None) => {}
+            (shape, sigma) => (model.psf, model.psf_sigma) = (shape, sigma.unwrap_or(model.psf_sigma)),
         }
         if let Some(gains) = self.gains {
             (model.gains, model.gain_ratio) = (gains, self.gain_ratio);
         }
         model.transfer = self.transfer.unwrap_or(model.transfer);
-        model.headroom = if self.headroom > 0.0 { self.headroom } else { model.headroom };
-        model.optical_black = if self.optical_black > 0 { self.optical_black } else { model.optical_black };
-        model.black_level = if self.black_level >= 0.0 { self.black_level } else { model.black_level };
+        model.headroom = self.headroom.unwrap_or(model.headroom);
+        model.optical_black = self.optical_black.unwrap_or(model.optical_black);
+        model.black_level = self.black_level.or(model.black_level);
         model.check()?;
         Ok(model)
     }
 
     /// Returns whether bits and saturation factor are known without the camera.
     pub fn is_complete(&self) -> bool {
-        self.bits > 0 && self.alpha > 0.0
+        self.bits.is_some() && self.alpha.is_some()
     }
 }
 
 impl From<SensorModel> for SensorOverride {
     fn from(model: SensorModel) -> Self {
         Self {
-            bits: model.bits,
-            alpha: model.alpha,
-            headroom: model.headroom,
+            bits: Some(model.bits),
+            alpha: Some(model.alpha),
+            headroom: Some(model.headroom),
             transfer: Some(model.transfer),
-            optical_black: model.optical_black,
+            optical_black: Some(model.optical_black),
             black_level: model.black_level,
             // Here a Gaussian of width 0 would be that of the camera.
             psf: if model.is_sharp() { BlurShape::Perfect } else { model.psf },
-            psf_sigma: model.psf_sigma,
+            psf_sigma: Some(model.psf_sigma),
             gains: Some(model.gains),
             gain_ratio: model.gain_ratio,
         }
@@ -351,13 +346,13 @@ mod tests {
             psf: BlurShape::Paper7,
             psf_sigma: 0.0,
             gains: true,
-            gain_ratio: 0.25,
+            gain_ratio: Some(0.25),
             ..SensorModel::default()
         };
         let unset = SensorOverride::default();
         assert_eq!(unset.over(Some(&camera)), Ok(camera.clone()));
         assert_eq!(unset.over(None).expect_err("nothing is known").name, "bits");
-        let complete = SensorOverride { bits: 8, alpha: 4.0, ..SensorOverride::default() };
+        let complete = SensorOverride { bits: Some(8), alpha: Some(4.0), ..SensorOverride::default() };
         assert_eq!(
             complete.over(None),
             Ok(SensorModel::unknown()),
@@ -365,12 +360,12 @@ mod tests {
         );
         let transfer = Transfer::Srgb;
         let set = SensorOverride {
-            alpha: 2.0,
-            headroom: 0.8,
+            alpha: Some(2.0),
+            headroom: Some(0.8),
             transfer: Some(transfer),
-            optical_black: 8,
-            black_level: 40.0,
-            psf_sigma: 1.0,
+            optical_black: Some(8),
+            black_level: Some(40.0),
+            psf_sigma: Some(1.0),
             gains: Some(false),
             ..SensorOverride::default()
         };
@@ -380,7 +375,7 @@ mod tests {
             headroom: 0.8,
             transfer,
             optical_black: 8,
-            black_level: 40.0,
+            black_level: Some(40.0),
             psf_sigma: 1.0,
             ..SensorModel::default()
         };
@@ -393,12 +388,12 @@ mod tests {
         let gains = |alpha, gain_ratio| {
             SensorModel { alpha, gain_ratio, gains: true, ..SensorModel::default() }.gains()
         };
-        for (alpha, given, ratio) in [(4.0, 0.0, 0.25), (4.0, 0.125, 0.125), (0.5, 0.0, 1.0)] {
+        for (alpha, given, ratio) in [(4.0, None, 0.25), (4.0, Some(0.125), 0.125), (0.5, None, 1.0)] {
             assert_eq!(gains(alpha, given), Ok(Gains::Checkerboard { ratio }));
         }
-        let why = gains(4.0, 0.26).expect_err("0.26 * 4 > 1").to_string();
+        let why = gains(4.0, Some(0.26)).expect_err("0.26 * 4 > 1").to_string();
         assert!(why.contains("gain_ratio") && why.contains("0.25"), "{why}");
-        assert_eq!(SensorModel { gain_ratio: 0.9, ..SensorModel::default() }.gains(), Ok(Gains::One));
+        assert_eq!(SensorModel { gain_ratio: Some(0.9), ..SensorModel::default() }.gains(), Ok(Gains::One));
     }
 
     #[test]

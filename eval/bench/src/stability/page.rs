@@ -48,7 +48,7 @@ fn head(report: &StabilityReport) -> Markup {
             p.sum {
                 b { (outcome.held) " of " (total) } " expectations held, " b { (outcome.better.len()) }
                 " better than expected, " b { (outcome.broken.len()) } " broken. Of " (outcome.judged)
-                " recovered results whose method judges itself, it vouched for " (outcome.trusted) "."
+                " recovered results whose method judges itself, it trusted " (outcome.trusted) "."
             }
             @for (title, list) in [("Broken", &outcome.broken), ("Better than expected", &outcome.better)] {
                 @if !list.is_empty() { h3 { (title) } ul { @for item in list { li { (item) } } } }
@@ -62,7 +62,7 @@ fn legend() -> Markup {
         p.legend {
             "Share of exact k in per cent: " span.s5 { "100" } " " span.s4 { "99.9 and more" } " "
             span.s3 { "99 and more" } " " span.s2 { "90 and more" } " " span.s1 { "50 and more" } " "
-            span.s0 { "less" } ". \u{2713} the method vouches for its k, ? it does not; no mark: it makes no claim. "
+            span.s0 { "less" } ". \u{2713} the method trusts its k, ? it does not; no mark: it makes no claim. "
             "\u{2717} worse than expected, \u{25b2} better than expected. \u{2205} unobservable: y is also the image of "
             "another, smoother scene."
         }

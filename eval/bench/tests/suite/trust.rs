@@ -116,7 +116,7 @@ impl Tally {
                 Trust::Untrusted | Trust::Unobservable => 2,
                 Trust::Unknown => unreachable!("auto makes a claim"),
             };
-            // Nobody can vouch for a scene that breaks the assumption itself: its own second differences are above one peak.
+            // Nobody can trust a result for a scene that breaks the assumption itself: its own second differences are above one peak.
             let is_beyond =
                 out.report.quality.is_some_and(|q| f64::from(q.jumps) > TrustLimits::default().jumps);
             self.beyond += usize::from(is_beyond);

@@ -45,7 +45,7 @@ export function filterOf(peaks, display) {
   return `url(#${name})`;
 }
 
-// The confidence image is 255 where a count is vouched for: its dark parts become a veil.
+// The confidence image is 255 where a count is claimed to be right: its dark parts become a veil.
 export function veilFilter() {
   if (!byId("veil")) {
     const matrix = "0 0 0 0 0.95  0 0 0 0 0.1  0 0 0 0 0.55  -0.55 0 0 0 0.55";

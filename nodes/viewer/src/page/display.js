@@ -33,7 +33,7 @@ export class Display {
     this.outputs = { exposure: make("output"), score: make("output") };
     const { curve, exposure, score, boxes, truth, confidence, together } = this.controls;
     this.truth = labelled("Ground truth, dashed", truth, "control check");
-    this.confidence = labelled("Confidence: pixels that are not vouched for", confidence, "control check");
+    this.confidence = labelled("Confidence: pixels whose counts may be wrong", confidence, "control check");
     byId("display").append(
       labelled("Shown as", curve),
       this.withOutput("Exposure", exposure, "exposure"),

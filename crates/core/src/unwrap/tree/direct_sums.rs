@@ -45,7 +45,7 @@ impl DirectSums {
             if row == 0 {
                 self.start();
             }
-            // One loop that is not consistent needs a tree, which decides the edge to leave out.
+            // On the first inconsistent loop, a tree is needed, which decides the edge to leave out.
             if !self.row_agrees(start) {
                 return false;
             }

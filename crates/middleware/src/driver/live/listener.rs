@@ -72,7 +72,7 @@ impl Live<'_> {
     }
 
     /// Returns whether a publisher of an input sends as before, although this node was asked to end. `drain` holds the start
-    /// of the drain, and the number of messages that came late in it, by topic. Messages that waited for a slow step came in time.
+    /// of the drain, and the number of messages that came late in it, by topic. Messages queued during a slow step are not late.
     fn upstream_goes_on(&self, arrived: &Arrived<LiveEvent>, drain: &mut Option<Drain>) -> bool {
         let drain =
             drain.get_or_insert_with(|| Drain { start_ns: self.time.machine_ns(), late: BTreeMap::new() });

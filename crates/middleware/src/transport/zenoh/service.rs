@@ -90,7 +90,7 @@ impl ZenohTransport {
     }
 
     /// Serves `handlers` by one thread for all of them: a request may wait for the frame at hand, and zenoh's own
-    /// threads must not wait with it. A caller for whom there is no room is answered with an error at once.
+    /// threads must not wait with it. When the queue is full, the caller is answered with an error at once.
     pub fn serve_raw(&self, node: &NodeName, handlers: Vec<RawService>) -> Result<Guard, TransportError> {
         let queue = Arc::new(Queue::new(self.clock.clone(), Limit { messages: CALLS, bytes: usize::MAX }));
         let lane = queue.open(Keep::All);
