@@ -66,6 +66,13 @@ fn read(message: &DiagnosticArray) -> Result<SensorModel, ParameterError> {
             return Err(ParameterError::new(name, "missing", "the sensor description must contain it"));
         }
     }
+    // A Gaussian has a width, and a width is that of a Gaussian.
+    let is_given = |name: &str| pairs.iter().any(|(key, _)| *key == name);
+    match (is_given("psf"), is_given("psf_sigma")) {
+        (false, true) => pairs.push(("psf", "gaussian")),
+        (true, false) => pairs.retain(|pair| *pair != ("psf", "gaussian")),
+        _ => {}
+    }
     // What a camera does not describe, such as that of an older bag, it does not have.
     let unknown = SensorModel { headroom: 1.0, ..SensorModel::unknown() }.to_text();
     pairs.splice(0..0, unknown.iter().map(|(name, text)| (*name, text.as_str())));
@@ -185,6 +192,9 @@ mod tests {
         let older = |key: &str| !["headroom", "optical_black", "psf_sigma"].contains(&key);
         array.status[0].values.retain(|value| older(&value.key));
         assert_eq!(read(&array), Ok(SensorModel { headroom: 1.0, ..SensorModel::unknown() }));
+        let mut array = description(1, &SensorModel::default());
+        array.status[0].values.retain(|value| value.key != "psf");
+        assert_eq!(read(&array), Ok(SensorModel::default()), "a width is that of a Gaussian");
     }
 
     #[test]
