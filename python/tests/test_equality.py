@@ -68,6 +68,26 @@ def test_kitti(binary: Path, kitti: list[Path], tmp_path: Path) -> None:
     compare(binary, tmp_path / "out", kitti, modulo.METHODS, "none", "none")
 
 
+@pytest.mark.parametrize(("psf", "sigma"), [("gaussian", 0.0), ("perfect", None), ("gaussian", 1.4), ("unknown", None)])
+def test_a_lens_has_the_same_trust(binary: Path, tmp_path: Path, psf: str, sigma: float | None) -> None:
+    """Behind a perfect lens the codes do not show a step of two peaks: it is never trusted, and an unknown lens may be such a one."""
+    picture, out = tmp_path / "step.png", tmp_path / "out"
+    step = np.full((64, 96), 40, dtype=np.uint8)
+    # A peak is 255 / (0.97 * 3) = 88 grey levels.
+    step[16:48, 20:60] = 215
+    Image.fromarray(step).save(picture)
+    width = [] if sigma is None else ["--psf-sigma", str(sigma)]
+    lens = ["--psf", psf, *width, "--alpha", "3", "--optical-black", "0"]
+    subprocess.run([binary, "simulate", picture, *lens, "--out", out], check=True, capture_output=True)
+    [row] = json.loads((out / "results.json").read_text())
+    sensor = modulo.Sensor(8, 3, psf=psf, psf_sigma=sigma)
+    exposure = sensor.expose(step)
+    _, counts, (report,) = sensor.unwrap(exposure.modulo)
+    assert report.trusted == row["trusted"]
+    assert np.mean(counts == exposure.counts) == pytest.approx(row["exact_k"], rel=1e-12)
+    assert not report.trusted or sigma == 1.4
+
+
 @pytest.mark.parametrize("transfer", ["srgb", "rec709"])
 def test_a_picture_returns_from_linear_light(transfer: str) -> None:
     picture = np.tile(np.arange(256, dtype=np.uint8), (64, 1))

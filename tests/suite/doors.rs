@@ -1,5 +1,5 @@
 //! The same codes and the same description of the sensor have the same counts and the same trust at each door of the suite: `simulate`, `unwrap`, the
-//! nodes and `eval`. The Python package (`python/tests/test_doors.py`) and the page in the browser (`tests/peers/web.py`) are
+//! nodes and `eval`. The Python package (`python/tests/test_equality.py`) and the page in the browser (`tests/peers/web.py`) are
 //! compared with `simulate` as well.
 
 use std::collections::BTreeMap;
