@@ -302,24 +302,6 @@ impl SensorOverride {
     }
 }
 
-impl From<SensorModel> for SensorOverride {
-    fn from(model: SensorModel) -> Self {
-        Self {
-            bits: Some(model.bits),
-            alpha: Some(model.alpha),
-            headroom: Some(model.headroom),
-            transfer: Some(model.transfer),
-            optical_black: Some(model.optical_black),
-            black_level: model.black_level,
-            // Here a Gaussian of width 0 would be that of the camera.
-            psf: if model.is_sharp() { BlurShape::Perfect } else { model.psf },
-            psf_sigma: Some(model.psf_sigma),
-            gains: Some(model.gains),
-            gain_ratio: model.gain_ratio,
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -379,8 +361,7 @@ mod tests {
             psf_sigma: 1.0,
             ..SensorModel::default()
         };
-        assert_eq!(set.over(Some(&camera)), Ok(expected.clone()));
-        assert_eq!(SensorOverride::from(expected.clone()).over(Some(&camera)), Ok(expected));
+        assert_eq!(set.over(Some(&camera)), Ok(expected));
     }
 
     #[test]

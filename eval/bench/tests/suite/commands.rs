@@ -366,7 +366,7 @@ fn a_folder_stands_for_its_images() {
     let files: Vec<_> = rows.unwrap().rows.into_iter().map(|row| row.file).collect();
     assert_eq!(files, ["a.png", "b.png"].map(|name| pictures.join(name).display().to_string()));
     assert!(
-        wanted.len() == 1 && wanted[0].contains("2 in number") && wanted[0].contains("labels.json"),
+        wanted.len() == 1 && wanted[0].contains("skipped 2 files") && wanted[0].contains("labels.json"),
         "{wanted:?}"
     );
     let codes = folder.path().join("codes");

@@ -5,7 +5,7 @@ use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_core::unwrap::Method;
 use modulo_msgs::std_msgs::Header;
 use modulo_runtime::lockstep::Lockstep;
-use modulo_runtime::{Message, sensor_info};
+use modulo_runtime::{Message, SensorOverride, sensor_info};
 use modulo_unwrap::{UnwrapNode, UnwrapParameters};
 use ndarray::{Array3, Axis};
 
@@ -32,8 +32,14 @@ impl<'a> SuitePipeline<'a> {
         let unwrap = recovers.map(|method| {
             // Gains have a method of their own, which the node takes whatever the parameter.
             let method = if sensor.gains { Method::Auto } else { method.parse()? };
-            let (own, deblur) = (sensor.clone().into(), point.deblur);
-            let with = UnwrapParameters { method, deblur, sensor: own, ..Default::default() };
+            // Without a description for each frame, only these two are known for all of them.
+            let own = SensorOverride {
+                bits: Some(sensor.bits),
+                alpha: Some(sensor.alpha),
+                ..SensorOverride::default()
+            };
+            let with =
+                UnwrapParameters { method, deblur: point.deblur, sensor: own, ..UnwrapParameters::default() };
             let topics = ["/recovered", "/hdr", "/diagnostics", "/metered"];
             let wanted = if point.stream == Stream::Metered { 4 } else { 3 };
             let topics = topics[..wanted].iter().map(|&topic| topic.to_owned()).collect();
@@ -81,7 +87,7 @@ impl<'a> SuitePipeline<'a> {
         Ok(passed)
     }
 
-    /// Describes the sensor to the unwrapping node, as the camera does: by its parameters alone, the node knows no perfect lens.
+    /// Describes the sensor to the unwrapping node, as the camera does for images of so many channels.
     fn describe(&mut self, channels: usize) -> Result<(), GridError> {
         if let Some(unwrap) = &mut self.unwrap
             && self.described.replace(channels) != Some(channels)
