@@ -25,7 +25,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // `auto` takes the simplest method that the image allows, and says whether it trusts the result.
     let mut method = Method::Auto.build(&Options::default())?;
     let mut recovered = Recovered::default();
-    method.unwrap(&exposure.modulo(), &exposure.range().into(), &mut recovered)?;
+    method.unwrap(&exposure.modulo(), &exposure.scene(), &mut recovered)?;
 
     let wrong = recovered.k.iter().zip(&exposure.wraps()).filter(|(found, truth)| found != truth).count();
     let report = recovered.report;

@@ -44,8 +44,7 @@ impl Capture {
     /// Finds the wrap counts of the modulo image.
     pub fn recover(&mut self) -> Result<(), UnwrapError> {
         let mut method = Method::Auto.build(&Options::default())?;
-        let scene = Scene { lens: Some(self.psf), ..self.exposure.range().into() };
-        method.unwrap(&self.modulo, &scene, &mut self.recovered)
+        method.unwrap(&self.modulo, &self.exposure.scene(), &mut self.recovered)
     }
 
     /// Returns the largest alpha up to which this sensor is fit.

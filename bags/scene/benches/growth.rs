@@ -41,8 +41,8 @@ impl Unwrapped {
         let exposure = sensor.expose(scene.radiance.view(), 0).expect("finite radiance");
         let options = Options { threads, ..Options::default() };
         let method = method.parse::<Method>().and_then(|method| method.build(&options)).expect("a method");
-        let scene = unwrap::Scene { lens: Some(psf), ..exposure.range().into() };
-        let mut all = Self { image: exposure.modulo(), scene, method, out: Recovered::default() };
+        let mut all =
+            Self { image: exposure.modulo(), scene: exposure.scene(), method, out: Recovered::default() };
         all.call();
         all
     }

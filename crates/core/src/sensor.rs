@@ -18,6 +18,7 @@ use crate::range::{Range, RangeError};
 use crate::simd::{floor, mapped, widest};
 use crate::tone;
 use crate::transfer::Transfer;
+use crate::unwrap::Scene;
 
 /// The largest `f32` below 1; radiance of full scale and more is clamped to it.
 pub const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
@@ -255,7 +256,8 @@ impl Sensor {
             return Err(SensorError::NotFinite(position_of(index, dim), value));
         }
         let x = Array3::from_shape_vec((height, width, seen), x).expect("x has the rows of this shape");
-        Ok(Exposure { x, range: self.range, transfer: self.config.transfer, layout: self.layout })
+        let SensorConfig { psf: lens, transfer, .. } = self.config;
+        Ok(Exposure { x, range: self.range, lens, transfer, layout: self.layout })
     }
 
     /// Copies a row of radiance (W x C) into `to`, clamped to `[0, 1)` and shaded by the field stop, which lies in front of the lens: a value above
@@ -345,6 +347,7 @@ fn largest_below(limit: f64) -> f32 {
 pub struct Exposure {
     x: Array3<f32>,
     range: Range,
+    lens: Psf,
     transfer: Transfer,
     layout: PixelArrangement,
 }
@@ -358,6 +361,11 @@ impl Exposure {
     /// Returns the bits, alpha and the columns that are black.
     pub fn range(&self) -> Range {
         self.range
+    }
+
+    /// Returns what a method that unwraps the modulo image is to know: the range and the lens.
+    pub fn scene(&self) -> Scene {
+        Scene { lens: Some(self.lens), ..self.range.into() }
     }
 
     /// Returns how the ideal and the saturated image show radiance.

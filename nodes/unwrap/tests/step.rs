@@ -152,7 +152,7 @@ fn a_frame_of_another_sensor_is_skipped_and_the_node_lives() {
 #[test]
 fn each_frame_is_described_with_its_own_stamp_and_counted() {
     let (modulo, _) = exposure(8);
-    let mut node = unwrap(&[("alpha", "2")]);
+    let mut node = unwrap(&[("alpha", "2"), ("psf", "gaussian"), ("psf_sigma", "1.4")]);
     // A reader of the verdicts alone is enough.
     let sent = step(&mut node, modulo.clone(), &[false, false, true]).expect("a good frame");
     assert!(matches!(&sent[..], [(2, Message::Diagnostics(_))]), "{sent:?}");
@@ -181,7 +181,7 @@ fn each_frame_is_described_with_its_own_stamp_and_counted() {
 /// A uniform image violates no assumption, but nothing in it tells the absolute offset.
 #[test]
 fn the_reason_of_an_untrusted_frame_covers_missing_evidence() {
-    let mut node = unwrap(&[("alpha", "4")]);
+    let mut node = unwrap(&[("alpha", "4"), ("psf", "gaussian"), ("psf_sigma", "1.4")]);
     let uniform = Frame::from_u8(Array3::from_elem((30, 40, 3), 44)).expect("an image");
     let sent = step(&mut node, uniform, &[false, false, true]).expect("a good frame");
     let [(2, Message::Diagnostics(printed))] = &sent[..] else { panic!("a description: {sent:?}") };

@@ -28,11 +28,11 @@ fn wrong_of_sound(out: &Recovered, exposure: &Exposure, clean: &Exposure) -> usi
     samples.filter(|((k, truth), (x, clean))| k != truth && x == clean).count()
 }
 
-fn recover(exposure: &Exposure, range: Range) -> Recovered {
+fn recover(exposure: &Exposure, scene: impl Into<unwrap::Scene>) -> Recovered {
     let mut out = Recovered::default();
     by_name("auto", &Options::default())
         .unwrap()
-        .unwrap(&exposure.modulo(), &range.into(), &mut out)
+        .unwrap(&exposure.modulo(), &scene.into(), &mut out)
         .unwrap();
     out
 }
@@ -187,7 +187,7 @@ fn black_columns_show_the_offset() {
             let lens = Psf::Gaussian { sigma: 1.4 };
             let config = SensorConfig { alpha, optical_black: 32, psf: lens, ..SensorConfig::default() };
             let exposure = Sensor::new(config).unwrap().expose(light.view(), 0).unwrap();
-            let out = recover(&exposure, exposure.range());
+            let out = recover(&exposure, exposure.scene());
             let is_exact = out.k == exposure.wraps();
             assert!(is_exact || out.report.trust != Trust::Trusted, "{alpha} {dark}: {:?}", out.report);
             trusted += usize::from(out.report.trust == Trust::Trusted);

@@ -109,16 +109,16 @@ impl FromStr for Method {
 ///
 /// ```
 /// use modulo_core::unwrap::{Method, Options, Trust};
-/// use modulo_core::{Recovered, Sensor, SensorConfig};
+/// use modulo_core::{Psf, Recovered, Sensor, SensorConfig};
 /// use ndarray::Array3;
 ///
 /// let radiance = Array3::from_shape_fn((32, 64, 1), |(i, j, _)| (i + j) as f32 / 100.0);
-/// let config = SensorConfig { alpha: 4.0, ..SensorConfig::default() };
+/// let config = SensorConfig { alpha: 4.0, psf: Psf::of_sigma(1.4), ..SensorConfig::default() };
 /// let exposure = Sensor::new(config)?.expose(radiance.view(), 0)?;
 ///
 /// let mut recovered = Recovered::default();
 /// let mut method = Method::Auto.build(&Options::default())?;
-/// method.unwrap(&exposure.modulo(), &exposure.range().into(), &mut recovered)?;
+/// method.unwrap(&exposure.modulo(), &exposure.scene(), &mut recovered)?;
 /// assert_eq!(recovered.k, exposure.wraps());
 /// assert_eq!(recovered.report.trust, Trust::Trusted);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
