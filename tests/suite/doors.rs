@@ -81,8 +81,7 @@ fn evaluated(bench: &Bench, (shape, sigma): (&str, &str)) -> Vec<(f64, bool)> {
     let parameters = format!("/**:\n  ros__parameters:\n    psf: {shape}\n    psf_sigma: {sigma}\n");
     std::fs::write(bench.path("sensor.yaml"), parameters).expect("writable");
     // Its sensor has 8 bits and 32 black columns.
-    let sensor =
-        format!("--alpha 3 --sensor @/sensor.yaml --stream recovered --method auto --engine rten --model %");
+    let sensor = "--alpha 3 --sensor @/sensor.yaml --stream recovered --method auto --engine rten --model %";
     bench.says(0, &format!("eval --yolo @/set {sensor} -o @/eval"));
     let frames = std::fs::read_dir(bench.path("eval/frames")).expect("a folder").next().expect("a cell");
     let lines = std::fs::read_to_string(frames.expect("a file").path()).expect("text");

@@ -256,8 +256,7 @@ impl Sensor {
             return Err(SensorError::NotFinite(position_of(index, dim), value));
         }
         let x = Array3::from_shape_vec((height, width, seen), x).expect("x has the rows of this shape");
-        let SensorConfig { psf: lens, transfer, .. } = self.config;
-        Ok(Exposure { x, range: self.range, lens, transfer, layout: self.layout })
+        Ok(Exposure { x, range: self.range, config: self.config, layout: self.layout })
     }
 
     /// Copies a row of radiance (W x C) into `to`, clamped to `[0, 1)` and shaded by the field stop, which lies in front of the lens: a value above
@@ -347,8 +346,7 @@ fn largest_below(limit: f64) -> f32 {
 pub struct Exposure {
     x: Array3<f32>,
     range: Range,
-    lens: Psf,
-    transfer: Transfer,
+    config: SensorConfig,
     layout: PixelArrangement,
 }
 
@@ -365,12 +363,12 @@ impl Exposure {
 
     /// Returns what a method that unwraps the modulo image is to know: the range and the lens.
     pub fn scene(&self) -> Scene {
-        Scene { lens: Some(self.lens), ..self.range.into() }
+        Scene { lens: Some(self.config.psf), ..self.range.into() }
     }
 
     /// Returns how the ideal and the saturated image show radiance.
     pub fn transfer(&self) -> Transfer {
-        self.transfer
+        self.config.transfer
     }
 
     /// Returns the gains of the pixels.
@@ -425,7 +423,9 @@ impl Exposure {
     /// Returns the ideal stream: `floor(x)`, neither wrapped nor clipped, shown with 8 bits as by [`tone::picture`].
     pub fn ideal(&self) -> Frame {
         // Rounded down before it is shown: the ideal stream shows the same counts as the other two.
-        self.frame(Frame::from_u8(tone::shown(&self.x, self.range, self.transfer, |x| whole(x) as f32)))
+        self.frame(Frame::from_u8(tone::shown(&self.x, self.range, self.config.transfer, |x| {
+            whole(x) as f32
+        })))
     }
 
     /// Returns the true wrap counts: `k = floor(gain x / 2^b)`, at most `ceil(alpha) - 1`, and 0 at pixels of low gain.
@@ -471,10 +471,10 @@ impl Exposure {
     /// Returns the picture of a sensor that saturates.
     pub(crate) fn clipped(&self, x: &Array3<f32>) -> Frame {
         let most = self.most();
-        if self.transfer == Transfer::Linear {
+        if self.config.transfer == Transfer::Linear {
             return self.digitise(x, |count| count.min(most));
         }
-        let codes = self.transfer.codes(most as u16);
+        let codes = self.config.transfer.codes(most as u16);
         self.digitise(x, |count| codes[count.min(most) as usize].into())
     }
 

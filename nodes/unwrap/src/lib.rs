@@ -62,7 +62,7 @@ modulo_runtime::parameters! {
         /// For auto: the work that it may do on a frame, as the time of its candidates in ms on one core of a server of 2023 (modulo doctor
         /// gives the time here). It is counted and not measured, so that a replay gives the same images. A candidate that exceeds it is not
         /// tried: the best result so far is published, not trusted, and counted. 0: no limit.
-        budget: f64 = 175.0 => 0.0..=1e6,
+        budget: f64 = 225.0 => 0.0..=1e6,
         /// For spud: the hard threshold, in units of the peak.
         tau: f64 = Options::default().tau => 0.0..=1e6,
         /// For spud: the threshold acts on the coefficients after the division (phi) or before it (rho).

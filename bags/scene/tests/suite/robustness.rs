@@ -184,7 +184,7 @@ fn black_columns_show_the_offset() {
     for radiance in scenes() {
         for (alpha, dark) in [(2.0, 0.6), (4.0, 0.0), (4.0, 0.3), (8.0, 0.0), (8.0, 0.2)] {
             let light = radiance.mapv(|x| 0.9 * (dark + (1.0 - dark) * x));
-            let lens = Psf::Gaussian { sigma: 1.4 };
+            let lens = Psf::Gaussian { sigma: 2.0 };
             let config = SensorConfig { alpha, optical_black: 32, psf: lens, ..SensorConfig::default() };
             let exposure = Sensor::new(config).unwrap().expose(light.view(), 0).unwrap();
             let out = recover(&exposure, exposure.scene());

@@ -50,8 +50,9 @@ pub(super) const FEWEST_BITS: u8 = 4;
 /// as 0.10 to 0.12, sharp scenes at alpha 8 without noise as up to 0.07.
 pub(super) const STRONG_NOISE: f32 = 0.09;
 
-/// With at most this much noise, in peaks, smoothed codes are those of the image.
-const NO_NOISE: f32 = 0.02;
+/// With at most this much noise, in peaks, smoothing gains too little for a second tree: the image grows from the result of the first one.
+/// Sharp scenes without noise are measured as up to 0.07, most of them as less than this.
+const LITTLE_NOISE: f32 = 0.036;
 
 /// The largest share of clamped counts with which `lines` is accepted.
 const FEW_CLAMPED: f32 = 3e-4;
@@ -192,7 +193,7 @@ impl Auto {
         // A tree on codes with strong noise is slow and wrong.
         let candidates = [
             (Candidate::Tree, noise <= STRONG_NOISE),
-            (Candidate::SmoothedTree, noise > NO_NOISE),
+            (Candidate::SmoothedTree, noise > LITTLE_NOISE),
             (Candidate::Growth, true),
         ];
         for (candidate, _) in candidates.into_iter().filter(|(_, is_useful)| *is_useful) {

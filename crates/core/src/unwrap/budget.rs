@@ -15,8 +15,8 @@ pub(super) const LINES: f64 = 2.0;
 pub(super) const SMOOTHING: f64 = 8.0;
 pub(super) const SPUD: f64 = 10.0;
 /// The work to find the part from which an image grows, per pixel, and of growth, per pixel of the rest.
-pub(super) const FIND_PART: f64 = 20.0;
-pub(super) const GROWTH: f64 = 600.0;
+pub(super) const FIND_PART: f64 = 50.0;
+pub(super) const GROWTH: f64 = 150.0;
 /// The work of gradient sums on a mosaic, per pixel, and of the second tree by three colours.
 pub(super) const SUMS: f64 = 15.0;
 pub(super) const SUMS_BY_COLOURS: f64 = 15.0;

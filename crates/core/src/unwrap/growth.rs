@@ -19,6 +19,7 @@ use ndarray::Array3;
 use super::Range;
 use super::congruence::base_level;
 use super::jumps::Regions;
+use crate::simd::widest;
 
 /// The least weight of the best predictor with which a frame can be predicted. Strong noise and the contours of a perfect lens have less.
 const LEAST_WEIGHT: f32 = 2.0;
@@ -40,8 +41,9 @@ const SAMPLED: usize = 3;
 #[derive(Default)]
 pub(super) struct Growth {
     regions: Regions,
-    /// The known pixels, with a margin around the image.
-    known: Vec<bool>,
+    /// The image and what is known of it, with a margin of [`MARGIN`] pixels, so that a neighbour has a place at the border, too.
+    pixels: Vec<Pixel>,
+    states: Vec<State>,
     queue: Queue,
     /// The counts of a channel of the part, and how many samples have each, as buffers.
     counts: Vec<i32>,
@@ -122,57 +124,39 @@ struct Predictor {
     weight: f32,
 }
 
-/// Where the pixels of an image of this width are.
-#[derive(Clone, Copy)]
+/// A pixel in a vector: three colours, of which the last is there twice, or one, which is there four times.
+type Pixel = [f32; 4];
+
+/// What is known of a pixel.
+#[derive(Clone, Copy, PartialEq)]
+enum State {
+    Beyond,
+    Unknown,
+    Known,
+}
+
+/// The places of the pixels in an image with a margin.
+#[derive(Clone, Copy, Default)]
 struct Layout {
     width: usize,
 }
 
 impl Layout {
-    /// Returns the place of a pixel in an image with a margin.
-    #[inline(always)]
-    fn padded(self, at: usize) -> usize {
-        at + (2 * (at / self.width) + self.width + 2 * MARGIN) * MARGIN + MARGIN
+    /// Returns the way from a pixel to the one below it.
+    fn stride(self) -> usize {
+        self.width + MARGIN
+    }
+
+    /// Returns the place of a pixel of the image. A margin on the right of a row is also the one on the left of the next.
+    fn place(self, at: usize) -> usize {
+        (at / self.width + MARGIN) * self.stride() + at % self.width
     }
 
     /// Returns for each side the ways to its next pixel and to the one across it.
     #[inline(always)]
-    fn sides(self) -> [[Step; 2]; 4] {
-        let (width, padded) = (self.width.cast_signed(), (self.width + 2 * MARGIN).cast_signed());
-        let [right, down] = [Step { image: 1, padded: 1 }, Step { image: width, padded }];
-        [[right, down], [right.back(), down], [down, right], [down.back(), right]]
-    }
-}
-
-/// The way to another pixel: in the image and in one with a margin.
-#[derive(Clone, Copy)]
-struct Step {
-    image: isize,
-    padded: isize,
-}
-
-impl Step {
-    #[inline(always)]
-    fn back(self) -> Self {
-        Self { image: -self.image, padded: -self.padded }
-    }
-}
-
-/// A pixel: its places in the image and in one with a margin.
-#[derive(Clone, Copy)]
-struct Pixel {
-    image: usize,
-    padded: usize,
-}
-
-impl Pixel {
-    /// Returns the pixel there, which may be beyond the border.
-    #[inline(always)]
-    fn to(self, step: Step) -> Self {
-        Self {
-            image: self.image.wrapping_add_signed(step.image),
-            padded: self.padded.wrapping_add_signed(step.padded),
-        }
+    fn sides(self) -> [[isize; 2]; 4] {
+        let down = self.stride().cast_signed();
+        [[1, down], [-1, down], [down, 1], [-down, 1]]
     }
 }
 
@@ -182,19 +166,26 @@ impl Growth {
     pub fn read(&mut self, x: &Array3<f32>, range: Range) -> Option<f64> {
         let (height, width, channels) = x.dim();
         let layout = Layout { width };
-        self.known.clear();
-        self.known.resize((height + 2 * MARGIN) * (width + 2 * MARGIN), false);
+        let samples = x.as_slice().expect("prepare has made the layout standard");
+        let len = (height + 2 * MARGIN) * layout.stride();
+        self.states.clear();
+        self.states.resize(len, State::Beyond);
+        self.pixels.clear();
+        self.pixels.resize(len, Pixel::default());
+        for (row, samples) in samples.chunks_exact(width * channels).enumerate() {
+            let places = layout.place(row * width)..layout.place(row * width) + width;
+            self.states[places.clone()].fill(State::Unknown);
+            for (pixel, samples) in self.pixels[places].iter_mut().zip(samples.chunks_exact(channels)) {
+                *pixel = std::array::from_fn(|lane| samples[lane.min(channels - 1)]);
+            }
+        }
         let mut size = 0;
         self.regions.find(x, 1, range);
         for run in self.regions.largest() {
             size += run.len();
-            self.known[layout.padded(run.start)..][..run.len()].fill(true);
+            self.states[layout.place(run.start)..][..run.len()].fill(State::Known);
         }
-        let samples = x.as_slice().expect("prepare has made the layout standard");
-        match channels {
-            1 => self.fit(samples.as_chunks::<1>().0, layout),
-            _ => self.fit(samples.as_chunks::<3>().0, layout),
-        }
+        self.fit(height * width, channels, layout);
         let (weight, share) = (self.predictors[2][2].weight, size as f64 / (height * width) as f64);
         (weight >= LEAST_WEIGHT && share >= LEAST_SHARE).then_some(share)
     }
@@ -204,57 +195,62 @@ impl Growth {
     pub fn grow(&mut self, x: &mut Array3<f32>, range: Range, outliers: f64) {
         let (_, width, channels) = x.dim();
         let layout = Layout { width };
-        let samples = x.as_slice_mut().expect("prepare has made the layout standard");
         for channel in 0..channels {
-            self.lower(samples, channel, channels, range, outliers);
+            self.lower((channel, channels), layout, range, outliers);
         }
         match channels {
-            1 => self.spread(samples.as_chunks_mut::<1>().0, layout, range),
-            _ => self.spread(samples.as_chunks_mut::<3>().0, layout, range),
+            1 => widest!(self.spread::<1>(layout, range)),
+            _ => widest!(self.spread::<3>(layout, range)),
+        }
+        let samples = x.as_slice_mut().expect("prepare has made the layout standard");
+        for (row, samples) in samples.chunks_exact_mut(width * channels).enumerate() {
+            let pixels = &self.pixels[layout.place(row * width)..][..width];
+            for (samples, pixel) in samples.chunks_exact_mut(channels).zip(pixels) {
+                samples.copy_from_slice(&pixel[..channels]);
+            }
         }
     }
 
-    /// Lowers one channel of the part by whole peaks until its least count is 0. A share of `outliers` may lie below, and gets 0, too.
-    fn lower(&mut self, x: &mut [f32], channel: usize, channels: usize, range: Range, outliers: f64) {
-        let Self { regions, counts, levels, .. } = self;
-        let places = || regions.largest().flatten().map(|at| at * channels + channel);
+    /// Lowers a channel of the part by whole peaks until its least count is 0. A share of `outliers` may lie below, and gets 0, too.
+    fn lower(&mut self, (channel, channels): (usize, usize), layout: Layout, range: Range, outliers: f64) {
+        let Self { regions, counts, levels, pixels, .. } = self;
+        let places = || regions.largest().flat_map(|run| (layout.place(run.start)..).take(run.len()));
         counts.clear();
-        counts.extend(places().map(|at| (x[at] / range.peak()) as i32));
+        counts.extend(places().map(|at| (pixels[at][channel] / range.peak()) as i32));
         if counts.is_empty() {
             return;
         }
         let least = base_level(counts, range, outliers, levels);
-        places().zip(&*counts).for_each(|(at, &count)| x[at] -= count.min(least) as f32 * range.peak());
+        let lanes = if channel + 1 == channels { channel..4 } else { channel..channel + 1 };
+        for (at, &count) in places().zip(&*counts) {
+            pixels[at][lanes.clone()].iter_mut().for_each(|x| *x -= count.min(least) as f32 * range.peak());
+        }
     }
 
-    fn spread<const C: usize>(&mut self, x: &mut [[f32; C]], layout: Layout, range: Range) {
-        self.queue.start(x.len());
-        for at in 0..x.len() {
-            self.offer(x, at, layout, range);
+    #[inline(always)]
+    fn spread<const C: usize>(&mut self, layout: Layout, range: Range) {
+        self.queue.start(self.pixels.len());
+        for at in 0..self.pixels.len() {
+            self.offer::<C>(at, layout, range);
         }
         while let Some(at) = self.queue.pop() {
-            let pixel = Pixel { image: at, padded: layout.padded(at) };
-            let Some((predicted, _)) = self.predict(x, at, layout, range) else { continue };
-            for (x, predicted) in x[at].iter_mut().zip(predicted) {
-                *x = range.nearest(*x % range.peak(), predicted).0;
+            let Some((predicted, _)) = self.predict::<C>(at, layout, range) else { continue };
+            for (x, predicted) in self.pixels[at].iter_mut().zip(predicted) {
+                let code = *x - (*x / range.peak()).floor() * range.peak();
+                *x = range.nearest(code, predicted).0;
             }
-            self.known[pixel.padded] = true;
+            self.states[at] = State::Known;
             for [step, _] in layout.sides() {
-                let next = pixel.to(step);
-                // A pixel of the margin has no place in the image.
-                let column = (next.padded % (layout.width + 2 * MARGIN)).wrapping_sub(MARGIN);
-                if column < layout.width && next.image < x.len() {
-                    self.offer(x, next.image, layout, range);
-                }
+                self.offer::<C>(at.wrapping_add_signed(step), layout, range);
             }
         }
     }
 
     /// Puts a pixel into the queue, or moves it there, if it is not known but can be predicted.
     #[inline(always)]
-    fn offer<const C: usize>(&mut self, x: &[[f32; C]], at: usize, layout: Layout, range: Range) {
-        if !self.known[layout.padded(at)]
-            && let Some((_, doubt)) = self.predict(x, at, layout, range)
+    fn offer<const C: usize>(&mut self, at: usize, layout: Layout, range: Range) {
+        if self.states[at] == State::Unknown
+            && let Some((_, doubt)) = self.predict::<C>(at, layout, range)
         {
             self.queue.push(at, doubt);
         }
@@ -262,19 +258,12 @@ impl Growth {
 
     /// Returns the prediction of a pixel and its doubt; `None` if no neighbour is known.
     #[inline(always)]
-    fn predict<const C: usize>(
-        &self,
-        x: &[[f32; C]],
-        at: usize,
-        layout: Layout,
-        range: Range,
-    ) -> Option<([f32; C], f32)> {
-        let here = Pixel { image: at, padded: layout.padded(at) };
-        let (mut sum, mut total, mut count) = ([0.0; C], 0.0, 0);
-        let mut sides = [([0.0; C], 0.0); 4];
-        for [along, across] in layout.sides() {
-            if let Some((value, weight)) = self.predict_from(x, here, along, across) {
-                (0..C).for_each(|c| sum[c] += weight * value[c]);
+    fn predict<const C: usize>(&self, at: usize, layout: Layout, range: Range) -> Option<(Pixel, f32)> {
+        let (mut sum, mut total, mut count) = (Pixel::default(), 0.0, 0);
+        let mut sides = [(Pixel::default(), 0.0); 4];
+        for ways in layout.sides() {
+            if let Some((value, weight)) = self.predict_from(at, ways) {
+                sum = std::array::from_fn(|lane| sum[lane] + weight * value[lane]);
                 total += weight;
                 sides[count] = (value, weight);
                 count += 1;
@@ -285,70 +274,67 @@ impl Growth {
         }
         let per_peak = range.peak().recip();
         let mean = sum.map(|sum| sum / total);
-        let errors: [f32; C] = std::array::from_fn(|c| {
-            let error = (x[at][c] - mean[c]) * per_peak;
+        let errors: Pixel = std::array::from_fn(|lane| {
+            let error = (self.pixels[at][lane] - mean[lane]) * per_peak;
             error - error.round_ties_even()
         });
         let spread = errors.iter().fold(f32::MIN, |most, &error| error.max(most))
             - errors.iter().fold(f32::MAX, |least, &error| error.min(least));
-        let differ = |(value, weight): &([f32; C], f32)| {
-            weight * (0..C).map(|c| (value[c] - mean[c]).abs()).sum::<f32>()
-        };
+        let differ =
+            |(value, weight): &(Pixel, f32)| weight * (0..C).map(|c| (value[c] - mean[c]).abs()).sum::<f32>();
         let differ: f32 = sides[..count].iter().map(differ).sum();
-        let size: f32 = errors.iter().map(|error| error.abs()).sum();
+        let size: f32 = errors[..C].iter().map(|error| error.abs()).sum();
         Some((mean, size + 2.0 * spread + differ * per_peak / total + 3.0 / total.sqrt()))
     }
 
     /// Returns the prediction from the side that `along` leads to, and its weight; `None` if the neighbour there is not known.
     #[inline(always)]
-    fn predict_from<const C: usize>(
-        &self,
-        x: &[[f32; C]],
-        here: Pixel,
-        along: Step,
-        across: Step,
-    ) -> Option<([f32; C], f32)> {
-        let is_known = |pixel: Pixel| self.known[pixel.padded];
-        let near = here.to(along);
+    fn predict_from(&self, here: usize, [along, across]: [isize; 2]) -> Option<(Pixel, f32)> {
+        let is_known = |at: usize| self.states[at] == State::Known;
+        let near = here.wrapping_add_signed(along);
         if !is_known(near) {
             return None;
         }
-        let (far, last) = (near.to(along), near.to(along).to(along));
+        let (far, last) = (near.wrapping_add_signed(along), near.wrapping_add_signed(2 * along));
         let known_along = if is_known(far) { 1 + usize::from(is_known(last)) } else { 0 };
-        let (mut slope, mut known_across) = ([0.0; C], 0);
-        for across in [across, across.back()] {
-            let (side, beside) = (here.to(across), near.to(across));
+        let (mut slope, mut known_across) = (Pixel::default(), 0);
+        for across in [across, -across] {
+            let (side, beside) = (here.wrapping_add_signed(across), near.wrapping_add_signed(across));
             if is_known(side) && is_known(beside) {
                 known_across += 1;
-                (0..C).for_each(|c| slope[c] += x[side.image][c] - x[beside.image][c]);
+                let (side, beside) = (self.pixels[side], self.pixels[beside]);
+                slope = std::array::from_fn(|lane| slope[lane] + (side[lane] - beside[lane]));
             }
         }
         let Predictor { of: [a, b, of_slope], weight } = self.predictors[known_along][known_across];
         let of_slope = of_slope / known_across.max(1) as f32;
-        let mut value: [f32; C] = std::array::from_fn(|c| x[near.image][c] + of_slope * slope[c]);
+        let near = self.pixels[near];
+        let mut value: Pixel = std::array::from_fn(|lane| near[lane] + of_slope * slope[lane]);
         if known_along > 0 {
-            (0..C).for_each(|c| value[c] += a * (x[near.image][c] - x[far.image][c]));
-        }
-        if known_along > 1 {
-            (0..C).for_each(|c| value[c] += b * (x[far.image][c] - x[last.image][c]));
+            let far = self.pixels[far];
+            value = std::array::from_fn(|lane| value[lane] + a * (near[lane] - far[lane]));
+            if known_along > 1 {
+                let last = self.pixels[last];
+                value = std::array::from_fn(|lane| value[lane] + b * (far[lane] - last[lane]));
+            }
         }
         Some((value, weight))
     }
 
-    /// Fits the predictors to the known pixels of `x`.
-    fn fit<const C: usize>(&mut self, x: &[[f32; C]], layout: Layout) {
+    /// Fits the predictors to the known ones of so many pixels.
+    fn fit(&mut self, pixels: usize, channels: usize, layout: Layout) {
         let mut sums = [[0.0f64; 4]; 4];
-        for at in (0..x.len()).step_by(SAMPLED) {
-            let here = Pixel { image: at, padded: layout.padded(at) };
+        for here in (0..pixels).step_by(SAMPLED).map(|at| layout.place(at)) {
             for [along, across] in layout.sides() {
-                let near = here.to(along);
-                let far = near.to(along);
-                let pixels = [here, near, far, far.to(along), here.to(across), near.to(across)];
-                if !pixels.iter().all(|pixel| self.known[pixel.padded]) {
+                let near = here.wrapping_add_signed(along);
+                let [far, last] = [along, 2 * along].map(|way| near.wrapping_add_signed(way));
+                let [side, beside] = [here, near].map(|at| at.wrapping_add_signed(across));
+                let places = [here, near, far, last, side, beside];
+                if !places.iter().all(|&at| self.states[at] == State::Known) {
                     continue;
                 }
-                let pixels = pixels.map(|pixel| x[pixel.image]);
-                for channel in 0..C {
+                let pixels = places.map(|at| self.pixels[at]);
+                for channel in 0..channels {
                     let [here, near, far, last, side, beside] = pixels.map(|pixel| pixel[channel]);
                     let terms = [near - far, far - last, side - beside, here - near].map(f64::from);
                     for (sums, term) in sums.iter_mut().zip(terms) {
