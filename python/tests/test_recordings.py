@@ -93,9 +93,9 @@ def test_results_can_be_pickled() -> None:
 
 
 def test_a_report_has_a_reason_where_a_claim_is_refused() -> None:
-    sensor, ramp = modulo.Sensor(), np.tile(np.linspace(0, 1, 96, dtype=np.float32), (64, 1))
+    sensor, ramp = modulo.Sensor(psf_sigma=1.4), np.tile(np.linspace(0, 1, 96, dtype=np.float32), (64, 1))
     noise = np.random.default_rng(1).random((64, 96), dtype=np.float32)
-    reports = sensor.unwrap(sensor.expose(np.stack([ramp, 0.3 * ramp, noise]), channel_axis=None).modulo, channel_axis=None).reports
+    reports = sensor.unwrap(modulo.Sensor().expose(np.stack([ramp, 0.3 * ramp, noise]), channel_axis=None).modulo, channel_axis=None).reports
     assert [report.trusted for report in reports] == [True, False, False]
     reasons = [None, "the absolute level is unknown: no dark reference", "the wrap counts contradict each other"]
     assert [report.reason for report in reports] == reasons

@@ -28,7 +28,7 @@ README = Path(__file__).resolve().parents[2] / "README.md"
 ENVIRONMENT = {"PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "HOME": "/home", "ROS_DOMAIN_ID": "97"}
 ARRAY = """
 import numpy as np, modulo_camera as modulo
-sensor = modulo.Sensor(bits=8, alpha=4)
+sensor = modulo.Sensor(bits=8, alpha=4, psf_sigma=1.4)
 exposure = sensor.expose(np.tile(np.linspace(0, 1, 640, dtype=np.float32), (480, 1)))
 assert (sensor.unwrap(exposure.modulo).counts == exposure.counts).all()
 """

@@ -1,6 +1,6 @@
 //! One exposure of a picture and its recovery, as `modulo simulate` makes them.
 
-use modulo_core::unwrap::{Method, OffsetEvidence, Options, Scene, Trust, fit_up_to};
+use modulo_core::unwrap::{Method, OffsetEvidence, Options, Trust, fit_up_to};
 use modulo_core::{Exposure, Frame, Psf, Recovered, Sensor, SensorConfig, SensorError, UnwrapError};
 use ndarray::Array3;
 

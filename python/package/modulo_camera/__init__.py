@@ -5,7 +5,7 @@ the wrap counts, so that `radiance = codes + counts 2^b` again.
 
 >>> import numpy as np
 >>> import modulo_camera as modulo
->>> sensor = modulo.Sensor(bits=8, alpha=4)
+>>> sensor = modulo.Sensor(bits=8, alpha=4, psf_sigma=1.4)
 >>> exposure = sensor.expose(np.tile(np.linspace(0, 1, 640, dtype=np.float32), (480, 1)))
 >>> result = sensor.unwrap(exposure.modulo)
 >>> bool((result.counts == exposure.counts).all()), result.report.trusted
