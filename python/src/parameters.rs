@@ -48,7 +48,9 @@ pub fn parse(given: &Bound<'_, PyDict>) -> PyResult<Parameters> {
     let mut changes = changes?;
     let is_unknown = given.get_item(SIGMA)?.is_none_or(|sigma| sigma.is_none());
     let gaussian = Value::String("gaussian".to_owned());
-    for (_, shape) in changes.iter_mut().filter(|(name, shape)| is_unknown && name == "psf" && *shape == gaussian) {
+    for (_, shape) in
+        changes.iter_mut().filter(|(name, shape)| is_unknown && name == "psf" && *shape == gaussian)
+    {
         *shape = Value::String("unknown".to_owned());
     }
     Parameters::declare(descriptors()).with(&changes, false).map_err(value_error)
