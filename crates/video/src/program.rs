@@ -140,8 +140,10 @@ impl Decoding {
         version: &str,
         damage: Damage,
     ) -> std::io::Result<Self> {
-        // With a scaler of its own ffmpeg puts none before `showinfo`, which then tells the format of the video.
-        let filters = format!("showinfo=checksum=0,scale=flags=bicubic,format={formats}");
+        // With a scaler of its own ffmpeg puts none before `showinfo`, which then tells the format of the video. Without the other flags it
+        // repeats each colour sample of `yuv420p` in 2 x 2 pixels: edges that no lens can give, and that hide wrap counts.
+        let filters =
+            format!("showinfo=checksum=0,scale=flags=bicubic+accurate_rnd+full_chroma_int,format={formats}");
         let mut child = command("ffmpeg")
             // `-debug_ts` tells of each packet that is read, and of each frame that a decoder gives.
             .args(["-nostdin", "-hide_banner", "-nostats", "-debug_ts", "-loglevel", "level+info"])

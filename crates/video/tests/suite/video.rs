@@ -152,6 +152,21 @@ fn a_turned_video_is_the_right_way_up() {
     assert!([[false, true, false, false], [false, false, true, false]].contains(&corners), "{corners:?}");
 }
 
+/// A colour of `yuv420p` was repeated in 2 x 2 pixels, which no lens can do; a recovered image of a smooth scene was then never trusted.
+#[test]
+fn colours_of_a_smooth_scene_are_smooth() {
+    let Some(bench) = bench() else { return };
+    let ramp = bench.path().join("ramp.mkv");
+    ffmpeg(
+        "-f lavfi -i color=gray:s=64x48:r=5,format=yuv420p,geq=lum=128:cb='64+2*X':cr=128 -frames:v 1 -c:v ffv1",
+        &ramp,
+    );
+    let frames = all(&mut open(&ramp));
+    let pixels = frames[0].pixels.frame.as_u8().expect("8 bits");
+    let blue: Vec<u8> = (8..56).map(|column| pixels[(24, column, 2)]).collect();
+    assert!(blue.is_sorted_by(|before, after| before < after), "{blue:?}");
+}
+
 #[test]
 fn what_is_no_video_says_so() {
     let Some(bench) = bench() else { return };
