@@ -14,7 +14,8 @@ pub(super) const LINES: f64 = 2.0;
 /// The work of smoothing, and of SPUD, per sample.
 pub(super) const SMOOTHING: f64 = 8.0;
 pub(super) const SPUD: f64 = 10.0;
-/// The work to find the part from which an image grows, per pixel, and of growth, per pixel of the rest.
+/// The work to find the part from which an image grows, per pixel, and of growth, per pixel of the rest: the time on a core with AVX2, on which
+/// `gradient_tree` takes 0.8 to 1.4 times as long as its work.
 pub(super) const FIND_PART: f64 = 50.0;
 pub(super) const GROWTH: f64 = 150.0;
 /// The work of gradient sums on a mosaic, per pixel, and of the second tree by three colours.

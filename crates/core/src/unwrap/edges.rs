@@ -148,7 +148,7 @@ fn share_of_mosaic(x: &Array3<f32>, limit: f32) -> f32 {
     (along + across) as f32 / x.len() as f32
 }
 
-/// Returns whether there are edges, and at no height mostly such as without a lens, along rows and columns together.
+/// Returns whether the image has edges, and those of no height are mostly as sharp as without a lens, along rows and columns together.
 fn has_soft_edges(x: &Array3<f32>, range: Range) -> bool {
     let (height, width, channels) = x.dim();
     let (samples, stride) = (in_order(x.view()), width * channels);

@@ -52,7 +52,7 @@ impl Expect {
         // Where k is not observable, another scene gives the same y. A method that trusted no such result could trust no
         // result on that other scene either, so that a wrong trust is excused there and nowhere else.
         let is_wrong = score.report.trust == Trust::Trusted && score.exact < RECOVERED && observable;
-        let trusts = is_wrong.then(|| format!("trusts for k, of which {} is exact", percent(score.exact)));
+        let trusts = is_wrong.then(|| format!("trusts k, of which {} is exact", percent(score.exact)));
         let broken: Vec<String> = missed.into_iter().chain(trusts).collect();
         // A failure that is gone is told, but is no error: the documentation is to be improved, and the build stays
         // green.
@@ -125,7 +125,7 @@ mod tests {
         assert_eq!(judged(0.99, Trust::Unknown, true), Judgement::Held);
         assert_eq!(judged(1.0, Trust::Trusted, true), Judgement::Held);
         let both =
-            Judgement::Broken("80 % exact, 90 % expected; trusts for k, of which 80 % is exact".to_owned());
+            Judgement::Broken("80 % exact, 90 % expected; trusts k, of which 80 % is exact".to_owned());
         assert_eq!(judged(0.8, Trust::Trusted, true), both);
     }
 
