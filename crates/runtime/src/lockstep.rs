@@ -94,6 +94,16 @@ impl<'a> Lockstep<'a> {
         Ok((flow == Flow::Continue || !out.is_empty()).then_some(out))
     }
 
+    /// Puts `node` in the place of `member`, whose name and topics it has.
+    pub fn exchange(&mut self, member: usize, node: Box<dyn Node>) {
+        self.members[member].node = node;
+    }
+
+    /// Lets source `member` go on after its first `position` frames.
+    pub fn resume(&mut self, member: usize, position: u64) {
+        self.members[member].node.resume(position);
+    }
+
     /// Returns the number of frames that source `member` has taken; `None` for a node without a position.
     pub fn position(&self, member: usize) -> Option<u64> {
         self.members[member].node.position()

@@ -22,6 +22,7 @@ mod parameter;
 mod plausible;
 mod post;
 mod pre;
+mod sessions;
 mod trust;
 
 use modulo_runtime::ParameterError;
@@ -33,8 +34,9 @@ pub use engine::{
 };
 pub use measure::{ModelInfo, Speed, class_names, describe, measure};
 pub use model::{DEMO, embedded};
-pub use node::{Detector, TRUSTED, outputs};
+pub use node::{Detector, TRUSTED, outputs, topics};
 pub use parameter::DetectorParameters;
+pub use sessions::Sessions;
 
 /// The class map that the suite ships: COCO's names to KITTI's.
 pub const COCO_TO_KITTI: &str = include_str!("../class_maps/coco_to_kitti.yaml");

@@ -101,7 +101,7 @@ pub fn measure(
     let (sizes, stride) = fixed.as_ref().map_or((sizes, stride), |fixed| (std::slice::from_ref(fixed), 1));
     let speed = |&(height, width): &(usize, usize)| {
         let [height, width] = [height, width].map(|side| side.next_multiple_of(stride));
-        let durations_ns = durations(engine.as_mut(), (height, width), (runs, period), clock)?;
+        let durations_ns = durations(&mut engine, (height, width), (runs, period), clock)?;
         Ok(Speed { height, width, durations_ns })
     };
     sizes.iter().map(speed).collect()

@@ -20,14 +20,16 @@ use crate::DetectorError;
 use crate::classes::ClassMap;
 use crate::code_range::CodeRange;
 use crate::draw::annotated;
-use crate::engine::{self, OpenedEngine};
+use crate::engine::{Engine as _, OpenedEngine};
 use crate::head::Head;
 use crate::input_size::InputSize;
 use crate::measure::FIRST_RUN;
+use crate::model::ModelLayout;
 use crate::parameter::{DetectorParameters, Settings, StreamChoice};
 use crate::plausible::EXPORT;
 use crate::post::{are_shares, detections};
 use crate::pre::Preprocessor;
+use crate::sessions::Sessions;
 use crate::trust::TrustFollower;
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -166,13 +168,23 @@ struct Loaded {
 }
 
 impl Loaded {
-    /// Loads the model and runs it once at (height, width) of an image, so that the first frame is as fast as all others.
-    fn new(parameters: &DetectorParameters, (height, width): (usize, usize)) -> Result<Self, DetectorError> {
-        let model = parameters.model()?;
-        let mut engine = engine::open(&model, parameters.engine_options()?)?;
-        let map = ClassMap::read(&parameters.class_map, &engine.layout.names)?;
-        let settings = Settings::new(parameters, &engine.layout, map)?;
-        let head = engine.first_run(&model, settings.input_size.tensor(height, width))?;
+    /// Loads the model and runs it once at (height, width) of an image, so that the first frame is as fast as all others; or takes one of
+    /// `sessions` that has.
+    fn new(
+        parameters: &DetectorParameters,
+        size: (usize, usize),
+        sessions: &mut Sessions,
+    ) -> Result<Self, DetectorError> {
+        let settings = |layout: &ModelLayout| {
+            Ok(Settings::new(parameters, layout, ClassMap::read(&parameters.class_map, &layout.names)?)?)
+        };
+        let (engine, head) = sessions.open(
+            parameters.model()?,
+            parameters.engine_options()?,
+            (&parameters.input_size, size),
+            |layout| settings(layout).map(|settings| settings.input_size),
+        )?;
+        let settings = settings(&engine.layout)?;
         tracing::info!("model {} runs on {} ({}); output {head}", parameters.model, engine.name, engine.note);
         Ok(Self { parameters: parameters.clone(), settings, engine, head, boxes_checked: false })
     }
@@ -205,7 +217,7 @@ impl Loaded {
 
     /// Loads the model of `next` in place of that of `last`.
     fn after(last: &Parameters, next: &Parameters, size: (usize, usize)) -> Result<Self, ParameterError> {
-        Self::new(&next.into(), size).map_err(|why| match why {
+        Self::new(&next.into(), size, &mut Sessions::default()).map_err(|why| match why {
             DetectorError::Parameter(why) => why,
             DetectorError::Engine(why) => {
                 let loaded_with = ["model", "engine", "device", "input_size", "threads"];
@@ -230,8 +242,16 @@ impl Detector {
     /// [`DetectorError::Parameter`] for a parameter that is not possible (with this model), [`DetectorError::Engine`]
     /// for a model that does not run.
     pub fn new(parameters: &DetectorParameters) -> Result<Self, DetectorError> {
+        Self::sharing(parameters, &mut Sessions::default())
+    }
+
+    /// Creates a detector whose model is one of `sessions`, which load it if none of them has it.
+    ///
+    /// # Errors
+    /// The same as those of [`Detector::new`].
+    pub fn sharing(parameters: &DetectorParameters, sessions: &mut Sessions) -> Result<Self, DetectorError> {
         Ok(Self {
-            loaded: Loaded::new(parameters, FIRST_RUN)?,
+            loaded: Loaded::new(parameters, FIRST_RUN, sessions)?,
             pre: Preprocessor::default(),
             cameras: cameras(parameters),
             contradiction_reported: false,
@@ -440,6 +460,17 @@ fn cameras(parameters: &DetectorParameters) -> Vec<Camera> {
     }
     let namespaces = parameters.cameras.iter().cloned();
     namespaces.map(|namespace| Camera { namespace: Some(namespace), ..Camera::default() }).collect()
+}
+
+/// Returns the topics that a detector of these parameters reads first, and those that it publishes.
+///
+/// # Errors
+/// [`ParameterError`] of a stream that is no topic.
+pub fn topics(parameters: &DetectorParameters) -> Result<(Vec<Topic>, Vec<Topic>), ParameterError> {
+    let (input, _) = parameters.streams()?;
+    let cameras = cameras(parameters);
+    let read = cameras.iter().flat_map(|camera| camera.inputs(&input, camera.stream(&input)));
+    Ok((read.collect(), outputs_of(&cameras)))
 }
 
 /// Returns the topics that a detector of one camera publishes.

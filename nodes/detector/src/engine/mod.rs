@@ -4,6 +4,7 @@
 
 mod onnxruntime;
 mod rten;
+mod shared;
 mod weights;
 
 use std::fmt;
@@ -18,6 +19,7 @@ use crate::head::Head;
 use crate::model::{ModelLayout, embedded};
 use crate::plausible::{contradiction, unnamed_classes};
 pub use onnxruntime::places_here as onnxruntime_places;
+pub use shared::SharedEngine;
 use weights::ModelFile;
 
 /// A loaded model, ready to run.
@@ -140,8 +142,9 @@ fn one_line(text: impl fmt::Display) -> String {
 }
 
 /// An engine that runs, and how it came to be the one.
+#[derive(Clone)]
 pub struct OpenedEngine {
-    pub engine: Box<dyn Engine>,
+    pub engine: SharedEngine,
     /// Name of the engine, as the parameter `engine` has it.
     pub name: &'static str,
     /// Number of threads of one inference on the processor.
@@ -231,14 +234,14 @@ pub fn open(model: &Path, options: EngineOptions) -> Result<OpenedEngine, Engine
     if engine == EngineChoice::Rten {
         let (opened, layout) = self::rten::Rten::load(model, file, threads)?;
         let note = reason.to_owned();
-        return Ok(OpenedEngine { engine: Box::new(opened), name, threads, layout, note });
+        return Ok(OpenedEngine { engine: SharedEngine::new(opened), name, threads, layout, note });
     }
     let library = onnxruntime::library()?;
     let (opened, layout) =
         onnxruntime::OnnxRuntime::load((model, file), (engine, device), threads, &library)?;
     let bf16 = onnxruntime::uses_bf16(engine);
     let note = if bf16 { format!("{}, bf16", library.place) } else { library.place };
-    Ok(OpenedEngine { engine: Box::new(opened), name, threads, layout, note })
+    Ok(OpenedEngine { engine: SharedEngine::new(opened), name, threads, layout, note })
 }
 
 #[cfg(test)]
