@@ -1,26 +1,44 @@
-//! Evaluates one setting (a cell of the grid): unwrap, detect and score labelled frames of the procedural tunnel.
+//! Evaluates one setting: unwrap, detect and score labelled frames of the procedural tunnel.
 //!
 //!     cargo run --release --example evaluate_cell -- [ALPHA]
 //!
-//! Writes `results.json` into the folder `evaluation`, as `modulo eval` does.
+//! Writes boxes and `results.json` into the folder `evaluation`, as `modulo eval` does.
 
-use clap::Parser;
-use modulo_eval::grid::{Data, GridOptions, Request, detector, run};
-use modulo_eval::results::Provenance;
-use modulo_runtime::SystemClock;
+use modulo_camera::CameraParameters;
+use modulo_detector::DetectorParameters;
+use modulo_eval::plan::{CAMERA, DETECTOR, PlannedNode, UNWRAP, Variant};
+use modulo_eval::run::{Listener, Request, run};
+use modulo_eval::store;
+use modulo_runtime::{NodeName, ParameterSet as _, Parameters, SystemClock};
+use modulo_unwrap::UnwrapParameters;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let alpha = std::env::args().nth(1).unwrap_or_else(|| "4".into());
-    let options =
-        ["evaluate_cell", "--stream", "recovered", "--method", "auto", "--alpha", &alpha, "--fresh"];
+    let node =
+        |executable, declared, set: &[(&str, &str)]| -> Result<PlannedNode, Box<dyn std::error::Error>> {
+            let name = NodeName::new(executable, "/", &[])?;
+            Ok(PlannedNode { executable, name, parameters: Parameters::declare(declared).with_text(set)? })
+        };
+    let source = [("source", "scene://tunnel?seed=3&frames=8"), ("alpha", &alpha)];
+    let nodes = vec![
+        node(CAMERA, CameraParameters::descriptors(), &source)?,
+        node(UNWRAP, UnwrapParameters::descriptors(), &[])?,
+        node(DETECTOR, DetectorParameters::descriptors(), &[("input", "recovered")])?,
+    ];
     let request = Request {
-        data: Data::Any(vec!["scene://tunnel?seed=3&frames=8".into()]),
-        options: GridOptions::try_parse_from(options)?,
-        provenance: Provenance { command: "evaluate_cell".into(), ..Provenance::default() },
+        variants: vec![Variant { nodes, wanted: None, more: Default::default() }],
+        data: None,
+        places: 0..usize::MAX,
+        jobs: 0,
+        timing: Default::default(),
+        score: Default::default(),
+        fresh: true,
         out: "evaluation".into(),
     };
-    let outcome = run(&request, &detector, &SystemClock::default(), &|_| {})?;
-    for cell in &outcome.cells {
+    let listener = Listener { tell: &|_| {}, stopped: &|| false };
+    let results = run(&request, &SystemClock::default(), &listener)?;
+    store::save(&request.out, &results)?;
+    for cell in &results.cells {
         println!("{}", cell.point);
         for (group, ap) in &cell.ap50 {
             println!(
@@ -30,9 +48,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
         let exact = cell.exact_k.expect("a recovered stream has wrap counts");
         println!("    exact wrap counts: {:.1} %", 100.0 * exact);
-        for (stage, ms) in &cell.latency_ms {
-            println!("    {stage}: {:.2} ms (median of {} frames)", ms.p50, cell.frames);
-        }
     }
     Ok(())
 }

@@ -15,7 +15,7 @@ use modulo_bags_live::capture::capture;
 use modulo_bags_live::play::{PlayOptions, PlaybackClock, Player};
 use modulo_bags_live::remap::TopicRemaps;
 use modulo_bags_live::replay::{self, ReplayOptions, Replayed, replay};
-use modulo_eval::grid::words;
+use modulo_eval::score::words;
 use modulo_middleware::driver::wait_until_ready;
 use modulo_middleware::process::node_files::ReportFile;
 use modulo_runtime::launcher;

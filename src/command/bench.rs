@@ -19,7 +19,7 @@ use modulo_runtime::SystemClock;
 use modulo_runtime::clock::monotonic_ns;
 use modulo_runtime::output::ResultFolder;
 
-use super::grid::LabelledFrames;
+use super::eval::LabelledFrames;
 use super::usage;
 use crate::{Ended, Failure};
 

@@ -41,7 +41,7 @@ fn picture(file: &Path) -> Result<Ended, Failure> {
     prepare_file(file, None).map_err(usage)?;
     let folder = tempfile::tempdir().context("temporary folder")?;
     let mut eval = suite("eval", &["frames:=1", "-o"])?;
-    let status = eval.arg(folder.path()).status().context("modulo eval")?;
+    let status = eval.arg(folder.path()).stdout(Stdio::null()).status().context("modulo eval")?;
     if !status.success() {
         return Err(anyhow!("modulo eval {FILE} has failed: {status}").into());
     }

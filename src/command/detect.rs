@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, anyhow};
+use anyhow::Context as _;
 use clap::Args;
-use modulo_eval::launch_file::EvaluationPlan;
 use modulo_eval::messages::{found, image};
+use modulo_eval::plan::cameras;
 use modulo_images::save_png;
 use modulo_runtime::SystemClock;
 use modulo_runtime::lockstep::Lockstep;
@@ -42,18 +42,15 @@ pub fn detect(args: &Detect) -> Result<Ended, Failure> {
     let own = own.map(|(name, value)| (name.to_owned(), value.to_owned()));
     let arguments: Vec<_> = own.chain(more.iter().cloned()).collect();
     let file = modulo_launch::launch_file(Path::new(FILE)).map_err(usage)?;
-    let made = eval::nodes(&file, &arguments, false)?;
-    let plan = EvaluationPlan::new(&made, Vec::new()).map_err(|why| usage(anyhow!(why)))?;
-    let [camera] = &plan.cameras[..] else { unreachable!("the launch file has one camera") };
+    let planned = eval::planned(&file, &arguments, false)?;
+    let cameras = cameras(&planned, &[]).map_err(usage)?;
+    let [camera] = &cameras[..] else { unreachable!("the launch file has one camera") };
     let [stream] = &camera.streams[..] else { unreachable!("the launch file has one detector") };
     let drawn = stream.annotated.as_deref().expect("a detector draws its boxes");
-    let folder = ResultFolder::take(args.out.as_deref(), "detect", None).map_err(usage)?;
-
     let timer = SystemClock::default();
     let mut chain = Lockstep::new(&timer, vec![drawn.to_owned(), stream.detections.clone()]);
-    for (node, node_name) in made {
-        chain.add(node, &node_name)?;
-    }
+    eval::add(planned, &mut chain)?;
+    let folder = ResultFolder::take(args.out.as_deref(), "detect", None).map_err(usage)?;
     let (mut frames, interval) = (0u32, u64::try_from(camera.interval.as_nanos()).context("interval")?);
     while let Some(out) = chain.tick(camera.member, u64::from(frames) * interval)? {
         let Some(picture) = image(&out, drawn) else { continue };

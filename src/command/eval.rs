@@ -1,30 +1,48 @@
-//! `modulo eval FILE`: runs the nodes of a launch file in lockstep. Without FILE it runs the grid.
+//! `modulo eval`: every frame once through the nodes of a launch file, for each combination of what varies; and the report of it.
 
-use std::ops::ControlFlow;
+use std::ffi::OsString;
+use std::ops::{ControlFlow, Range};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, anyhow, bail};
 use clap::{Args, Subcommand};
 use modulo_bags::bag::{BagWriter, Compression};
-use modulo_bags::source::{SourceError, is_endless};
-use modulo_eval::launch_file::{Evaluation, EvaluationPlan, GRID, NamedNodes, Recordings, StreamResult};
-use modulo_eval::report::PAGE;
-use modulo_eval::results::RESULTS;
+use modulo_bags::source::{FrameList, SourceError, is_endless};
+use modulo_camera::CameraParameters;
+use modulo_detector::EngineChoice;
+use modulo_eval::data::Data;
+use modulo_eval::plan::{PlannedNode, Variant, cameras};
+use modulo_eval::record::Timelines;
+use modulo_eval::recordings::Recordings;
+use modulo_eval::results::{Cell, Results};
+use modulo_eval::run::{GridEvent, Listener, Request, check, run};
+use modulo_eval::score::{ScoreOptions, score, words};
+use modulo_eval::store::{Folder, figures, save};
+use modulo_eval::timing::Timing;
+use modulo_eval::variants::{Axes, Resolve, Varied};
 use modulo_eval::video::AnnotatedVideo;
-use modulo_launch::{Plan, Summary};
+use modulo_eval::{GridError, below_100, coco, draw_pictures, report};
+use modulo_launch::Plan;
 use modulo_middleware::process::signals::first_signal;
+use modulo_runtime::clock::utc;
 use modulo_runtime::lockstep::Lockstep;
-use modulo_runtime::output::{OutputError, ResultFolder, prepare_file};
-use modulo_runtime::{NodeName, NodeReport, Parameters, SystemClock, Value};
+use modulo_runtime::output::{ResultFolder, prepare_file};
+use modulo_runtime::sensor::options::{CHIP, CodingOptions};
+use modulo_runtime::{Clock as _, Parameters, SystemClock, Value};
 use modulo_video::VideoAddress;
 
-use super::colour::say_summary;
-use super::launch::{prepare, refuse, tell_slower_engine};
-use super::progress::ProgressLine;
-use super::run::NodeKind;
-use super::{completion, grid, pairs, start_log, usage};
+use super::bench::processor;
+use super::launch::{prepare, refuse};
+use super::progress::{FrameProgress, ProgressLine};
+use super::run::kind_of;
+use super::{completion, pairs, start_log, usage};
 use crate::{Ended, Failure, message_of};
+
+/// The options of frames that no camera reads.
+const LABELLED: [&str; 4] = ["kitti", "sequence", "yolo", "coco"];
+/// The launch file of an evaluation that names none.
+const COMPARE: &str = "compare.launch.yaml";
 
 #[derive(Args)]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
@@ -32,216 +50,432 @@ pub struct Eval {
     /// Command for existing results
     #[command(subcommand)]
     pub verb: Option<Verb>,
-    /// Launch file (ROS 2 YAML) with one camera or several. Without it: a grid over --kitti, --sequence, --yolo, --coco or
-    /// --source
-    #[arg(conflicts_with = "LabelledFrames", add = completion::files())]
+    /// Launch file (ROS 2 YAML) with one camera or several [default: compare.launch.yaml]
+    #[arg(add = completion::files())]
     pub file: Option<PathBuf>,
     /// Arguments of the launch file as name:=value
     #[arg(requires = "file", add = completion::arguments())]
     pub arguments: Vec<String>,
-    /// Source of frames, such as a bag, a video or scene://PRESET: for the grid, or instead of the source in FILE (repeatable)
+    /// Values that a launch argument takes by turns, such as alpha=2,4,8, or a parameter of a node, such as unwrap.method=auto,spud
+    /// (repeatable: every combination is evaluated)
+    #[arg(long, value_name = "NAME=VALUES")]
+    pub vary: Vec<Varied>,
+    /// Frames to take, by their places from 0 on: FIRST:END, without END
+    #[arg(long, value_name = "FIRST:END", value_parser = places)]
+    pub frames: Option<Range<usize>>,
+    /// Source of frames, such as a bag, a video or scene://PRESET, in place of that of the camera (repeatable: each is a drive)
     #[arg(long, value_name = "SOURCE")]
     pub source: Vec<String>,
-    /// Folder for the results; without it a new one in runs
+    /// The labelled frames.
+    #[command(flatten)]
+    pub labelled: LabelledFrames,
+    /// Folder for the results, which may have some; without it a new one in runs
     #[arg(short, long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
+    /// Number of frames that are processed in parallel. 0: one for each core
+    #[arg(long, default_value_t = 0, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(..=1024))]
+    pub jobs: usize,
+    /// Remove the results that are in the folder
+    #[arg(long)]
+    pub fresh: bool,
+    /// How the boxes are scored.
+    #[command(flatten)]
+    pub score: ScoreOptions,
+    /// The times to measure.
+    #[command(flatten)]
+    pub timing: Timing,
+    /// What is recorded beside the results.
+    #[command(flatten)]
+    pub record: Record,
+    /// Also print what the nodes log, with one line for each frame
+    #[arg(long, short)]
+    pub verbose: bool,
+    /// Short forms of --vary.
+    #[command(flatten)]
+    pub short: Short,
+}
+
+/// What people look at, from a second run of the nodes with the parameters of the launch file.
+#[derive(Args)]
+pub struct Record {
     /// New bag folder for the messages on --topics; with FILE
-    #[arg(long, value_name = "FOLDER", requires_all = ["topics", "file"])]
+    #[arg(long, value_name = "FOLDER", requires_all = ["topics", "file"], conflicts_with_all = LABELLED)]
     pub bag: Option<PathBuf>,
     /// Topics for --bag
     #[arg(long, value_name = "TOPIC", num_args = 1.., requires = "bag")]
     pub topics: Vec<String>,
     /// Also write every image that a detector gets as PNG; with FILE
-    #[arg(long, requires = "file")]
+    #[arg(long, requires = "file", conflicts_with_all = LABELLED)]
     pub images: bool,
     /// Write all streams with their boxes into this video, such as out.mp4, with the method and the trust of each frame; with FILE (needs
     /// ffmpeg)
-    #[arg(long, value_name = "VIDEO", requires = "file")]
+    #[arg(long, value_name = "VIDEO", requires = "file", conflicts_with_all = LABELLED)]
     pub video: Option<PathBuf>,
-    /// Also print what the nodes log, with one line for each frame
-    #[arg(long, short)]
-    pub verbose: bool,
+}
+
+/// Options that stand for values of `--vary`.
+#[derive(Args)]
+#[command(next_help_heading = "Short forms of --vary")]
+pub struct Short {
+    /// Parameter file of the camera with the values of the chip and the lens, such as sensors/mosaic.yaml
+    #[arg(long, value_name = "FILE", conflicts_with = CHIP)]
+    pub sensor: Option<PathBuf>,
+    /// What varies.
     #[command(flatten)]
-    pub grid: grid::Grid,
+    pub axes: Axes,
+    /// Inference engine
+    #[arg(long, value_parser = words(EngineChoice::WORDS))]
+    pub engine: Option<EngineChoice>,
+    /// Device that runs the model: cpu, cuda or tensorrt, the last two with the number of a GPU where it is not the first
+    #[arg(long)]
+    pub device: Option<String>,
+    /// How the samples of the images stand for radiance.
+    #[command(flatten)]
+    pub coding: CodingOptions,
+    /// Seed of the noise
+    #[arg(long)]
+    pub seed: Option<i64>,
+}
+
+/// Labelled frames in files.
+#[derive(Args)]
+pub struct LabelledFrames {
+    /// KITTI object folder (image_2, label_2)
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["sequence", "yolo", "coco", "source"])]
+    pub kitti: Option<PathBuf>,
+    /// Frames of --kitti to take: a file of lines FRAME [DRIVE], or `paper` for the paper's test images
+    #[arg(long, value_name = "FILE", requires = "kitti")]
+    pub list: Option<PathBuf>,
+    /// KITTI drives with tracking labels, one folder for each drive
+    #[arg(long, value_name = "FOLDER", num_args = 1.., conflicts_with_all = ["yolo", "coco", "source"])]
+    pub sequence: Vec<PathBuf>,
+    /// Images with YOLO labels: a folder (subfolders images and labels, or both side by side), the data.yaml of a data set, of which val is
+    /// taken, or a list of images (.txt)
+    #[arg(long, value_name = "PATH", conflicts_with_all = ["coco", "source"])]
+    pub yolo: Option<PathBuf>,
+    /// COCO annotation file
+    #[arg(long, value_name = "JSON", conflicts_with = "source")]
+    pub coco: Option<PathBuf>,
+    /// Folder of the images of --coco, if they are not in the usual place
+    #[arg(long, value_name = "FOLDER", requires = "coco")]
+    pub coco_images: Option<PathBuf>,
 }
 
 #[derive(Subcommand)]
 pub enum Verb {
-    /// Draw charts and report of the results in a folder again
+    /// Score what lies in folders, and write the report into the first one
     Report {
-        /// Folder with results.json
-        folder: PathBuf,
+        /// Folders of one evaluation, such as those of its slices
+        #[arg(required = true)]
+        folders: Vec<PathBuf>,
+        /// How the boxes are scored.
+        #[command(flatten)]
+        score: ScoreOptions,
+        /// Also write labels and boxes into this new folder, as COCO annotations and results
+        #[arg(long, value_name = "FOLDER")]
+        coco: Option<PathBuf>,
     },
+}
+
+/// Reads `FIRST:END`.
+fn places(text: &str) -> Result<Range<usize>, String> {
+    let parsed = text.split_once(':').and_then(|(first, end)| {
+        let first = if first.is_empty() { 0 } else { first.parse().ok()? };
+        let end = if end.is_empty() { usize::MAX } else { end.parse().ok()? };
+        (first < end).then_some(first..end)
+    });
+    parsed.ok_or_else(|| "must be FIRST:END with FIRST below END, such as 0:250".to_owned())
 }
 
 pub fn eval(args: &Eval) -> Result<Ended, Failure> {
     start_log(if args.verbose { "debug" } else { "warn" });
-    if let Some(Verb::Report { folder }) = &args.verb {
-        return grid::report(folder);
+    if let Some(Verb::Report { folders, score, coco }) = &args.verb {
+        return show(folders, score, coco.as_deref());
     }
-    let out = |continued| ResultFolder::take(args.out.as_deref(), "eval", continued).map_err(usage);
-    match &args.file {
-        Some(file) => launch_file(args, &modulo_launch::launch_file(file).map_err(usage)?, out(None)?.path()),
-        // A grid goes on where an earlier run has ended.
-        None => grid::grid(&args.grid, &args.source, out(Some(RESULTS))?.path()),
-    }
-}
-
-/// Name of the file with the counts of the run.
-const SUMMARY: &str = "summary.json";
-
-/// Runs every frame of the cameras of the file, or of each `--source`, through the nodes, and writes boxes and scores.
-fn launch_file(args: &Eval, file: &Path, out: &Path) -> Result<Ended, Failure> {
+    let file = args.file.clone().unwrap_or_else(|| PathBuf::from(COMPARE));
+    let file = modulo_launch::launch_file(&file).map_err(usage)?;
     let arguments = pairs(&args.arguments)?;
-    let of_source = |source: &String| [&arguments[..], &[("source".to_owned(), source.clone())]].concat();
-    let mut runs: Vec<_> = args.source.iter().map(of_source).collect();
-    if runs.is_empty() {
-        runs.push(arguments.clone());
+    let data = args.labelled.data(&args.source)?;
+    if args.file.is_none() && data.is_none() {
+        return Err(usage(anyhow!(
+            "nothing to evaluate: give a launch file, or one of --kitti, --sequence, --yolo, --coco, --source"
+        )));
     }
-    let mut made = Some(nodes(file, &runs[0], false)?);
-    // Opened, and closed again: a source that is not there must be known now and not after the frames of those before it.
-    runs[1..].iter().try_for_each(|run| nodes(file, run, true).map(drop))?;
-    let plan = |made: &NamedNodes| {
-        let plan = EvaluationPlan::new(made, args.topics.clone());
-        plan.map_err(|why| usage(anyhow!(why).context(file.display().to_string())))
+    let has_frames = data.is_some();
+    let nodes = |more: &[(String, String)]| {
+        let planned = planned(&file, &[&arguments[..], more].concat(), has_frames);
+        planned.map_err(|(Failure::Usage(why) | Failure::Run(why))| GridError::Request(message_of(&why)))
     };
-    let mut recordings =
-        made.as_ref().map(|made| outputs(args, out, &plan(made)?)).expect("the first run is made")?;
+    let variants = args.variants(&nodes)?;
+    let out = Folder::take(args.out.as_deref()).map_err(failure)?;
+    let request = args.request(variants, data, out.path())?;
+    // What cannot be evaluated leaves no recording behind.
+    check(&request).map_err(failure)?;
+    let mut recordings = args.record.open(&request.variants, out.path())?;
     let asked = first_signal().context("signal handlers")?;
-    let mut evaluation = Evaluation::new(args.grid.options.difficulty.unwrap_or_default());
-    let (mut reports, mut ended) = (Vec::new(), Ok(()));
-    // All sources add to the same evaluation, so that the scores count over all frames and not over sources.
-    for run in &runs {
-        let made = made.take().map_or_else(|| nodes(file, run, false), Ok);
-        ended = made.and_then(|made| {
-            let plan = plan(&made)?;
-            add(made, &plan, (&mut evaluation, &mut recordings), &asked, &mut reports)
-        });
-        if ended.is_err() || asked.load(Ordering::Relaxed) {
-            break;
-        }
-    }
-    if ended.is_err() && evaluation.is_empty() {
-        // The corrected command finds no bag in its way.
-        args.bag.iter().for_each(|bag| drop(std::fs::remove_dir_all(bag)));
-        return ended.map(|()| Ended::Done);
-    }
-    let summary = Summary { stopped: asked.load(Ordering::Relaxed), ..Summary::new(&reports, []) };
-    finish(out, (evaluation, recordings, summary), ended)
-}
-
-/// Writes the results, and prints them all the same where that fails. `ended` is how the run ended.
-fn finish(
-    out: &Path,
-    (evaluation, recordings, summary): (Evaluation, Recordings, Summary),
-    ended: Result<(), Failure>,
-) -> Result<Ended, Failure> {
-    let (results, pictured) = (evaluation.results(), recordings.pictured());
-    // The files do not wait for a terminal.
-    let files = [
-        recordings.finish().err().map(|why| anyhow!(why)),
-        evaluation.write(out, (&results, pictured), summary.stopped).err().map(anyhow::Error::from),
-        summary.write(&out.join(SUMMARY)).err().map(anyhow::Error::from),
-    ];
-    say_summary(&summary);
-    results.iter().for_each(|(stream, result)| print_result(stream, result, &evaluation));
-    evaluation.verdicts(&results).iter().for_each(|verdict| say!("{verdict}"));
-    if summary.stopped {
-        let frames = evaluation.frames();
-        note!("[eval] stopped by a signal: the results are those of the {frames} frames before it");
-    }
-    let ended = ended.err().map(|(Failure::Usage(why) | Failure::Run(why))| why);
-    let failures: Vec<_> = ended.into_iter().chain(files.into_iter().flatten()).collect();
-    if !failures.is_empty() {
-        let all: Vec<_> = failures.iter().map(message_of).collect();
-        return Err(anyhow!(all.join("; ")).into());
-    }
-    tell_slower_engine(&summary);
-    if let Some(number) = pictured {
-        note!("frame {number} with the boxes of all streams: {}", out.join(GRID).display());
-    }
-    note!("report: {}", out.join(PAGE).display());
-    let lost = summary.lost(false) || summary.stopped || results.values().any(StreamResult::lost);
-    Ok(Ended::of(lost))
-}
-
-fn print_result(stream: &str, result: &StreamResult, Evaluation { difficulty, .. }: &Evaluation) {
-    let score = match result.score() {
-        Ok(score) => score,
-        Err(why) => return say!("AP50 on {stream}: none, {why}"),
-    };
-    let classes: Vec<_> = score.classes.iter().map(|(c, (ap, n))| format!("{c} {ap:.3} ({n})")).collect();
-    let interval = score.interval95.map_or_else(String::new, |[low, high]| format!(" [{low:.3}, {high:.3}]"));
-    say!("AP50 on {stream} ({difficulty} objects): {:.3}{interval}; {}", score.ap50, classes.join(", "));
-    score.notes().iter().for_each(|note| say!("  {note}"));
-}
-
-/// Opens the recordings, after the checks of the nodes and before the first frame. A refused command leaves none behind.
-fn outputs(args: &Eval, out: &Path, plan: &EvaluationPlan) -> Result<Recordings, Failure> {
-    let opened = || -> anyhow::Result<Recordings> {
-        args.video.iter().try_for_each(|video| prepare_file(video, None))?;
-        let video = args.video.as_deref().map(AnnotatedVideo::create).transpose()?;
-        let bag = args.bag.as_ref().map(|folder| BagWriter::create(folder, Compression::Zstd)).transpose()?;
-        for folder in plan.streams().filter(|_| args.images).map(|stream| out.join(&stream.name)) {
-            std::fs::create_dir_all(&folder).map_err(|why| OutputError::new(&folder, why))?;
-        }
-        Ok(Recordings::new(out, bag, video, args.images))
-    };
-    opened().map_err(usage)
-}
-
-/// Runs the cameras of one source to their ends, or to the first signal.
-fn add(
-    made: NamedNodes,
-    plan: &EvaluationPlan,
-    (evaluation, recordings): (&mut Evaluation, &mut Recordings),
-    asked: &AtomicBool,
-    reports: &mut Vec<NodeReport>,
-) -> Result<(), Failure> {
-    let names: Vec<&str> = made.iter().map(|(_, node_name)| node_name.name.as_str()).collect();
-    note!("[eval] {} in lockstep: every frame once, none dropped", names.join(", "));
-    for camera in plan.cameras.iter().filter(|camera| camera.streams.is_empty()) {
-        note!("[eval] no detector reads the images of {}", camera.name);
-    }
+    let progress = FrameProgress::new();
     let timer = SystemClock::default();
-    let mut chain = Lockstep::new(&timer, recordings.topics(plan));
-    for (node, node_name) in made {
-        chain.add(node, &node_name)?;
+    let stopped = || asked.load(Ordering::Relaxed);
+    let listener = Listener { tell: &|event| tell(&progress, event), stopped: &stopped };
+    let results = run(&request, &timer, &listener).map_err(failure)?;
+    progress.end();
+    recordings.iter_mut().try_for_each(|recordings| args.record(recordings, &nodes, &asked))?;
+    if !stopped() {
+        picture(&request, &results)?;
     }
-    let line = ProgressLine::start();
-    let ended = evaluation.add(&mut chain, plan, recordings, &|chain| {
-        line.show(|| chain.reports());
-        if asked.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    });
-    reports.extend(chain.finish());
-    Ok(ended?)
+    finish(&results, &write(out.path(), &results)?, stopped())
 }
 
-/// Returns the nodes of a launch file; or, to try the sources, its cameras alone.
-pub(super) fn nodes(
+/// Draws the frame in which the streams differ most.
+fn picture(request: &Request, results: &Results) -> Result<(), Failure> {
+    let drawn = draw_pictures(request, &SystemClock::default(), results).map_err(failure)?;
+    if let Some(chart) = drawn {
+        report::save_pictures(&request.out, &chart).map_err(failure)?;
+        note!("the frame in which the streams differ most: {}", request.out.join(report::GRID).display());
+    }
+    Ok(())
+}
+
+/// Writes what follows from the files of a folder.
+fn write(folder: &Path, results: &Results) -> Result<PathBuf, Failure> {
+    save(folder, results).map_err(failure)?;
+    report::write(folder, results).map_err(failure)
+}
+
+/// Prints the figures of the cells and the verdict.
+fn finish(results: &Results, page: &Path, stopped: bool) -> Result<Ended, Failure> {
+    results.cells.iter().for_each(print_cell);
+    results.verdict.iter().for_each(|verdict| say!("{verdict}"));
+    if results.input.labelled == 0 {
+        note!("modulo: no frame has labels, so that there is no AP");
+    } else if results.cells.iter().any(Cell::is_unscored) {
+        note!(
+            "modulo: no labelled object is scored, so that there is no AP; --groups names the classes that are scored, and \
+             --difficulty the objects"
+        );
+    }
+    if stopped {
+        note!("modulo: stopped by a signal; the same command goes on with the frames that are missing");
+    }
+    say!("{}", page.display());
+    Ok(Ended::of(results.lost() || stopped))
+}
+
+/// Scores the results in `folders`.
+fn show(folders: &[PathBuf], options: &ScoreOptions, coco: Option<&Path>) -> Result<Ended, Failure> {
+    let [first, ..] = folders else { unreachable!("the command line needs a folder") };
+    if let Some(results) = figures(first).map_err(failure)? {
+        let page = report::write(first, &results).map_err(failure)?;
+        return finish(&results, &page, false);
+    }
+    let opened = folders.iter().map(|folder| Folder::existing(folder)).collect::<Result<Vec<_>, _>>();
+    let opened = opened.map_err(failure)?;
+    let results = score(&opened, options).map_err(failure)?;
+    if let Some(out) = coco {
+        let taken = ResultFolder::take(Some(out), "coco", None).map_err(usage)?;
+        coco::export(&opened, options, taken.path()).map_err(failure)?;
+    }
+    finish(&results, &write(first, &results)?, false)
+}
+
+impl Eval {
+    fn request(&self, variants: Vec<Variant>, data: Option<Data>, out: &Path) -> Result<Request, Failure> {
+        let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_else(|_| "unknown".into());
+        let started = utc(SystemClock::default().now_ns() / 1_000_000_000);
+        let pass = format!("{} {}Z", host.trim(), started.replace(' ', "T"));
+        Ok(Request {
+            variants,
+            data,
+            places: self.frames.clone().unwrap_or(0..usize::MAX),
+            jobs: self.jobs,
+            timing: Timing { pass, processor: processor(), ..self.timing.clone() },
+            score: self.score.clone(),
+            fresh: self.fresh,
+            out: out.to_owned(),
+        })
+    }
+
+    /// The nodes of each combination of what varies.
+    fn variants(&self, nodes: &Resolve<'_>) -> Result<Vec<Variant>, Failure> {
+        let Short { sensor, axes, engine, device, coding, seed } = &self.short;
+        let mut axes = axes.clone();
+        if let Some(file) = sensor {
+            axes.sensor.take_chip(&CameraParameters::read_sensor(file).map_err(usage)?);
+        }
+        let CodingOptions { white, black, knees } = coding;
+        let given = [
+            ("detector.engine", engine.map(|engine| engine.word().to_owned())),
+            ("detector.device", device.clone()),
+            ("modulo_camera.seed", seed.map(|seed| seed.to_string())),
+            ("modulo_camera.white", (*white != 0.0).then(|| white.to_string())),
+            ("modulo_camera.black", (*black != 0.0).then(|| black.to_string())),
+            ("modulo_camera.knees", knees.as_ref().map(ToString::to_string)),
+        ];
+        let given = given.into_iter().filter_map(|(name, value)| Some(Varied::one(name, value?)));
+        let varied: Vec<Varied> = given.chain(self.vary.iter().cloned()).collect();
+        axes.variants(nodes, &varied, self.file.is_none()).map_err(failure)
+    }
+
+    /// Runs the nodes for `recordings`, source after source.
+    fn record(
+        &self,
+        recordings: &mut Recordings,
+        nodes: &Resolve<'_>,
+        asked: &AtomicBool,
+    ) -> Result<(), Failure> {
+        let of_source = |source: &String| vec![("source".to_owned(), source.clone())];
+        let mut runs: Vec<_> = self.source.iter().map(of_source).collect();
+        if runs.is_empty() {
+            runs.push(Vec::new());
+        }
+        let (timer, mut timelines) = (SystemClock::default(), Timelines::default());
+        for run in runs {
+            let planned = nodes(&run).map_err(failure)?;
+            let cameras = cameras(&planned, &self.record.topics).map_err(failure)?;
+            let mut chain = Lockstep::new(&timer, recordings.topics(&cameras));
+            add(planned, &mut chain)?;
+            let line = ProgressLine::start();
+            timelines.record(&mut chain, &cameras, recordings, &|chain| {
+                line.show(|| chain.reports());
+                if asked.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            })?;
+        }
+        std::mem::take(recordings).finish().map_err(|why| anyhow!(why).into())
+    }
+}
+
+impl Record {
+    /// Opens what is recorded, after the checks of the nodes and before the first frame. A refused command leaves none behind.
+    fn open(&self, variants: &[Variant], out: &Path) -> Result<Option<Recordings>, Failure> {
+        cameras(&variants[0].nodes, &self.topics).map_err(failure)?;
+        let opened = || -> anyhow::Result<Recordings> {
+            self.video.iter().try_for_each(|video| prepare_file(video, None))?;
+            let video = self.video.as_deref().map(AnnotatedVideo::create).transpose()?;
+            let bag =
+                self.bag.as_ref().map(|folder| BagWriter::create(folder, Compression::Zstd)).transpose()?;
+            Ok(Recordings::new(out, bag.map(|bag| (bag, self.topics.clone())), video, self.images))
+        };
+        let recordings = opened().map_err(usage)?;
+        if variants.len() > 1 && !recordings.is_empty() {
+            let why = "--bag, --images and --video record one variant; give each argument one value";
+            return Err(usage(anyhow!(why)));
+        }
+        Ok(Some(recordings).filter(|recordings| !recordings.is_empty()))
+    }
+}
+
+impl LabelledFrames {
+    /// Returns the options of a command line that name these frames.
+    pub fn options(&self) -> Vec<OsString> {
+        let Self { kitti, list, sequence, yolo, coco, coco_images } = self;
+        let one = [
+            ("--kitti", kitti),
+            ("--list", list),
+            ("--yolo", yolo),
+            ("--coco", coco),
+            ("--coco-images", coco_images),
+        ];
+        let one = one.into_iter().filter_map(|(name, path)| Some((name, path.as_ref()?)));
+        one.chain(sequence.iter().map(|folder| ("--sequence", folder)))
+            .flat_map(|(name, path)| [name.into(), path.clone().into_os_string()])
+            .collect()
+    }
+
+    /// Returns the frames that these options and `source` name; `None` for those of the cameras.
+    fn data(&self, source: &[String]) -> Result<Option<Data>, Failure> {
+        let list = match self.list.as_deref() {
+            Some(path) if path == Path::new("paper") => Some(FrameList::paper()),
+            Some(path) => Some(FrameList::read(path)?),
+            None => None,
+        };
+        Ok(match (&self.kitti, &self.sequence[..], &self.yolo, &self.coco, source) {
+            (Some(folder), ..) => Some(Data::Kitti { folder: folder.clone(), list }),
+            (None, [_, ..], ..) => Some(Data::Sequences(self.sequence.clone())),
+            (None, [], Some(folder), ..) => Some(Data::Yolo(folder.clone())),
+            (None, [], None, Some(annotations), _) => {
+                Some(Data::Coco { annotations: annotations.clone(), images: self.coco_images.clone() })
+            }
+            (None, [], None, None, [_, ..]) => match source.iter().find(|source| is_endless(source)) {
+                Some(endless) => {
+                    let why =
+                        "has no end, but an evaluation needs one; give the number of frames as well, such as";
+                    return Err(usage(anyhow!("--source {endless} {why} scene://day?frames=60")));
+                }
+                None => Some(Data::Any(source.to_vec())),
+            },
+            _ => None,
+        })
+    }
+}
+
+/// What the command line names is a matter of its own; the others come from results or from the run.
+fn failure(why: GridError) -> Failure {
+    match why {
+        GridError::Request(_) | GridError::Parameter(_) | GridError::Detector(_) | GridError::Source(_) => {
+            usage(why)
+        }
+        _ => why.into(),
+    }
+}
+
+fn tell(progress: &FrameProgress, event: GridEvent<'_>) {
+    match event {
+        GridEvent::Cell { frames, name } => progress.begin(frames, name),
+        GridEvent::Frame => progress.frame(),
+        GridEvent::Warning(warning) => progress.warn(warning),
+    }
+}
+
+fn print_cell(cell: &Cell) {
+    let percent =
+        |value: Option<f64>| value.map_or("    -".to_owned(), |value| format!("{:>5}", below_100(value, 1)));
+    let group = |(group, ap): (&String, &Option<f64>)| {
+        // A group without an object in the data has no AP, which says nothing.
+        let bounds = cell
+            .interval_of(group)
+            .filter(|_| ap.is_some())
+            .map(|bounds| format!(" [{}]", bounds.map(|bound| below_100(bound, 1)).join(", ")));
+        Some(format!("{group} {}{}", percent(Some((*ap)?)), bounds.unwrap_or_default()))
+    };
+    let groups: Vec<String> = cell.ap50.iter().filter_map(group).collect();
+    say!(
+        "{:<64} AP50 {}  exact k {}  infer {}",
+        cell.point.to_string(),
+        if groups.is_empty() { "-".to_owned() } else { groups.join(" ") },
+        percent(cell.exact_k),
+        // Without --time-frames, no time is measured.
+        cell.latency_ms.get("infer").map_or("-".to_owned(), |infer| format!("{:.1} ms", infer.p50))
+    );
+    if !cell.unknown.is_empty() {
+        let unknown: Vec<_> =
+            cell.unknown.iter().map(|(group, count)| format!("{group} ({count})")).collect();
+        say!("  the model has no class for {}, which are not scored", unknown.join(", "));
+    }
+    if cell.unanswered > 0 {
+        let Cell { unanswered, frames, .. } = cell;
+        say!("  {unanswered} of its {frames} frames have no answer, and count as frames without a box");
+    }
+}
+
+/// Returns the nodes of a launch file. `has_frames`: whether the frames are not those of its cameras.
+pub(super) fn planned(
     file: &Path,
     arguments: &[(String, String)],
-    cameras_alone: bool,
-) -> Result<NamedNodes, Failure> {
+    has_frames: bool,
+) -> Result<Vec<PlannedNode>, Failure> {
     let plan = modulo_launch::resolve(file, arguments).map_err(usage)?;
     refuse(&plan)?;
-    let prepared = evaluable(&plan).map_err(usage)?.into_iter();
-    let prepared = prepared.filter(|(.., parameters)| !cameras_alone || parameters.get("source").is_some());
-    let make = |(kind, node_name, parameters): (&NodeKind, NodeName, Parameters)| {
-        let step = (kind.make)(&parameters).with_context(|| node_name.fully_qualified())?;
-        Ok((step, node_name))
-    };
-    prepared.map(make).collect::<anyhow::Result<_>>().map_err(usage)
+    evaluable(&plan, has_frames).map_err(usage)
 }
 
-/// Returns the nodes of a plan with their parameters, if lockstep can run them to an end.
-pub(super) fn evaluable(plan: &Plan) -> anyhow::Result<Vec<(&'static NodeKind, NodeName, Parameters)>> {
+/// Returns the nodes of a plan, if lockstep can run them to an end.
+pub(super) fn evaluable(plan: &Plan, has_frames: bool) -> anyhow::Result<Vec<PlannedNode>> {
     let node = |node| {
-        let (kind, node_name, parameters) = prepare(node)?;
-        if let Some(Value::String(source)) = parameters.get("source") {
-            check_source(source, &parameters).with_context(|| node_name.fully_qualified())?;
+        let (kind, name, parameters) = prepare(node)?;
+        if let Some(Value::String(source)) = parameters.get("source").filter(|_| !has_frames) {
+            check_source(source, &parameters).with_context(|| name.fully_qualified())?;
         }
-        Ok((kind, node_name, parameters))
+        Ok(PlannedNode { executable: kind.name, name, parameters })
     };
     let nodes = modulo_launch::compose(plan).map_err(|why| {
         anyhow!("{why}; an evaluation runs nodes of the suite only, and takes the frames of a bag as the source of a camera")
@@ -249,6 +483,14 @@ pub(super) fn evaluable(plan: &Plan) -> anyhow::Result<Vec<(&'static NodeKind, N
     nodes.iter().map(node).collect()
 }
 
+/// Makes the nodes and adds them to a chain.
+pub(super) fn add(planned: Vec<PlannedNode>, chain: &mut Lockstep<'_>) -> Result<(), Failure> {
+    for PlannedNode { executable, name, parameters } in planned {
+        let made = (kind_of(executable)?.make)(&parameters);
+        chain.add(made.with_context(|| name.fully_qualified()).map_err(usage)?, &name)?;
+    }
+    Ok(())
+}
 /// Refuses a source of a camera that lockstep cannot read, or that has no end.
 fn check_source(source: &str, parameters: &Parameters) -> anyhow::Result<()> {
     if let Some(VideoAddress::Live(address)) = VideoAddress::of(source)? {

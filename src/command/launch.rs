@@ -105,7 +105,7 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
     // A result without a place would be known only when the whole run is over.
     places(args)?;
     // Lockstep runs the nodes as one process does, so the hint at the end is given for such files only.
-    let evaluable = evaluable(&plan).is_ok();
+    let evaluable = evaluable(&plan, false).is_ok();
     let LaunchResult { summary, failure, completed } =
         if args.compose { run_composed(&plan)? } else { run_processes(plan, args)? };
     // The file does not wait for a terminal, nor does a full disk take the printed summary.

@@ -26,7 +26,6 @@ pub mod detect;
 mod documents;
 pub mod eval;
 pub mod graph;
-mod grid;
 pub mod images;
 pub mod launch;
 pub mod model;

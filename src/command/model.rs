@@ -16,7 +16,7 @@ use modulo_detector::{
     EngineChoice, EngineDevice, EngineOptions, ModelInfo, Speed, describe, measure, onnxruntime_library,
     onnxruntime_places,
 };
-use modulo_eval::grid::words;
+use modulo_eval::score::words;
 use modulo_middleware::transport::zenoh::meeting_port;
 use modulo_models::{FetchError, FetchRequest, Fetched, LICENCE, Wheel, fetch, official};
 use modulo_runtime::output::prepare_folder;

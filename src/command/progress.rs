@@ -4,12 +4,12 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use indicatif::{HumanDuration, ProgressDrawTarget};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget};
 use modulo_launch::NodeReport;
 use modulo_runtime::report::{Histogram, quantile};
 use modulo_runtime::{Clock as _, SystemClock};
 
-use super::bench::style;
+use super::bench::{progress_bar, style};
 use super::terminal::{LINE, takes_log};
 
 /// Shortest time between two texts of the line.
@@ -61,9 +61,61 @@ impl Drop for ProgressLine {
     }
 }
 
-/// The progress of a grid without a terminal: a line a minute.
+/// The progress of frames: a bar on a terminal, else a line a minute.
+pub struct FrameProgress {
+    bar: ProgressBar,
+    clock: SystemClock,
+    lines: Mutex<MinuteLines>,
+}
+
+impl FrameProgress {
+    pub fn new() -> Self {
+        // The message is cut where the line ends.
+        let bar = progress_bar("{bar:20} {pos}/{len} frames, {eta} left: {wide_msg}");
+        Self { bar, clock: SystemClock::default(), lines: Mutex::default() }
+    }
+
+    /// Begins something after `done` of `all` frames.
+    pub fn begin(&self, (done, all): (u64, u64), name: &str) {
+        self.bar.set_length(all);
+        self.bar.set_position(done);
+        if done == 0 {
+            self.with_lines(|lines, now| lines.begin(now));
+        }
+        self.bar.set_message(name.to_owned());
+    }
+
+    /// Counts a frame.
+    pub fn frame(&self) {
+        self.bar.inc(1);
+        if self.bar.is_hidden() {
+            let (done, all) = (self.bar.position(), self.bar.length().unwrap_or_default());
+            let line = self.with_lines(|lines, now| lines.line(now, done, all));
+            line.iter().for_each(|line| note!("modulo: {line}"));
+        }
+    }
+
+    /// Prints a line beside the bar.
+    pub fn warn(&self, warning: &str) {
+        self.bar.suspend(|| note!("modulo: {warning}"));
+    }
+
+    /// Takes the bar away.
+    pub fn end(&self) {
+        self.bar.finish_and_clear();
+    }
+
+    /// Passes the lines and the present time to `with`.
+    fn with_lines<T>(&self, with: impl FnOnce(&mut MinuteLines, Duration) -> T) -> T {
+        // Workers finish frames in parallel.
+        let mut lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
+        with(&mut lines, Duration::from_nanos(self.clock.ticks_ns()))
+    }
+}
+
+/// The progress without a terminal: a line a minute.
 #[derive(Default)]
-pub struct MinuteLines {
+struct MinuteLines {
     /// The start of the present pass over the cells.
     start: Duration,
     /// The time of the last line, or the start.
@@ -72,12 +124,12 @@ pub struct MinuteLines {
 
 impl MinuteLines {
     /// Begins a pass at the time `now`; its first line comes a minute later.
-    pub fn begin(&mut self, now: Duration) {
+    fn begin(&mut self, now: Duration) {
         (self.start, self.last) = (now, now);
     }
 
     /// Returns the line that is due at the time `now`, with `done` of `all` frames of the pass.
-    pub fn line(&mut self, now: Duration, done: u64, all: u64) -> Option<String> {
+    fn line(&mut self, now: Duration, done: u64, all: u64) -> Option<String> {
         if done == 0 || now < self.last + Duration::from_secs(60) {
             return None;
         }

@@ -250,6 +250,38 @@ pub fn classes(summary: &Value, stream: &str) -> BTreeMap<String, u64> {
     classes.into_iter().map(|(class, n)| (class, n.as_u64().expect("a count"))).collect()
 }
 
+/// The cell of a stream in the results of an evaluation.
+pub fn cell(folder: &Path, stream: &str) -> Value {
+    let results = json(&folder.join("results.json"));
+    let mut cells = results["cells"].as_array().expect("cells").iter();
+    cells.find(|cell| cell["stream"] == stream).unwrap_or_else(|| panic!("{stream}: {results}")).clone()
+}
+
+/// The frames of a stream as an evaluation has stored them, in their order.
+pub fn evaluated(folder: &Path, stream: &str) -> Vec<Value> {
+    let files =
+        std::fs::read_dir(folder.join("cells")).expect("cells").map(|file| file.expect("a file").path());
+    let slices =
+        files.filter(|file| file.extension().is_some_and(|ending| ending == "json")).map(|file| json(&file));
+    let own = slices.filter(|slice| slice["key"]["point"]["stream"] == stream);
+    let mut frames: Vec<Value> =
+        own.flat_map(|slice| slice["frames"].as_array().expect("frames").clone()).collect();
+    frames.sort_by_key(|frame| frame["place"].as_u64());
+    frames
+}
+
+/// Detections by class of a stream of an evaluation, those that a launch shows.
+pub fn evaluated_classes(folder: &Path, stream: &str) -> BTreeMap<String, u64> {
+    let mut classes = BTreeMap::new();
+    for found in evaluated(folder, stream).iter().flat_map(|frame| frame["boxes"].as_array().expect("boxes"))
+    {
+        if found[1].as_f64().expect("a score") >= 0.25 {
+            *classes.entry(found[2].as_str().expect("a class").to_owned()).or_insert(0) += 1;
+        }
+    }
+    classes
+}
+
 /// A node `/peer` on the domain of a bench.
 pub struct Peer {
     pub transport: ZenohTransport,

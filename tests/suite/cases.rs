@@ -8,7 +8,7 @@ use std::process::Stdio;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use crate::harness::{Bench, assert_has, borrowed, data, signal, text};
+use crate::harness::{Bench, assert_has, borrowed, data, evaluated, signal, text};
 use crate::outputs::files;
 use crate::view::{parts, request, viewer};
 
@@ -115,8 +115,7 @@ cases! {
         for folder in ["2011_09_26_drive_0001_sync", "2011_09_26_drive_0001_sync/image_02"] {
             let out = folder.replace('/', "_");
             case.run(&format!("eval raw source:=@/{folder} -o %/{out}"), 0, &[]);
-            let boxes = case.bench.json(&format!("{out}/modulo.json"));
-            assert_eq!(boxes.as_object().map(|frames| frames.len()), Some(3), "{folder}");
+            assert_eq!(evaluated(&case.bench.path(&out), "modulo").len(), 3, "{folder}");
         }
     };
     lfs_pointer: |case| {

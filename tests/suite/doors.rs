@@ -10,7 +10,7 @@ use modulo_runtime::{Message, MessageKind};
 use proptest::prelude::*;
 use serde_json::Value;
 
-use crate::harness::{Bench, Peer, wait_until};
+use crate::harness::{Bench, Peer, evaluated as evaluated_frames, wait_until};
 
 /// The result for one image: its picture, whether it is trusted, and the method that was used.
 type Outcome = (Vec<u8>, bool, String);
@@ -81,17 +81,16 @@ fn evaluated(bench: &Bench, (shape, sigma): (&str, &str)) -> Vec<(f64, bool)> {
     let parameters = format!("/**:\n  ros__parameters:\n    psf: {shape}\n    psf_sigma: {sigma}\n");
     std::fs::write(bench.path("sensor.yaml"), parameters).expect("writable");
     // Its sensor has 8 bits and 32 black columns.
-    let sensor = "--alpha 3 --sensor @/sensor.yaml --stream recovered --method auto --engine rten --model %";
+    let sensor = "--alpha 3 --sensor @/sensor.yaml --stream recovered --method auto --deblur off --engine rten --model %";
     bench.says(0, &format!("eval --yolo @/set {sensor} -o @/eval"));
-    let frames = std::fs::read_dir(bench.path("eval/frames")).expect("a folder").next().expect("a cell");
-    let lines = std::fs::read_to_string(frames.expect("a file").path()).expect("text");
+    let frames = evaluated_frames(&bench.path("eval"), "recovered");
     std::fs::remove_dir_all(bench.path("eval")).expect("a folder");
-    let frame = |line: &str| {
-        let recovery = serde_json::from_str::<Value>(line).expect("JSON")["recovery"].clone();
+    let frame = |frame: &Value| {
+        let recovery = &frame["recovery"];
         let number = |name: &str| recovery[name].as_f64().expect("a number");
         (number("exact") / number("samples"), recovery["trusted"].as_bool().expect("a claim"))
     };
-    lines.lines().map(frame).collect()
+    frames.iter().map(frame).collect()
 }
 
 proptest! {

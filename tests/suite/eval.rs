@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::harness::{Bench, assert_has, borrowed, in_shell, json, text, wait_until};
+use crate::harness::{Bench, assert_has, borrowed, cell, evaluated, in_shell, text, wait_until};
 
 const RECOVERED: &str = "launch/recovered.launch.yaml engine:=rten";
 /// Scenes of other sizes and lengths, whose labels differ.
@@ -18,34 +18,64 @@ fn eval(bench: &Bench, code: i32, line: &str) -> String {
     bench.says(code, &format!("eval {line} -o @/out"))
 }
 
-fn frames(file: &Path) -> usize {
-    json(file).as_object().expect("frames").len()
+/// The figures of a cell that do not depend on its name.
+fn figures(folder: &Path, stream: &str) -> Vec<Value> {
+    let cell = cell(folder, stream);
+    ["ap50", "objects", "interval95", "exact_k", "frames", "psnr_db"].map(|name| cell[name].clone()).into()
 }
 
 #[test]
 fn every_camera_is_scored_against_its_own_objects() {
     let bench = Bench::new();
+    let out = bench.path("out");
     let alone = [FRONT, REAR].map(|source| {
         eval(&bench, 0, &format!("launch/suite.launch.yaml input:=metered engine:=rten source:={source}"));
-        (bench.json("out/metered.json"), bench.json("out/scores.json")["metered"].clone())
+        (evaluated(&out, "metered"), figures(&out, "metered"))
     });
-    assert!(alone.iter().all(|(_, score)| score["ap50"].as_f64() > Some(0.5)), "{alone:?}");
     for shared in ["shared:=false", "shared:=true"] {
         let out = bench.path(shared);
         let cameras = format!("engine:=rten front:={FRONT} rear:={REAR} {shared} --images");
-        let message = bench.says(0, &format!("eval launch/cameras.launch.yaml {cameras} -o @/{shared}"));
-        let scores = json(&out.join("scores.json"));
-        for (name, (boxes, score)) in ["front.auto", "rear.auto"].iter().zip(&alone) {
-            assert_eq!(&json(&out.join(format!("{name}.json"))), boxes, "{shared} {name}");
-            assert_eq!(&scores[name], score, "{shared} {name}");
-            let line = message.lines().any(|line| line.starts_with(&format!("AP50 on {name} ")));
-            assert!(line, "{shared} {name}: {message}");
+        bench.says(0, &format!("eval launch/cameras.launch.yaml {cameras} -o @/{shared}"));
+        for (name, (boxes, figures_alone)) in ["front.auto", "rear.auto"].iter().zip(&alone) {
+            assert_eq!(&evaluated(&out, name), boxes, "{shared} {name}");
+            assert_eq!(&figures(&out, name), figures_alone, "{shared} {name}");
         }
         let images = ["000001.png", "000002.png"].map(|name| out.join("rear.auto").join(name).exists());
         assert_eq!(images, [true, false]);
-        // Both, although they have other sizes and one ends first.
-        let sheet = image::open(out.join("grid.png")).expect("an image");
-        assert_eq!((sheet.width(), sheet.height()), (640 + 6 + 640, 24 + 192 + 24), "{shared}");
+        assert!(out.join("grid.png").is_file());
+    }
+}
+
+/// Arguments and parameters vary, and equal cells are there once; another run on the folder adds to it.
+#[test]
+fn what_varies_gives_cells_of_its_own() {
+    let bench = Bench::new();
+    let varied = "--vary alpha=2,4 --vary unwrap.method=auto,spud";
+    let line =
+        format!("eval launch/compare.launch.yaml engine:=rten source:={FRONT} --stream ideal,recovered");
+    bench.says(0, &format!("{line} {varied} -o @/out"));
+    let cells = || bench.json("out/results.json")["cells"].as_array().expect("cells").clone();
+    let words = |cell: &Value| (cell["alpha"].clone(), cell["stream"].clone(), cell["method"].clone());
+    let named: Vec<_> = cells().iter().map(words).collect();
+    let expected = [2.0, 4.0].map(|alpha: f64| {
+        [("ideal", Value::Null), ("recovered", "auto".into()), ("recovered", "spud".into())]
+            .map(|(stream, method)| (Value::from(alpha), Value::from(stream), method))
+    });
+    assert_eq!(named, expected.concat());
+    let before = cells();
+    bench.says(0, &format!("{line} --alpha 4,8 --method auto -o @/out"));
+    let after = cells();
+    assert_eq!((after.len(), &after[..6]), (8, &before[..]));
+    for (more, named) in [
+        ("--vary nobody.alpha=2", &["nobody.alpha", "detector_ideal"][..]),
+        ("--vary alhpa=2", &["alhpa", "alpha"]),
+        ("--vary alpha", &["NAME=VALUE"]),
+        ("--stream depth", &["depth", "recovered"]),
+        ("--vary unwrap.method=magic", &["magic", "spud"]),
+        ("--frames 5:2", &["FIRST:END"]),
+    ] {
+        assert_has(&bench.says(2, &format!("{line} {more} -o @/none")), named);
+        assert!(!bench.path("none").exists(), "{more}");
     }
 }
 
@@ -62,13 +92,9 @@ fn detectors_of_one_stream_have_files_of_their_own() {
         format!("exec: modulo_camera, name: camera, param: [{{ name: source, value: \"{FRONT}\" }}]");
     launch_file(&bench, "two.launch.yaml", &[&camera, &detector("low", "0.05"), &detector("high", "0.5")]);
     eval(&bench, 0, "@/two.launch.yaml");
-    let [low, high] = ["low", "high"].map(|name| {
-        let frames = bench.json(&format!("out/ideal.{name}.json"));
-        let frames = frames.as_object().expect("frames");
-        assert_eq!(frames.len(), 3, "{name}");
-        frames.values().map(|boxes| boxes.as_array().expect("boxes").len()).sum::<usize>()
-    });
-    assert!(low > high && high > 0, "{low} {high}");
+    // All boxes are kept: a threshold is a matter of those who read them.
+    let [low, high] = ["low", "high"].map(|name| evaluated(&bench.path("out"), &format!("ideal.{name}")));
+    assert_eq!((low.len(), low == high), (3, true));
 }
 
 /// A launch file of these nodes.
@@ -121,7 +147,7 @@ fn what_cannot_be_evaluated_is_refused_and_leaves_nothing_behind() {
     // A loop with a number of frames has an end.
     let bag = "loop:=true frames:=4 --bag @/bag --topics /modulo";
     eval(&bench, 0, &format!("{RECOVERED} source:={FRONT} {bag}"));
-    assert_eq!(frames(&bench.path("out/recovered.json")), 4);
+    assert_eq!(evaluated(&bench.path("out"), "recovered").len(), 4);
 }
 
 /// The grid has the same kinds of sources and models.
@@ -142,51 +168,51 @@ fn a_grid_without_an_end_or_a_model_is_refused() {
 fn a_stopped_evaluation_keeps_the_frames_before() {
     let bench = Bench::new();
     let out = bench.path("out");
-    let source = "source:=scene://day?seed=3&frames=100000&width=320&height=128 --images";
-    let running = bench.starts(&format!("eval {RECOVERED} {source} -o @/out"));
-    wait_until("two frames are there", || out.join("recovered/000001.png").is_file());
+    let line =
+        format!("eval {RECOVERED} source:=scene://day?seed=3&frames=100000&width=320&height=128 -o @/out");
+    let running = bench.starts(&line);
+    // The first slice is whole, and the second one has begun.
+    wait_until("a second slice is there", || {
+        out.join("frames").is_dir() && std::fs::read_dir(out.join("frames")).expect("there").count() > 1
+    });
     assert_eq!(running.interrupt(), Some(3));
-    let kept = frames(&out.join("recovered.json"));
-    assert!((2..100_000).contains(&kept), "{kept}");
-    assert_eq!(bench.json("out/summary.json")["stopped"], true);
-    let score = &bench.json("out/scores.json")["recovered"];
-    assert_eq!((&score["stopped"], score["frames"].as_u64()), (&Value::Bool(true), Some(kept as u64)));
+    let kept = evaluated(&out, "recovered").len();
+    assert!((100..100_000).contains(&kept), "{kept}");
+    assert_eq!(cell(&out, "recovered")["frames"], kept);
 }
 
-/// The disk may be full at any time: the scores of all frames are printed, and the file is named.
+/// The disk may be full at any time: the file is named, and no half of one stays.
 #[test]
-fn scores_are_printed_where_they_cannot_be_written() {
+fn a_file_that_cannot_be_written_is_named() {
     let bench = Bench::new();
-    let source = "source:=scene://day?seed=3&frames=3&width=320&height=128 --images";
-    // In blocks of 512 bytes. What does not fit into one is lost; the scores fit into eight.
-    for (blocks, lost) in [(1, &["summary.json", "report.html"][..]), (8, &["recovered/000000.png"])] {
+    let source = "source:=scene://day?seed=3&frames=3&width=320&height=128";
+    // In blocks of 512 bytes. What does not fit into one is lost; the labels fit into eight, and the boxes do not.
+    for (blocks, lost) in [(1, "out/frames/"), (8, "out/cells/")] {
         std::fs::remove_dir_all(bench.path("out")).ok();
         let words = bench.words(&format!("eval {RECOVERED} {source} -o @/out"));
         let full = format!("trap '' XFSZ; ulimit -f {blocks}");
         let output = in_shell(&bench.modulo(&borrowed(&words)), &full).output().expect("a shell");
-        let (message, printed) = (text(&output), String::from_utf8_lossy(&output.stdout));
+        let message = text(&output);
         assert_eq!(output.status.code(), Some(1), "{blocks}: {message}");
-        assert_has(&printed, &["frames 3", "AP50 on recovered"]);
-        assert_has(&message, lost);
-        let left = std::fs::read_dir(bench.path("out")).expect("there").flatten();
-        let cut = left.filter(|entry| entry.file_name().to_string_lossy().starts_with('.'));
-        assert_eq!(cut.count(), 0, "no half of a file stays");
+        assert_has(&message, &[lost]);
+        for folder in ["out", "out/frames", "out/cells"] {
+            let left = std::fs::read_dir(bench.path(folder)).into_iter().flatten().flatten();
+            let cut = left.filter(|entry| entry.file_name().to_string_lossy().starts_with(".modulo"));
+            assert_eq!(cut.count(), 0, "no half of a file stays");
+        }
     }
-    assert_eq!(bench.json("out/scores.json")["recovered"]["frames"], 3, "the others are written");
 }
 
 #[test]
 fn a_bad_source_keeps_the_results_of_those_before_it() {
     let bench = Bench::new();
     std::fs::create_dir_all(bench.path("bad")).expect("writable");
-    // A loop without a good frame cannot go on.
     std::fs::write(bench.path("bad/000000.png"), "no image").expect("writable");
-    let looped = format!("{RECOVERED} loop:=true frames:=3");
-    let message = eval(&bench, 1, &format!("{looped} --source {FRONT} --source @/bad"));
-    assert_has(&message, &["AP50 on recovered", "000000.png"]);
-    assert_eq!(bench.json("out/scores.json")["recovered"]["frames"], 3);
-    bench.says(1, &format!("eval {looped} --source @/bad --topics /modulo --bag @/bag -o @/none"));
-    assert!(!bench.path("bag").exists(), "no frame came before the fault");
+    let message = eval(&bench, 3, &format!("{RECOVERED} --source {FRONT} --source @/bad"));
+    assert_has(&message, &["AP50 ", "000000.png", "1 frames are not readable"]);
+    assert_eq!(cell(&bench.path("out"), "recovered")["frames"], 3);
+    // A loop without a good frame has no end.
+    assert_has(&eval(&bench, 1, &format!("{RECOVERED} loop:=true frames:=3 source:=@/bad")), &["000000.png"]);
 }
 
 /// The folder `kitti` with two images and a label of `classes` for each of the first ones.
@@ -204,18 +230,18 @@ fn kitti(bench: &Bench, classes: &[&str]) {
 #[test]
 fn a_stream_without_a_score_says_why() {
     let bench = Bench::new();
-    let scores = bench.path("out/scores.json");
     let cases: [(&[&str], i32, &str); 3] = [
-        (&[], 0, "none, no frame has labels"),
-        (&["DontCare", "DontCare"], 3, "none, there is no labelled object"),
-        (&["Car"], 3, "1 other frames have no labels"),
+        (&[], 0, "no frame has labels"),
+        (&["DontCare", "DontCare"], 3, "no labelled object is scored"),
+        (&["Car"], 3, "1 frames have no labels"),
     ];
     for (classes, code, expected) in cases {
         kitti(&bench, classes);
         assert_has(&eval(&bench, code, &format!("{RECOVERED} source:=@/kitti model:=%")), &[expected]);
         let page = std::fs::read_to_string(bench.path("out/report.html")).expect("a report");
-        assert_has(&page, &[expected.trim_start_matches("none, "), "<img src=\"grid.png\""]);
-        assert_eq!(scores.exists(), classes == ["Car"], "{classes:?}");
+        assert_has(&page, &["data:image/jpeg;base64,"]);
+        let ap50 = &cell(&bench.path("out"), "recovered")["ap50"]["vehicle"];
+        assert_eq!(ap50.is_null(), classes != ["Car"], "{classes:?}: {ap50}");
     }
 }
 

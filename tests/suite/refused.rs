@@ -41,7 +41,7 @@ const REFUSED: [(&str, &[&str]); 60] = [
     ("eval --source FOLDER -o OUT --sensor no.yaml", &["no.yaml"]),
     ("eval --source FOLDER -o OUT --threads 65", &["65", "64"]),
     ("eval --source FOLDER -o OUT --jobs 1025", &["1025", "1024"]),
-    ("eval --source FOLDER -o OUT --white -1", &["white = -1", "0"]),
+    ("eval --source FOLDER -o OUT --white -1", &["'white' = -1", "0"]),
     ("eval --source FOLDER -o OUT --seed -1", &["-1", "--seed"]),
     ("eval --source scene://day?frames=-1 -o OUT", &["frames", "-1"]),
     ("eval --source FOLDER -o OUT --protocol paper --read-noise 1", &["read noise 1"]),

@@ -6,7 +6,7 @@ use modulo_core::Mosaic;
 use modulo_draw::ascending;
 use modulo_runtime::{Descriptor, ParameterSet as _, SensorModel, Value};
 
-use crate::results::{Cell, Device, Point, Stream};
+use crate::results::{Cell, Device, Point};
 
 /// The parameters of the sensor that are named even where they have their default.
 const ALWAYS: [&str; 3] = ["alpha", "psf_sigma", "read_noise"];
@@ -105,23 +105,33 @@ pub const STAGES: [&str; 8] = [SENSE, "merge", "unwrap", "tone", "deblur", "pre"
 /// `ideal, sharp`.
 pub fn stream(point: &Point) -> String {
     let mosaic = point.sensor.mosaic.map(Mosaic::word);
-    let name =
-        [Some(point.stream.name().as_str()), mosaic].into_iter().flatten().collect::<Vec<_>>().join(" ");
+    let name = [Some(point.stream.as_str()), mosaic].into_iter().flatten().collect::<Vec<_>>().join(" ");
     let deblurred = point.deblur.then(|| "deblurred".to_owned());
-    let details: Vec<String> =
-        point.method.iter().cloned().chain(deblurred).chain(exposure_control(point)).collect();
+    let details: Vec<String> = point
+        .method
+        .iter()
+        .cloned()
+        .chain(deblurred)
+        .chain(exposure_control(point))
+        .chain(more(point))
+        .collect();
     match &point.method {
         // The style is that of the first known word, and a variant of it by an unknown one.
-        Some(method) if point.stream == Stream::Saturated => format!("{method}, saturating"),
-        None if is_sharp_ideal(point) => format!("{name}, sharp"),
+        Some(method) if point.is("saturated") => format!("{method}, saturating"),
+        None if point.is_sharp_ideal() => format!("{name}, sharp"),
         _ if details.is_empty() => name,
         _ => format!("{name} ({})", details.join(", ")),
     }
 }
 
+/// The other parameters that differ from their defaults.
+fn more(point: &Point) -> impl Iterator<Item = String> {
+    point.more.iter().map(|(name, value)| format!("{name} {value}"))
+}
+
 /// The values of the exposure control of a metered image that differ from their defaults.
 fn exposure_control(point: &Point) -> Vec<String> {
-    if !point.stream.is_metered() {
+    if !["metered", "auto_exposed"].contains(&point.stream.as_str()) {
         return Vec::new();
     }
     let SensorModel { metering, metering_target, exposure_delay, exposure_step, .. } = point.sensor;
@@ -161,20 +171,6 @@ pub fn conditions(conditions: &SensorModel) -> String {
     sensor(conditions, &["alpha"])
 }
 
-/// The number of points of a grid with the values that they have: `8 cells of ideal, saturated; demo, input auto; alpha 2, 4; ...`.
-pub fn grid(points: &[Point]) -> String {
-    let list = |of: fn(&Point) -> String| distinct(points.iter().map(of)).join(", ");
-    let sensors: Vec<_> = points.iter().map(|point| point.sensor.declared()).collect();
-    let settings = SensorModel::descriptors().into_iter().enumerate().filter_map(|(index, parameter)| {
-        let values = distinct(sensors.iter().map(|sensor| sensor[index].1.clone()));
-        let differs = ALWAYS.contains(&parameter.name) || values != [parameter.default];
-        let values: Vec<String> = values.iter().map(Value::plain).collect();
-        differs.then(|| format!("{} {}", words(parameter.name).0, values.join(", ")))
-    });
-    let settings: Vec<String> = settings.collect();
-    format!("{} cells of {}; {}; {}", points.len(), list(stream), list(model), settings.join("; "))
-}
-
 /// The conditions of a cell: its sensor without alpha, which the tables of the paper do not vary, and without the gains and the
 /// mosaic, which the label of the stream names.
 pub fn conditions_of(point: &Point) -> SensorModel {
@@ -187,7 +183,7 @@ pub fn belongs(point: &Point, conditions: &SensorModel) -> bool {
 
 /// Whether `own`, parameters of the sensor of a cell, are `wanted`. The ideal image without a lens belongs to all lenses.
 pub fn is_at(point: &Point, own: SensorModel, wanted: &SensorModel) -> bool {
-    let psf_sigma = if is_sharp_ideal(point) { wanted.psf_sigma } else { own.psf_sigma };
+    let psf_sigma = if point.is_sharp_ideal() { wanted.psf_sigma } else { own.psf_sigma };
     SensorModel { psf_sigma, ..own } == *wanted
 }
 
@@ -199,12 +195,8 @@ pub fn all_conditions(cells: &[Cell]) -> Vec<SensorModel> {
 /// The cells without the sharp ideal image, if there are others: as a condition of its own, it would get charts and tables
 /// with a single entry.
 pub fn with_lens(cells: &[Cell]) -> Vec<&Cell> {
-    let found: Vec<&Cell> = cells.iter().filter(|cell| !is_sharp_ideal(&cell.point)).collect();
+    let found: Vec<&Cell> = cells.iter().filter(|cell| !cell.point.is_sharp_ideal()).collect();
     if found.is_empty() { cells.iter().collect() } else { found }
-}
-
-fn is_sharp_ideal(point: &Point) -> bool {
-    point.stream == Stream::Ideal && point.sensor.psf_sigma == 0.0
 }
 
 /// Label of the accuracy of a group in cells: `AP50 of vehicles, %, 20 frames`.

@@ -1,16 +1,44 @@
-//! Evaluation in lockstep: every frame of a source goes once, in order, through the same nodes as in a live run, and the
-//! detected boxes are scored against the ground truth.
+//! Evaluation: every frame once, in order, through the nodes of a launch file in lockstep, for each combination of what varies; then the boxes
+//! are scored against the labels.
 //!
-//! There are two kinds: the nodes of a launch file ([`launch_file`]), and a [`grid`] of settings over labelled frames,
-//! whose results are stored ([`store`]), drawn ([`chart`]) and reported ([`report`]). Nothing here uses a transport. The
+//! The data go one way, and running knows no score:
+//!
+//! ```text
+//! variants (nodes) -> plan (cells) -> run -> frames -> engine (lockstep) -> store (boxes, a file a cell and slice) -> score -> report
+//! ```
+//!
+//! The folder of the results is the database: what one process has finished there, others find. Nothing here uses a transport. The
 //! same frames and parameters give the same files, except for durations.
 
+mod around;
+mod bracket;
+mod chain;
 pub mod chart;
 pub mod classes;
-pub mod grid;
+pub mod coco;
+pub mod data;
+mod engine;
+pub mod frames;
 mod labels;
-pub mod launch_file;
 pub mod messages;
+mod models;
+mod paper;
+mod pictures;
+pub mod plan;
+mod quality;
+pub mod record;
+pub mod recordings;
+mod research;
+pub mod results;
+mod rows;
+pub mod run;
+pub mod score;
+pub mod store;
+mod stored;
+mod timeline;
+pub mod timing;
+pub mod variants;
+mod verdict;
 /// The metrics of detections, one file each. The reports print the definition of each metric.
 pub mod metric {
     pub mod bootstrap;
@@ -18,8 +46,6 @@ pub mod metric {
     pub mod paper;
 }
 pub mod report;
-pub mod results;
-pub mod store;
 pub mod video;
 
 use std::fmt::Display;
@@ -32,6 +58,7 @@ use modulo_detector::DetectorError;
 pub use modulo_draw::below_100;
 use modulo_runtime::ParameterError;
 use modulo_runtime::lockstep::LockstepError;
+pub use pictures::draw_pictures;
 
 /// Error of a grid run. The message names the value and the possible ones.
 #[derive(Debug, thiserror::Error)]
@@ -40,9 +67,6 @@ pub enum GridError {
     /// values or the remedy.
     #[error("{0}")]
     Request(String),
-    /// No frame of the data can be scored: the data as it was given, the number of its frames, and the reason.
-    #[error("{0}: none of the {1} frames can be scored: {2}")]
-    Nothing(String, usize, String),
     /// A file or folder cannot be read or written.
     #[error(transparent)]
     Io(#[from] FileError),

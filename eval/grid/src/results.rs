@@ -1,27 +1,25 @@
-//! [`Results`]: the content of `results.json`.
+//! [`Results`]: the figures of all cells, as they follow from the files of a folder; the content of `results.json`.
 //!
 //! Figures are fractions unless their name has a unit. Everything except durations is the same in every run of the same
 //! command.
 
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::fmt;
 
-use clap::ValueEnum;
 use modulo_ap::Difficulty;
+use modulo_core::Psf;
 use modulo_runtime::report::Percentiles;
-use modulo_runtime::{ParameterSet as _, SensorModel};
+use modulo_runtime::{ParameterSet as _, SensorModel, Value};
 use serde::{Deserialize, Serialize};
 
 use crate::chart::file_name;
 
 /// Name of the file of results.
 pub const RESULTS: &str = "results.json";
-/// Name of the folder with a file for each cell, which has a line for each of its frames.
-pub const FRAMES: &str = "frames";
-
-/// Version of the computation of the figures. It is raised when the same request gives other figures than before, so that
-/// old and new ones are never joined.
-pub const FIGURES: u32 = 4;
+/// Version of the files of a folder, and of the computation of the figures. It is raised when the same command gives other figures than
+/// before, so that old and new ones are never joined.
+pub const FIGURES: u32 = 5;
 
 /// The results of a grid.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -32,82 +30,41 @@ pub struct Results {
     pub input: Input,
     /// The definition of each figure of a cell, by its name.
     pub definitions: BTreeMap<String, String>,
-    /// The finished cells in the order of the grid. A killed run has fewer cells than [`Setup::grid`].
+    /// Which stream finds the most, and what the figures tell from it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub verdict: Option<String>,
+    /// The cells that have been run, in the order of their settings. A part of a run has fewer cells than [`Setup::grid`].
     pub cells: Vec<Cell>,
-    /// The runs that made the cells, the first one first.
-    pub runs: Vec<Provenance>,
-}
-
-/// Where, when and by which command results were made.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Provenance {
-    /// The command line.
-    pub command: String,
-    /// Commit of the program.
-    pub commit: String,
-    /// Name of the machine.
-    pub host: String,
-    /// Name of the processor.
-    pub processor: String,
-    /// Time of the start, such as `2026-11-22T10:00:00Z`.
-    pub started: String,
-    /// Mean number of running processes in the minute before the start. `None` where the system does not tell it.
-    pub load: Option<f64>,
-    /// Wall time of the run without its report, s. `None` if the run was killed.
-    pub wall_s: Option<f64>,
-}
-
-impl Provenance {
-    /// Names the pass in which this run measures times.
-    pub fn pass(&self) -> String {
-        format!("{} {}", self.host, self.started)
-    }
 }
 
 impl Results {
-    /// Whether the cell at `point` is finished.
-    pub fn has(&self, point: &Point) -> bool {
-        self.cells.iter().any(|cell| cell.point == *point)
-    }
-
-    /// Number of the finished cells that are not among `points`.
-    pub fn others(&self, points: &[Point]) -> usize {
-        self.cells.iter().filter(|cell| !points.contains(&cell.point)).count()
-    }
-
     /// Whether frames, labels or answers are missing, or a cell has no AP because no labelled object is scored.
     pub fn lost(&self) -> bool {
-        let lost = |cell: &Cell| cell.unanswered > 0 || cell.is_unscored();
+        // Without any label there is nothing to score.
+        let unscored = |cell: &Cell| self.input.labelled > 0 && cell.is_unscored();
+        let lost = |cell: &Cell| cell.unanswered > 0 || unscored(cell);
         !self.input.warnings.is_empty() || self.cells.iter().any(lost)
     }
 }
 
-/// The settings of a grid.
+/// What all cells have in common.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Setup {
     /// Version of the program.
     pub version: String,
     /// [`FIGURES`] of the program.
     pub figures: u32,
-    /// The protocol of the pipelines.
-    pub protocol: Protocol,
-    /// The data, as it was given on the command line.
+    /// The data, as it was given.
     pub source: String,
-    /// Bits of the simulated sensor.
-    pub bits: u8,
-    /// Seed of noise and bootstrap.
-    pub seed: u64,
     /// Objects that `ap50` and `ap50_95` count.
     pub difficulty: Difficulty,
-    /// The requested engine, such as `auto`; on a GPU with the device, such as `ort on cuda:0`.
-    pub engine: String,
     /// Class of the model to class of the labels.
     pub class_map: BTreeMap<String, String>,
     /// Class of the labels to the group it is scored in, such as `vehicle`.
     pub groups: BTreeMap<String, String>,
     /// The sha256 of each model, by its name in cells.
     pub models: BTreeMap<String, String>,
-    /// All cells in order, over all grids that were run on the folder.
+    /// All cells in order that runs on the folder were asked for.
     pub grid: Vec<Point>,
 }
 
@@ -169,97 +126,87 @@ impl Input {
     }
 }
 
-/// The pipeline from a frame to the detector.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Protocol {
-    /// The nodes of the suite
-    #[default]
-    Suite,
-    /// The steps of the scripts of the paper
-    Paper,
-}
+/// The streams of the suite, in the order in which they are shown.
+const STREAMS: [&str; 8] = [
+    "ideal",
+    "saturated",
+    "auto_exposed",
+    "modulo",
+    "recovered",
+    "metered",
+    "multi_exposure",
+    "multi_exposure_still",
+];
 
-/// The image that the detector gets.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, ValueEnum, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-#[value(rename_all = "snake_case")]
-pub enum Stream {
-    /// The full range of the scene
-    #[default]
-    Ideal,
-    /// Clipped at the peak
-    Saturated,
-    /// A normal camera whose exposure follows the frames before
-    AutoExposed,
-    /// Wrapped at the peak
-    Modulo,
-    /// Unwrapped
-    Recovered,
-    /// Unwrapped, and shown with the exposure that the frame itself asks for
-    Metered,
-    /// Three consecutive captures of a moving scene, merged as a normal camera does
-    MultiExposure,
-    /// The same three captures of a scene in which nothing moves; the difference is the effect of motion
-    MultiExposureStill,
-}
-
-/// The settings of one cell.
+/// All that decides the boxes of one cell.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Point {
-    /// The image that the detector gets.
-    pub stream: Stream,
+    /// The image that the detector gets, such as `recovered`, or `front.auto` of the camera `front`.
+    pub stream: String,
     /// Unwrapping method, or the one that the gains have. `None` for streams that are not unwrapped, but for the
     /// saturated stream of a sensor with two gains, whose pixels are merged.
     pub method: Option<String>,
-    /// Whether the lens blur was removed. Only for [`Stream::Recovered`].
+    /// Whether the lens blur was removed from the recovered image.
     pub deblur: bool,
-    /// The sensor. Every alpha also has a sharp [`Stream::Ideal`], whose `psf_sigma` is 0.
+    /// The sensor. What has no effect on the stream has its default.
     #[serde(flatten, with = "modulo_runtime::parameter::flat")]
     pub sensor: SensorModel,
     /// Name of the model in [`Setup::models`].
     pub model: String,
     /// Input size of the model: `auto`, or `WIDTHxHEIGHT`.
     pub input: String,
-}
-
-impl Stream {
-    /// Those of the scripts of the paper, in the order of the paper.
-    pub const OF_PAPER: [Self; 4] = [Self::Ideal, Self::Saturated, Self::Modulo, Self::Recovered];
-
-    /// Whether its images are unwrapped.
-    pub fn is_unwrapped(self) -> bool {
-        matches!(self, Self::Recovered | Self::Metered)
-    }
-
-    /// Whether its exposure is metered.
-    pub fn is_metered(self) -> bool {
-        matches!(self, Self::Metered | Self::AutoExposed)
-    }
-
-    /// Whether an image depends on the frames before it.
-    pub fn follows_frames(self) -> bool {
-        self == Self::AutoExposed
-    }
-
-    /// The name in results and options.
-    pub fn name(self) -> String {
-        self.to_possible_value().expect("no stream is hidden").get_name().to_owned()
-    }
+    /// Other parameters of the nodes that differ from their defaults, as `node.parameter`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub more: BTreeMap<String, String>,
 }
 
 impl Point {
+    /// Whether the stream has this name.
+    pub fn is(&self, stream: &str) -> bool {
+        self.stream == stream
+    }
+
+    /// Whether it is the ideal image of a lens without blur.
+    pub fn is_sharp_ideal(&self) -> bool {
+        self.is("ideal") && self.sensor.psf() == Psf::None
+    }
+
+    /// The order of the cells in results: models and input sizes vary slowest, then the sensor, then the stream.
+    pub fn order(&self, other: &Self) -> Ordering {
+        let place = |stream: &str| STREAMS.iter().position(|known| *known == stream).unwrap_or(STREAMS.len());
+        let key = |point: &Self| (point.model.clone(), point.input.clone(), point.more.clone());
+        let image =
+            |point: &Self| (place(&point.stream), point.stream.clone(), point.method.clone(), point.deblur);
+        let sensor = || {
+            let [own, others] = [self, other].map(|point| point.sensor.declared());
+            // The lens varies with the streams: the sharp ideal image belongs to all lenses.
+            let slow = own.iter().zip(&others).filter(|((parameter, _), _)| parameter.name != "psf_sigma");
+            let slow = slow.map(|((_, a), (_, b))| compare(a, b));
+            slow.fold(Ordering::Equal, Ordering::then)
+        };
+        let lens = self.sensor.psf_sigma.total_cmp(&other.sensor.psf_sigma);
+        key(self).cmp(&key(other)).then_with(sensor).then(lens).then_with(|| image(self).cmp(&image(other)))
+    }
+
     /// The description of the cell as the name of a file without its extension.
     pub fn file_name(&self) -> String {
         file_name(&self.to_string())
     }
 }
 
+fn compare(one: &Value, other: &Value) -> Ordering {
+    match (one, other) {
+        (Value::Double(one), Value::Double(other)) => one.total_cmp(other),
+        (Value::Integer(one), Value::Integer(other)) => one.cmp(other),
+        _ => one.plain().cmp(&other.plain()),
+    }
+}
+
 impl fmt::Display for Point {
     /// Describes the cell, such as `yolov10n recovered auto deblurred, alpha 4, blur 1.4 px`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { stream, method, deblur, sensor, model, input } = self;
-        write!(f, "{model} {}", stream.name())?;
+        let Self { stream, method, deblur, sensor, model, input, more } = self;
+        write!(f, "{model} {stream}")?;
         method.iter().try_for_each(|method| write!(f, " {method}"))?;
         if *deblur {
             write!(f, " deblurred")?;
@@ -275,7 +222,7 @@ impl fmt::Display for Point {
         if input != "auto" {
             write!(f, ", {input}")?;
         }
-        Ok(())
+        more.iter().try_for_each(|(name, value)| write!(f, ", {name} {value}"))
     }
 }
 
@@ -285,9 +232,6 @@ pub struct Cell {
     /// The settings of the cell.
     #[serde(flatten)]
     pub point: Point,
-    /// Name of the file with the frames of the cell, without its extension.
-    #[serde(default)]
-    pub name: String,
     /// Number of scored frames.
     pub frames: usize,
     /// Number of frames without an answer. They are scored as frames without a detection.
@@ -331,6 +275,9 @@ pub struct Cell {
     pub psnr_sharp_db: Option<f64>,
     /// Mean SSIM against that image.
     pub ssim_sharp: Option<f64>,
+    /// Objects of classes or groups that the model does not know, and that are not scored.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub unknown: BTreeMap<String, usize>,
     /// Durations of each stage: `sense`, `unwrap`, `tone` or `deblur`, `pre`, `infer`, `post`, ms.
     pub latency_ms: BTreeMap<String, Percentiles>,
     /// Time of a frame from the captured image to the boxes, without `sense`. `None` if it was not measured.
@@ -362,6 +309,17 @@ mod psnr {
     }
 }
 
+/// The times of a cell.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CellTimes {
+    /// Durations of each stage.
+    pub latency_ms: BTreeMap<String, Percentiles>,
+    /// Time of a frame.
+    pub frame_ms: FrameTime,
+    /// The machine and the settings.
+    pub device: Device,
+}
+
 /// Time of a frame.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FrameTime {
@@ -373,11 +331,17 @@ pub struct FrameTime {
     pub cpu_ms: f64,
     /// Number of frames.
     pub frames: usize,
-    /// The pass that measured it, see [`Provenance::pass`]. Only times of one pass can be compared.
+    /// The pass that measured it. Only times of one pass can be compared.
     pub pass: String,
 }
 
 impl Cell {
+    /// Takes the times that were measured last.
+    pub(crate) fn take_times(&mut self, times: CellTimes) {
+        let CellTimes { latency_ms, frame_ms, device } = times;
+        (self.latency_ms, self.frame_ms, self.device) = (latency_ms, Some(frame_ms), device);
+    }
+
     /// AP50 of a group, 0 to 1.
     pub fn ap50_of(&self, group: &str) -> Option<f64> {
         *self.ap50.get(group)?

@@ -32,7 +32,7 @@ pub use engine::{
     EngineChoice, EngineDevice, EngineError, EngineOptions, model_parts, onnxruntime_library,
     onnxruntime_places,
 };
-pub use measure::{ModelInfo, Speed, class_names, describe, measure};
+pub use measure::{ModelInfo, Speed, describe, measure};
 pub use model::{DEMO, embedded};
 pub use node::{Detector, TRUSTED, outputs, topics};
 pub use parameter::DetectorParameters;

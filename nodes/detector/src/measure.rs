@@ -35,14 +35,6 @@ pub struct ModelInfo {
 /// (height, width) of the image of a first run where the model fixes none.
 pub const FIRST_RUN: (usize, usize) = (640, 640);
 
-/// Returns the names of the classes of `model` by index; a gap is its number.
-///
-/// # Errors
-/// [`DetectorError::Engine`] when the model does not load.
-pub fn class_names(model: &Path, options: EngineOptions) -> Result<Vec<String>, DetectorError> {
-    Ok(open(model, options)?.layout.names.all())
-}
-
 /// Loads `model`, runs it once and describes it.
 ///
 /// # Errors

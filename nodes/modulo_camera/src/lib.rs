@@ -581,7 +581,7 @@ impl CameraParameters {
     }
 
     /// Returns the time between two frames. Zero: as fast as its readers take them.
-    pub(crate) fn period(&self) -> Duration {
+    pub fn period(&self) -> Duration {
         if self.rate == 0.0 { Duration::ZERO } else { Duration::from_secs_f64(1.0 / self.rate.max(1e-6)) }
     }
 }

@@ -35,6 +35,8 @@ pub trait SensorCommand {
 pub struct SensorOptions<C> {
     /// The values of each parameter, at least one.
     values: Vec<(&'static str, Vec<Value>)>,
+    /// The parameters that were given, and do not have their defaults for want of a value.
+    given: Vec<&'static str>,
     command: PhantomData<C>,
 }
 
@@ -42,6 +44,11 @@ impl<C> SensorOptions<C> {
     /// Returns the sensor with the first value of each parameter.
     pub fn first(&self) -> SensorModel {
         self.sensors(&[]).remove(0)
+    }
+
+    /// Returns the parameters that were given, with their values.
+    pub fn given(&self) -> impl Iterator<Item = &(&'static str, Vec<Value>)> {
+        self.values.iter().filter(|(name, _)| self.given.contains(name))
     }
 
     /// Returns the sensor of each combination of the values of `varied`, the last fastest; other parameters have their first.
@@ -67,6 +74,7 @@ impl<C> SensorOptions<C> {
         for (own, (declared, value)) in self.values.iter_mut().zip(sensor.declared()) {
             if chip.contains(&declared.name) {
                 own.1 = vec![value];
+                self.given.push(declared.name);
             }
         }
     }
@@ -147,7 +155,8 @@ impl<C: SensorCommand> FromArgMatches for SensorOptions<C> {
             let shapes = values.iter_mut().filter(|(name, _)| *name == "psf");
             shapes.for_each(|(_, shape)| *shape = vec![Value::String("gaussian".to_owned())]);
         }
-        Ok(Self { values, command: PhantomData })
+        let given = values.iter().map(|(name, _)| *name).filter(|name| is_given(name)).collect();
+        Ok(Self { values, given, command: PhantomData })
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {

@@ -6,7 +6,7 @@ use modulo_runtime::SensorModel;
 use super::pareto::{Candidate, pareto_front};
 use super::{NamedChart, models};
 use crate::labels::{self, distinct, number};
-use crate::results::{Cell, Results, Stream};
+use crate::results::{Cell, Results};
 
 /// Name of the line in the legend.
 const FRONT: &str = "Pareto front";
@@ -86,7 +86,7 @@ fn beats(cell: &Cell, other: &Cell, group: &str) -> bool {
 
 /// Whether a real camera can deliver the image of a cell.
 fn is_choice(cell: &Cell) -> bool {
-    cell.point.stream != Stream::Ideal
+    !cell.point.is("ideal")
 }
 
 /// The best gain at each time, as a step function.

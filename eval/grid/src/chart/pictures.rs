@@ -5,7 +5,7 @@ use modulo_draw::{ChartBody, Picture, Pictures, class_colour};
 use super::NamedChart;
 use crate::labels::{self, distinct};
 use crate::report::PICTURES;
-use crate::results::{Cell, Point, Results, Stream};
+use crate::results::{Cell, Point, Results};
 
 /// The image of the frame in a cell, with its boxes.
 #[derive(Clone, Debug, PartialEq)]
@@ -64,8 +64,7 @@ pub fn selected(results: &Results) -> Vec<&Cell> {
         labels::model(point) == model && method && !point.deblur
     };
     let mut cells: Vec<&Cell> = cells.iter().filter(of).copied().collect();
-    cells.retain(|cell| Stream::OF_PAPER.contains(&cell.point.stream));
-    cells.sort_by_key(|cell| Stream::OF_PAPER.iter().position(|stream| *stream == cell.point.stream));
+    // The order of the cells is that of the streams.
     cells.sort_by(|a, b| a.point.sensor.alpha.total_cmp(&b.point.sensor.alpha));
     cells
 }

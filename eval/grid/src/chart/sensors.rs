@@ -7,7 +7,7 @@ use modulo_runtime::SensorModel;
 
 use super::{NamedChart, file_name, models};
 use crate::labels::{self, distinct, number};
-use crate::results::{Cell, Results, Stream};
+use crate::results::{Cell, Results};
 
 /// A choice may have this much less AP50 than the ideal image: one point.
 const LOSS: f64 = 0.01;
@@ -140,7 +140,7 @@ fn percent(share: f64) -> String {
 }
 
 fn ideal(scene: &[&Cell], group: &str) -> Option<f64> {
-    scene.iter().find(|cell| cell.point.stream == Stream::Ideal)?.ap50_of(group)
+    scene.iter().find(|cell| cell.point.is("ideal"))?.ap50_of(group)
 }
 
 /// The cells of a scene that a sensor with these pixels can deliver: place in the order of choices, cell, AP50.
@@ -156,11 +156,11 @@ fn choices<'a>(scene: &[&'a Cell], group: &str, pixels: Pixels) -> impl Iterator
 fn rank(cell: &Cell) -> Option<(Pixels, u8)> {
     let point = &cell.point;
     let two_gains = u8::from(point.sensor.gains);
-    Some(match point.stream {
-        Stream::Saturated => (Pixels::Normal, two_gains),
-        Stream::MultiExposure => (Pixels::Normal, 2),
-        Stream::Modulo => (Pixels::Modulo, 0),
-        Stream::Recovered => (Pixels::Modulo, 1 + 2 * two_gains + u8::from(point.deblur)),
-        Stream::Ideal | Stream::AutoExposed | Stream::Metered | Stream::MultiExposureStill => return None,
+    Some(match point.stream.as_str() {
+        "saturated" => (Pixels::Normal, two_gains),
+        "multi_exposure" => (Pixels::Normal, 2),
+        "modulo" => (Pixels::Modulo, 0),
+        "recovered" => (Pixels::Modulo, 1 + 2 * two_gains + u8::from(point.deblur)),
+        _ => return None,
     })
 }

@@ -1,17 +1,16 @@
 //! The report: one HTML page that needs no network, and the charts beside it. The script of the page only sorts tables.
 
 pub(crate) mod tables;
-mod verdict;
 
 use std::path::{Path, PathBuf};
 
 use maud::{Markup, PreEscaped, html};
-use modulo_draw::{ChartError, html_page, number};
+use modulo_draw::{ChartError, html_page};
 
 use crate::GridError;
 use crate::chart::{self, NamedChart, RenderedChart};
 use crate::labels;
-use crate::results::{Provenance, Results};
+use crate::results::Results;
 use crate::store::replace;
 
 /// The whole page with `charts` in their order.
@@ -24,7 +23,8 @@ pub fn page(results: &Results, charts: &[RenderedChart]) -> String {
             p.warning { (done) " of " (all) " cells are here: this is a part of the grid, or a run that was ended." }
         }
         @for warning in labels::busy(&results.cells) { p.warning { (warning) } }
-        @if let Some(verdict) = verdict::sentence(results) { p { strong { (verdict) } } }
+        @if let Some(verdict) = &results.verdict { p { strong { (verdict) "." } } }
+        @for chart in charts.iter().filter(|chart| chart.name == PICTURES) { (figure(chart)) }
         (tables::summary(results))
         (figures(charts))
         (tables::cells(results))
@@ -38,6 +38,7 @@ pub fn page(results: &Results, charts: &[RenderedChart]) -> String {
 fn figures(charts: &[RenderedChart]) -> Markup {
     // The kind is the part of the name before the first `_`.
     let kind = |chart: &RenderedChart| chart.name.split('_').next().map(str::to_owned);
+    let charts: Vec<&RenderedChart> = charts.iter().filter(|chart| chart.name != PICTURES).collect();
     html! {
         h2 { "Charts" }
         p.note { "Move the pointer to a marker to see its cell." }
@@ -66,10 +67,7 @@ fn setup(results: &Results) -> Markup {
         ("source", setup.source.clone()),
         ("frames", format!("{}, {} of them labelled, {} drives", input.frames, input.labelled, input.drives)),
         ("digest of frames and labels", format!("sha256 {}", input.digest)),
-        ("protocol", format!("{:?}", setup.protocol).to_lowercase()),
-        ("sensor", format!("{} bits, seed {}", setup.bits, setup.seed)),
         ("difficulty", format!("{:?}", setup.difficulty).to_lowercase()),
-        ("requested engine", setup.engine.clone()),
         ("measured with", labels::devices(&results.cells).join("; ")),
         ("models", pairs(&setup.models)),
         ("classes of the model to those of the labels", pairs(&setup.class_map)),
@@ -79,31 +77,18 @@ fn setup(results: &Results) -> Markup {
     html! {
         h2 { "Definitions" }
         dl { @for (name, text) in &results.definitions { dt { (name) } dd { (text) } } }
-        h2 { "Runs" }
-        @for run in &results.runs {
-            p { code { (run.command) } br; (run_facts(run)) }
-        }
         h2 { "Configuration" }
         @for warning in &input.warnings { p { (warning) } }
         dl { @for (name, text) in &facts { dt { (name) } dd { @if text.is_empty() { "-" } @else { (text) } } } }
     }
 }
 
-/// When and where a run was made.
-fn run_facts(run: &Provenance) -> String {
-    let load = run.load.map_or_else(|| "unknown".to_owned(), |load| number(load, 1));
-    let wall =
-        run.wall_s.map_or_else(|| "ended early".to_owned(), |wall| format!("took {} s", number(wall, 1)));
-    let Provenance { commit, host, processor, started, .. } = run;
-    format!(
-        "{started}, {wall}, commit {commit}, on {host} ({processor}); load of the minute before: {load} processes"
-    )
-}
-
 /// File name of the report.
 pub const PAGE: &str = "report.html";
 /// Folder of the charts beside the report.
 const CHARTS: &str = "charts";
+/// The picture of the frame in which the streams differ most, beside the report.
+pub const GRID: &str = "grid.png";
 /// Name of the chart with images, which cannot be drawn from the results.
 pub(crate) const PICTURES: &str = "pictures_streams";
 
@@ -134,11 +119,13 @@ fn save(folder: &Path, named: &NamedChart) -> Result<RenderedChart, GridError> {
     let drawn = named.render().map_err(chart)?;
     let file = |extension: &str| folder.join(format!("{}.{extension}", named.name));
     replace(&file("svg"), drawn.wide.as_bytes())?;
-    replace(&file("png"), &named.chart.png().map_err(chart)?)?;
-    // Its narrow form is kept for the next report.
-    if named.name == PICTURES {
-        replace(&file("narrow.svg"), drawn.narrow.as_bytes())?;
-    }
+    // The narrow form of pictures is kept for the next report.
+    let (png, narrow) = match named.name == PICTURES {
+        true => (folder.with_file_name(GRID), Some(file("narrow.svg"))),
+        false => (file("png"), None),
+    };
+    narrow.map_or(Ok(()), |narrow| replace(&narrow, drawn.narrow.as_bytes()))?;
+    replace(&png, &named.chart.png().map_err(chart)?)?;
     Ok(drawn)
 }
 

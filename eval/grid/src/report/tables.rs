@@ -128,7 +128,7 @@ pub fn cells(results: &Results) -> Markup {
         p {
             "Figures are in percent unless a unit is named. Exact samples have the true wrap count, wholly exact frames have no "
             "other ones, and a trusted frame is wrong if less than 99.9 % of its samples are exact. Click on the name of a column to sort by it. These and more "
-            "figures are in results.json beside this page, and those of each frame in the folder frames."
+            "figures are in results.json beside this page, and the boxes of each frame in the folder cells."
         }
         (table(&cell_head(columns), &rows))
     }

@@ -1,10 +1,9 @@
-//! Runs of a grid on rendered scenes. Two runs are equal, unless a node depends on the wall clock; three merged captures have
-//! ghosts where one capture has none; each frame of several sources in one bag has its own time stamp and labels.
+//! Runs on rendered scenes. Two runs are equal, however they are cut; three merged captures have ghosts where one capture has none; each
+//! frame of several sources in one bag has its own time stamp and labels.
 
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 use std::path::Path;
-use std::sync::OnceLock;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use clap::Parser as _;
 use modulo_ap::Difficulty;
@@ -12,165 +11,281 @@ use modulo_bags::bag::{BagReader, BagWriter, Compression, Selection};
 use modulo_bags::source::{GroundTruth, SourceOptions, open};
 use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_core::Frame;
-use modulo_detector::{DetectorParameters, EngineChoice};
-use modulo_eval::grid::{
-    Axes, Data, GridError, GridEvent, GridOptions, MakeDetector, Request, detector, draw_pictures, run,
-};
-use modulo_eval::launch_file::{CameraPlan, Evaluation, EvaluationPlan, Recordings};
-use modulo_eval::report;
-use modulo_eval::results::{Cell, Provenance, Results, Stream};
+use modulo_detector::DetectorParameters;
+use modulo_eval::data::Data;
+use modulo_eval::plan::{CAMERA, CameraPlan, DETECTOR, PlannedNode, UNWRAP, cells};
+use modulo_eval::record::Timelines;
+use modulo_eval::recordings::Recordings;
+use modulo_eval::results::{Cell, Results};
+use modulo_eval::run::{Listener, Request, run};
+use modulo_eval::score::{ScoreOptions, score};
+use modulo_eval::store::Folder;
+use modulo_eval::timing::Timing;
+use modulo_eval::variants::{Axes, Varied};
+use modulo_eval::{GridError, coco, draw_pictures, report};
 use modulo_images::save_png;
-use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::lockstep::Lockstep;
-use modulo_runtime::{
-    Context, Flow, ManualClock, Message, Node, NodeName, ParameterError, ParameterSet as _, Parameters,
-    StepError, SystemClock, Topic, Trigger,
-};
+use modulo_runtime::{ManualClock, Message, NodeName, ParameterSet as _, Parameters, SystemClock};
 use modulo_unwrap::{UnwrapNode, UnwrapParameters};
 use ndarray::Array3;
 
-/// A detector that depends on the wall clock.
-struct DriftingDetector(Box<dyn Node>);
-
-fn drifting_detector(with: &DetectorParameters) -> Result<Box<dyn Node>, GridError> {
-    Ok(Box::new(DriftingDetector(detector(with)?)))
+/// The nodes of compare.launch.yaml, which has no argument here.
+fn nodes(arguments: &[(String, String)]) -> Result<Vec<PlannedNode>, GridError> {
+    assert_eq!(arguments, []);
+    let node = |executable, name: &str, declared, set: &[(&str, &str)]| PlannedNode {
+        executable,
+        name: NodeName::new(name, "/", &[]).expect("a name"),
+        parameters: Parameters::declare(declared).with_text(set).expect("possible"),
+    };
+    let mut nodes = vec![
+        node(CAMERA, "modulo_camera", CameraParameters::descriptors(), &[]),
+        node(UNWRAP, "unwrap", UnwrapParameters::descriptors(), &[]),
+    ];
+    for input in ["modulo", "recovered", "metered", "saturated", "auto_exposed", "ideal"] {
+        let (name, set) = (format!("detector_{input}"), [("input", input), ("engine", "rten")]);
+        nodes.push(node(DETECTOR, &name, DetectorParameters::descriptors(), &set));
+    }
+    Ok(nodes)
 }
 
-impl Node for DriftingDetector {
-    fn inputs(&self) -> Vec<Topic> {
-        self.0.inputs()
-    }
-
-    fn outputs(&self) -> Vec<Topic> {
-        self.0.outputs()
-    }
-
-    fn status(&self) -> Vec<(&'static str, String)> {
-        self.0.status()
-    }
-
-    fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError> {
-        self.0.configure(parameters)
-    }
-
-    fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
-        let wanted = [true; 2];
-        let clock = SystemClock::default();
-        let mut inner = Context::new(cx.node(), &clock, &wanted[..1]);
-        let flow = self.0.step(trigger, &mut inner)?;
-        static FIRST: OnceLock<Instant> = OnceLock::new();
-        for (output, message) in inner.finish().messages {
-            let Message::Detections(array) = message else { continue };
-            // The deliberate mistake: the clock moves all boxes but those of the very first image, by 1 px each ms.
-            let drift = 1e3 * FIRST.get_or_init(Instant::now).elapsed().as_secs_f64();
-            let mut array: Detection2DArray = (*array).clone();
-            array.detections.iter_mut().for_each(|d| d.bbox.center.position.x += drift);
-            cx.emit(output, Message::Detections(array.into()));
-        }
-        Ok(flow)
-    }
+fn axes(options: &str) -> Axes {
+    Axes::parse_from(["eval"].into_iter().chain(options.split_whitespace()))
 }
 
-fn still_request(out: &Path) -> Request {
-    let axes = Axes::parse_from(["grid", "--stream", "ideal", "--alpha", "2"]);
+/// A run without a launch file on `data`.
+fn request(data: Data, options: &str, out: &Path) -> Request {
     Request {
-        data: Data::Any(vec!["scene://day?seed=3&frames=3&width=320&height=128".to_owned()]),
-        options: GridOptions {
-            axes,
-            engine: EngineChoice::Rten,
-            jobs: 1,
-            time_frames: 0,
-            ..GridOptions::default()
-        },
-        provenance: Provenance::default(),
+        variants: axes(options).variants(&nodes, &[], true).expect("possible"),
+        data: Some(data),
+        places: 0..usize::MAX,
+        jobs: 2,
+        timing: Timing::default(),
+        score: ScoreOptions::default(),
+        fresh: false,
         out: out.to_owned(),
     }
 }
 
-/// The cells of a new run without their durations.
-fn cells(make: &MakeDetector) -> Vec<Cell> {
-    let folder = tempfile::tempdir().expect("a folder");
-    let outcome =
-        run(&still_request(folder.path()), make, &SystemClock::default(), &|_| {}).expect("evaluated");
-    let timeless = |cell: Cell| Cell { latency_ms: Default::default(), frame_ms: None, ..cell };
-    outcome.cells.into_iter().map(timeless).collect()
-}
-
-#[test]
-fn two_runs_are_the_same_and_a_look_at_the_clock_is_seen() {
-    let steady = cells(&detector);
-    assert!(steady[0].ap50["vehicle"].is_some_and(|ap| ap > 0.2), "{:?}", steady[0].ap50);
-    assert_eq!(steady, cells(&detector));
-    let drifting = cells(&drifting_detector);
-    assert_ne!(drifting, cells(&drifting_detector), "a wall clock in a step must not go unseen");
-    assert_ne!(drifting, steady);
-}
-
-fn request(data: Data, streams: &[Stream], out: &Path) -> Request {
-    let options = ["grid", "--method", "auto", "--deblur", "off", "--alpha", "4", "--headroom", "1"];
-    let axes = Axes { stream: streams.to_vec(), ..Axes::parse_from(options) };
-    let options =
-        GridOptions { axes, engine: EngineChoice::Rten, jobs: 2, time_frames: 1, ..GridOptions::default() };
-    Request { data, options, provenance: Provenance::default(), out: out.to_owned() }
-}
-
 fn results(request: &Request) -> Result<Results, GridError> {
-    run(request, &detector, &SystemClock::default(), &|_: GridEvent<'_>| {})
+    run(request, &SystemClock::default(), &Listener { tell: &|_| {}, stopped: &|| false })
 }
 
-fn cell(results: &Results, stream: Stream) -> &Cell {
-    results.cells.iter().rev().find(|cell| cell.point.stream == stream).expect("the cell")
+/// Without an option, the values of the command line.
+const STILL: &str = "--method auto --deblur off --alpha 4 --headroom 1";
+
+fn scenes(specs: &[&str]) -> Data {
+    Data::Any(specs.iter().map(|&spec| spec.to_owned()).collect())
+}
+
+fn cell<'r>(results: &'r Results, stream: &str) -> &'r Cell {
+    results.cells.iter().rev().find(|cell| cell.point.is(stream)).expect("the cell")
+}
+
+/// The settings of the cells of these options.
+fn points(options: &str) -> Result<Vec<modulo_eval::results::Point>, GridError> {
+    let variants = axes(options).variants(&nodes, &[], true)?;
+    Ok(cells(&variants)?.into_iter().map(|cell| cell.point).collect())
 }
 
 #[test]
-fn an_exposure_that_follows_the_frames_is_the_same_however_many_workers_there_are() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let scene = |seed: u8| format!("scene://glare?seed={seed}&frames=60&width=240&height=96&light=tunnels");
-    let streams = [Stream::AutoExposed, Stream::Metered, Stream::Recovered];
-    let cells = |jobs, out: &str| {
-        let data = Data::Any([3, 4].map(scene).to_vec());
-        let mut request = request(data, &streams, &folder.path().join(out));
-        let delays =
-            ["grid", "--method", "auto", "--deblur", "off", "--alpha", "4", "--exposure-delay", "1,3"];
-        request.options.axes = Axes { stream: streams.to_vec(), ..Axes::parse_from(delays) };
-        (request.options.jobs, request.options.time_frames) = (jobs, 0);
-        results(&request).expect("results").cells
+fn the_default_has_one_sharp_ideal_an_alpha_and_deblurs_what_was_recovered() {
+    let default = points("").expect("possible");
+    // Sharp, blurred, saturated, modulo, and two methods with and without.
+    assert_eq!(default.len(), 4 * (4 + 2 * 2));
+    assert!(default.iter().all(|point| point.is("recovered") == point.method.is_some()));
+    assert!(default.iter().all(|point| !point.deblur || point.is("recovered")));
+    assert_eq!(default.iter().filter(|point| point.is_sharp_ideal()).count(), 4);
+    let alphas: Vec<f64> = default.iter().map(|point| point.sensor.alpha).collect();
+    assert!(alphas.is_sorted(), "models and sensors vary slower than streams: {alphas:?}");
+    // A value that is there twice, and deblurring without a blur, give no other cell.
+    let sharp = points("--psf-sigma 0,0 --alpha 2,2").expect("possible");
+    assert_eq!(sharp.len(), 3 + 2);
+    assert!(sharp.iter().all(|point| !point.deblur));
+}
+
+/// What has no effect on a stream does not tell its cells apart.
+#[test]
+fn a_cell_has_what_decides_its_boxes() {
+    let delays =
+        "--stream auto_exposed,metered,recovered --method auto --deblur off --alpha 4 --exposure-delay 1,3";
+    assert_eq!(points(delays).expect("possible").len(), 2 + 2);
+    let gains = "--stream ideal,saturated,recovered --alpha 4 --psf-sigma 0 --gains none,checkerboard --method auto,spud";
+    let gains = points(gains).expect("possible");
+    let of_gains: Vec<_> = gains.iter().filter(|point| point.sensor.gains).collect();
+    assert_eq!((gains.len(), of_gains.len()), (4 + 2, 2));
+    assert!(of_gains.iter().all(|point| point.method.as_deref() == Some("checkerboard_gains")));
+    let vary = |text: &str| text.parse::<Varied>().expect("a name with values");
+    let varied = [vary("unwrap.budget=50,225"), vary("modulo_camera.seed=0,1")];
+    let variants = axes(STILL).variants(&nodes, &varied, false).expect("possible");
+    let cells = cells(&variants).expect("possible");
+    let budgets = |stream: &str| cells.iter().filter(|cell| cell.point.is(stream)).count();
+    assert_eq!((budgets("recovered"), budgets("ideal")), (4, 2), "the ideal image is not unwrapped");
+    let named = cells.iter().filter(|cell| cell.point.more.contains_key("unwrap.budget"));
+    let named: Vec<_> = named.map(|cell| cell.point.more["unwrap.budget"].as_str()).collect();
+    assert_eq!(named, ["50"; 2], "the default has no name");
+}
+
+#[test]
+fn the_paper_has_four_streams_two_forms_of_spud_and_640() {
+    let paper = points("--protocol paper").expect("possible");
+    assert_eq!(paper.len(), 4 * 5);
+    let is_of_paper = |point: &modulo_eval::results::Point| {
+        point.input == "640x640"
+            && !point.deblur
+            && point.sensor.headroom == 1.0
+            && point.sensor.optical_black == 0
     };
-    let (one, three) = (cells(1, "one"), cells(3, "three"));
-    // The delay matters to the camera that follows alone.
-    assert_eq!(one.len(), 4);
-    assert_eq!(one, three);
+    assert!(paper.iter().all(is_of_paper), "{paper:?}");
+    assert_eq!(points("--protocol paper --headroom 1 --optical-black 0").expect("possible"), paper);
+    for other in
+        ["--method auto", "--read-noise 1", "--psf-sigma 1.4,0", "--gains checkerboard", "--mosaic rggb"]
+    {
+        let why = points(&format!("--protocol paper {other}")).expect_err(other).to_string();
+        assert!(why.contains("paper") || why.contains("spud_as_published"), "{why}");
+    }
+    let published = points("--method spud_as_published").expect("possible");
+    assert_eq!(published.len(), 4 * 5, "it is never deblurred");
+    for (options, named) in [("--stream depth", "depth"), ("--method magic", "magic")] {
+        assert!(points(options).expect_err(options).to_string().contains(named));
+    }
+    let varied = ["nobody.alpha=2".parse::<Varied>().expect("a name")];
+    let why = axes("").variants(&nodes, &varied, false).expect_err("no node").to_string();
+    assert!(why.contains("nobody.alpha") && why.contains("detector_ideal"), "{why}");
+}
+
+const DAY: &str = "scene://day?seed=3&frames=3&width=320&height=128";
+
+#[test]
+fn two_runs_are_the_same() {
+    let run = || {
+        let folder = tempfile::tempdir().expect("a folder");
+        results(&request(scenes(&[DAY]), "--stream ideal --alpha 2", folder.path())).expect("evaluated").cells
+    };
+    let steady = run();
+    assert!(steady[0].ap50["vehicle"].is_some_and(|ap| ap > 0.2), "{:?}", steady[0].ap50);
+    assert_eq!(steady, run());
+}
+
+/// Every file below a folder but claims, with its content.
+fn files(folder: &Path) -> Vec<(String, Vec<u8>)> {
+    let mut all = Vec::new();
+    for entry in std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path()) {
+        if entry.is_dir() {
+            all.extend(files(&entry));
+        } else if !entry.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b".")) {
+            all.push((entry.display().to_string(), std::fs::read(&entry).expect("readable")));
+        }
+    }
+    all.sort();
+    all
+}
+
+const ALL: Range<usize> = 0..usize::MAX;
+
+/// Two drives, whose light changes: a camera that follows it needs the frames before a slice.
+#[test]
+fn an_exposure_that_follows_the_frames_is_the_same_however_it_is_cut() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = |seed: u8| format!("scene://glare?seed={seed}&frames=60&width=160&height=64&light=tunnels");
+    let data = || Data::Any([3, 4].map(scene).to_vec());
+    let options =
+        "--stream auto_exposed,metered,recovered --method auto --deblur off --alpha 4 --exposure-delay 1,3";
+    let cut = |name: &str, jobs, slices: &[Range<usize>]| {
+        let mut request = request(data(), options, &folder.path().join(name));
+        request.jobs = jobs;
+        let runs = slices.iter().map(|places| {
+            request.places = places.clone();
+            results(&request).expect("results")
+        });
+        runs.last().expect("a slice")
+    };
+    let whole = cut("one", 1, std::slice::from_ref(&ALL));
+    assert_eq!(whole.cells.len(), 4);
+    assert_eq!(cut("three", 3, std::slice::from_ref(&ALL)), whole);
+    assert_eq!(cut("slices", 2, &[70..100, 0..45, 45..70, 100..usize::MAX]), whole);
     let moments = |cell: &Cell| {
         cell.moments.iter().map(|moment| (moment.is_darker, moment.frame, moment.frames)).collect::<Vec<_>>()
     };
     // Two drives, each with one change at frame 50, of which 6 frames before it and 10 after it are there.
     let expected: Vec<_> = (-3..5).map(|half| (true, 2 * half, 4)).collect();
-    assert!(one.iter().all(|cell| moments(cell) == expected), "{:?}", moments(&one[0]));
-    let of = |stream| one.iter().find(|cell| cell.point.stream == stream).expect("its cell");
-    let (metered, recovered) = (of(Stream::Metered), of(Stream::Recovered));
+    assert!(whole.cells.iter().all(|cell| moments(cell) == expected), "{:?}", moments(&whole.cells[0]));
+    let (metered, recovered) = (cell(&whole, "metered"), cell(&whole, "recovered"));
     assert_eq!(metered.exact_k, recovered.exact_k);
     assert_eq!(metered.psnr_db, recovered.psnr_db, "the quality is that of the recovered image");
     assert!(metered.nearest >= recovered.nearest, "{:?} {:?}", metered.nearest, recovered.nearest);
+    // What is done is not done again, and a part of it is found.
+    let before = files(&folder.path().join("one/cells"));
+    cut("one", 2, &[0..usize::MAX, 10..20]);
+    assert_eq!(files(&folder.path().join("one/cells")), before);
+}
+
+/// Slices of several folders, other groups and COCO's form need no other run.
+#[test]
+fn scores_follow_from_the_boxes_that_are_stored() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let run = |name: &str, places: Range<usize>| {
+        let mut request =
+            request(scenes(&[DAY]), "--stream ideal,saturated --alpha 2", &folder.path().join(name));
+        request.places = places;
+        (results(&request).expect("evaluated"), Folder::existing(&request.out).expect("results"))
+    };
+    let (whole, one) = run("whole", 0..3);
+    let parts = [run("first", 0..1).1, run("rest", 1..3).1];
+    assert_eq!(score(&parts, &ScoreOptions::default()).expect("scored"), whole);
+    let groups = folder.path().join("groups.yaml");
+    std::fs::write(&groups, "car: everything\nvan: everything\npedestrian: everything\nperson: everything\n")
+        .expect("written");
+    let options =
+        ScoreOptions { groups: Some(groups), difficulty: Some(Difficulty::All), ..ScoreOptions::default() };
+    let regrouped = score(std::slice::from_ref(&one), &options).expect("scored");
+    let objects = |results: &Results| results.cells[0].objects.values().sum::<usize>();
+    assert!(regrouped.cells[0].objects.contains_key("everything") && objects(&regrouped) > objects(&whole));
+
+    let out = folder.path().join("coco");
+    coco::export(&[one], &options, &out).expect("written");
+    let json = |file: &Path| -> serde_json::Value {
+        serde_json::from_slice(&std::fs::read(file).expect("there")).expect("JSON")
+    };
+    let labels = json(&out.join("annotations.json"));
+    assert_eq!(labels["images"].as_array().expect("images").len(), 3);
+    let counted =
+        labels["annotations"].as_array().expect("labels").iter().filter(|label| label["iscrowd"] == 0);
+    assert_eq!(counted.count(), objects(&regrouped));
+    let results = std::fs::read_dir(out.join("results"))
+        .expect("results")
+        .map(|file| json(&file.expect("a file").path()));
+    for boxes in results {
+        let first = &boxes.as_array().expect("boxes")[0];
+        assert!(
+            first["image_id"].is_u64()
+                && first["category_id"] == 1
+                && first["bbox"].as_array().expect("a box").len() == 4
+        );
+        assert!(
+            boxes.as_array().expect("boxes").iter().any(|one| one["score"].as_f64() < Some(0.05)),
+            "low scores, too"
+        );
+    }
 }
 
 #[test]
 fn what_moves_has_ghosts_in_three_captures_and_none_in_one() {
     let folder = tempfile::tempdir().expect("a folder");
-    let streams = [Stream::Ideal, Stream::Recovered, Stream::MultiExposure, Stream::MultiExposureStill];
     let scene = "scene://glare?seed=3&frames=6&width=480&height=144";
-    let request = request(Data::Any(vec![scene.to_owned()]), &streams, folder.path());
+    let streams = format!("{STILL} --stream ideal,recovered,multi_exposure,multi_exposure_still");
+    let mut request = request(scenes(&[scene]), &streams, folder.path());
+    request.timing.time_frames = 1;
     let results = results(&request).expect("results");
     let psnr = |stream| cell(&results, stream).psnr_db.unwrap_or(f64::INFINITY);
-    let [one, moving, still] =
-        [Stream::Recovered, Stream::MultiExposure, Stream::MultiExposureStill].map(psnr);
+    let [one, moving, still] = ["recovered", "multi_exposure", "multi_exposure_still"].map(psnr);
     assert!(still > 45.0, "merged captures of a still scene are nearly ideal: {still} dB");
     assert!(moving < still - 10.0, "the ghosts: {moving} dB against {still} dB");
     assert!(one > moving + 10.0, "one capture has none: {one} dB against {moving} dB");
-    let merged = cell(&results, Stream::MultiExposure);
+    let merged = cell(&results, "multi_exposure");
     assert_eq!((merged.frames, merged.exact_k), (6, None));
     assert!(merged.latency_ms.contains_key("merge"));
 
-    let pictures = draw_pictures(&request, &detector, &SystemClock::default(), &results).expect("pictures");
+    let pictures = draw_pictures(&request, &SystemClock::default(), &results).expect("pictures");
     report::save_pictures(folder.path(), &pictures.expect("a chart")).expect("kept");
     let page =
         std::fs::read_to_string(report::write(folder.path(), &results).expect("a page")).expect("readable");
@@ -186,8 +301,10 @@ fn what_moves_has_ghosts_in_three_captures_and_none_in_one() {
 #[test]
 fn frames_that_do_not_follow_each_other_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
+    write_kitti(folder.path(), 1, 10);
     let data = Data::Kitti { folder: folder.path().to_owned(), list: None };
-    let why = results(&request(data, &[Stream::MultiExposure], folder.path())).expect_err("refused");
+    let why = results(&request(data, &format!("{STILL} --stream multi_exposure"), folder.path()))
+        .expect_err("refused");
     assert!(why.to_string().contains("multi_exposure_still"), "{why}");
 }
 
@@ -236,20 +353,20 @@ fn write_kitti(folder: &Path, frames: u8, seed: u8) {
     }
 }
 
-/// Evaluates a camera at rate 0 over each of `sources`, and records into `bag`.
+/// Records a camera at rate 0 over each of `sources` into `bag`.
 fn record(sources: &[&Path], more: &[(&str, &str)], bag: &Path) {
-    let mut evaluation = Evaluation::new(Difficulty::Moderate);
     let topics = ["/ideal", "/ground_truth"].map(str::to_owned).to_vec();
-    let camera = CameraPlan {
+    let cameras = [CameraPlan {
         name: "/camera".to_owned(),
         member: 0,
         interval: Duration::from_millis(100),
         truth: Some(topics[1].clone()),
         streams: Vec::new(),
-    };
-    let plan = EvaluationPlan { cameras: vec![camera], bagged: topics.clone() };
+    }];
+    let mut timelines = Timelines::default();
     let recorder = BagWriter::create(bag, Compression::None).expect("a new bag");
-    let mut recordings = Recordings::new(&bag.with_extension("out"), Some(recorder), None, false);
+    let recorder = Some((recorder, topics.clone()));
+    let mut recordings = Recordings::new(&bag.with_extension("out"), recorder, None, false);
     for source in sources {
         let source = source.to_str().expect("UTF-8");
         let pairs = [&[("source", source), ("rate", "0"), ("optical_black", "0")], more].concat();
@@ -258,9 +375,9 @@ fn record(sources: &[&Path], more: &[(&str, &str)], bag: &Path) {
         let mut chain = Lockstep::new(&timer, topics.clone());
         let camera = ModuloCamera::new(&parameters).expect("a camera");
         chain.add(Box::new(camera), &NodeName::new("camera", "/", &[]).expect("a name")).expect("a node");
-        evaluation
-            .add(&mut chain, &plan, &mut recordings, &|_| ControlFlow::Continue(()))
-            .expect("evaluated");
+        timelines
+            .record(&mut chain, &cameras, &mut recordings, &|_| ControlFlow::Continue(()))
+            .expect("recorded");
     }
     recordings.finish().expect("finished");
 }

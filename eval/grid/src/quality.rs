@@ -1,137 +1,25 @@
-//! The steps of a frame before the detector: simulated sensor, then unwrapping or merging, and how close the result is to
-//! the exposure of the simulated sensor.
-
-pub mod auto_exposure;
-pub mod multi_exposure;
-pub mod paper;
-mod suite;
-
-use std::sync::Arc;
+//! How close the image that a detector gets is to the true exposure of the simulated sensor.
 
 use modulo_ap::average::mean;
 use modulo_core::metric::{LEAST_SIDE, mse, psnr_db, ssim};
 use modulo_core::{Exposure, Frame, Gains, Psf, Sensor, SensorConfig, tone};
-use modulo_detector::{Detector, DetectorParameters};
-use modulo_msgs::std_msgs::Header;
+use modulo_runtime::SensorModel;
+use modulo_runtime::lockstep::OnTopic;
 use modulo_runtime::sensor::recovery::Recovery;
-use modulo_runtime::{Clock, Node, NodeName, StampedFrame};
 use ndarray::Array3;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
-use super::Request;
-use super::frames::FrameWithNeighbours;
 use crate::GridError;
-use crate::results::{Point, Protocol, Stream};
-use paper::{PaperPipeline, SPUD_AS_PUBLISHED};
-use suite::SuitePipeline;
-
-/// (stage, nanoseconds) in the order of the stages.
-pub type Stages = Vec<(&'static str, u64)>;
-
-/// The result of a pipeline for one frame.
-#[derive(Default)]
-pub struct DetectorInput {
-    /// The image for the detector. `None` if a step gave no image.
-    pub image: Option<Arc<StampedFrame>>,
-    /// Duration of each step.
-    pub stages: Stages,
-    /// Quality of a recovered, merged or saturated image. `None` if nothing is compared.
-    pub recovery: Option<RecoveryQuality>,
-}
-
-/// Turns the frames of one cell into images for the detector. Each worker has its own.
-pub type FramePipeline<'a> =
-    Box<dyn FnMut(FrameWithNeighbours) -> Result<DetectorInput, GridError> + Send + 'a>;
-
-/// Makes a detector, as [`detector`] does. A test can replace it.
-pub type MakeDetector = dyn Fn(&DetectorParameters) -> Result<Box<dyn Node>, GridError> + Sync;
-
-/// Makes a detector of the suite and warms it up.
-///
-/// # Errors
-/// [`GridError`] for an impossible parameter or a model that does not run.
-pub fn detector(with: &DetectorParameters) -> Result<Box<dyn Node>, GridError> {
-    Ok(Box::new(Detector::new(with)?))
-}
-
-/// The clock, seed and comparison of a pipeline.
-#[derive(Clone, Copy)]
-pub struct PipelineConfig<'a> {
-    /// Measures the stages.
-    pub timer: &'a dyn Clock,
-    /// Seed of the noise of the first frame.
-    pub seed: u64,
-    /// Whether the images are compared with the true ones, which takes longer than most methods.
-    pub compares: bool,
-}
-
-/// Refuses streams that the protocol of the paper does not know, and merged captures of moving scenes where the frames of the data are
-/// not consecutive.
-pub fn check(request: &Request, points: &[Point]) -> Result<(), GridError> {
-    let refuse = |stream: Stream, possible| Err(GridError::value("stream", stream.name(), possible));
-    for &Point { stream, .. } in points {
-        if request.options.protocol == Protocol::Paper && !Stream::OF_PAPER.contains(&stream) {
-            return refuse(stream, "one of the other streams under the protocol of the paper");
-        }
-        if stream == Stream::MultiExposure && request.data.is_still() {
-            let possible = "multi_exposure_still, because these frames are not consecutive; use --sequence or --source otherwise";
-            return refuse(stream, possible);
-        }
-    }
-    Ok(())
-}
-
-/// The pipeline of the cell at `point`. `compares`: see [`PipelineConfig::compares`].
-pub fn open<'a>(
-    request: &Request,
-    timer: &'a dyn Clock,
-    point: &Point,
-    compares: bool,
-) -> Result<FramePipeline<'a>, GridError> {
-    let config = PipelineConfig { timer, seed: request.options.seed, compares };
-    if request.options.protocol == Protocol::Paper {
-        let mut pipeline = PaperPipeline::new(point, timer)?;
-        return Ok(Box::new(move |frame| pipeline.run(&frame.frame)));
-    }
-    if point.stream.follows_frames() {
-        return auto_exposure::pipeline(request, point, config);
-    }
-    if matches!(point.stream, Stream::MultiExposure | Stream::MultiExposureStill) {
-        return multi_exposure::pipeline(point, config);
-    }
-    if point.method.as_deref() == Some(SPUD_AS_PUBLISHED) {
-        return paper::published_spud(point, config);
-    }
-    let mut pipeline = SuitePipeline::new(point, config)?;
-    Ok(Box::new(move |frame| pipeline.run(frame.number, frame.frame)))
-}
-
-/// Time stamp of a frame for the nodes, ns: frames follow each other at 10 Hz, as in KITTI.
-pub fn stamp(number: usize) -> u64 {
-    number as u64 * 100_000_000
-}
-
-/// The name of a node in the root namespace. `name` is a valid ROS name.
-pub fn node_name(name: &str) -> NodeName {
-    NodeName { name: name.to_owned(), namespace: "/".to_owned(), remaps: Vec::new() }
-}
-
-/// Runs a step, and adds its duration to `stages`.
-fn timed<T>(timer: &dyn Clock, stages: &mut Stages, name: &'static str, step: impl FnOnce() -> T) -> T {
-    let start = timer.ticks_ns();
-    let done = step();
-    stages.push((name, timer.ticks_ns().saturating_sub(start)));
-    done
-}
-
-fn unstamped(frame: Frame) -> Arc<StampedFrame> {
-    Arc::new(StampedFrame { header: Header::default(), frame })
-}
+use crate::chain::shared;
+use crate::frames::HandedFrame;
+use crate::messages::{image, recovery};
+use crate::plan::{CAMERA, Cell};
 
 /// The true exposures that a recovered image is compared with: through the lens of the cell, and without a lens.
 struct Truth([Sensor; 2]);
 
 impl Truth {
+    /// The exposures of this sensor.
     fn of(sensor: SensorConfig) -> Result<Self, GridError> {
         Ok(Self([Sensor::new(sensor)?, Sensor::new(SensorConfig { psf: Psf::None, ..sensor })?]))
     }
@@ -141,22 +29,10 @@ impl Truth {
         let [blurred, sharp] = &self.0;
         Ok([blurred.expose(radiance.view(), seed)?, sharp.expose(radiance.view(), seed)?])
     }
-
-    /// The input of a detector with an image that has no wrap counts, and with its quality unless nothing is compared.
-    fn compared(
-        &self,
-        config: PipelineConfig<'_>,
-        scene: (&Array3<f32>, u64),
-        image: Frame,
-        stages: Stages,
-    ) -> Result<DetectorInput, GridError> {
-        let truth = config.compares.then(|| self.expose(scene)).transpose()?;
-        let recovery = truth.and_then(|truth| RecoveryQuality::of_merged(&image, &truth));
-        Ok(DetectorInput { image: Some(unstamped(image)), stages, recovery })
-    }
 }
 
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+/// How close an image for a detector is to the true one.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RecoveryQuality {
     /// Number of samples with the true wrap count.
     pub exact: u64,
@@ -173,7 +49,7 @@ pub struct RecoveryQuality {
 }
 
 /// Similarity of two 8-bit images.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ImageSimilarity {
     /// Mean squared difference of the samples.
     pub mse: f64,
@@ -268,6 +144,61 @@ impl ImageSimilarity {
         // The mean is taken over the squared errors, not over PSNR: a single perfect frame has an infinite PSNR.
         let mse = mean(all.clone().map(|one| one.mse));
         (mse.map(|mse| psnr_db(mse).unwrap_or(f64::INFINITY)), mean(all.filter_map(|one| one.ssim)))
+    }
+}
+
+/// The true exposures of the frame at hand.
+#[derive(Default)]
+pub struct TrueExposures {
+    sensor: Option<(SensorModel, Truth)>,
+    /// The place of the last frame, and its exposures.
+    last: Option<(usize, [Exposure; 2])>,
+}
+
+impl TrueExposures {
+    /// Returns how close the image of a cell is to the true exposure of `sensor` to a frame. `None` if nothing is compared.
+    pub fn quality(
+        &mut self,
+        cell: &Cell<'_>,
+        out: &[OnTopic],
+        (frame, sensor, seed): (&HandedFrame, &SensorModel, u64),
+    ) -> Result<Option<RecoveryQuality>, GridError> {
+        let (maker, _) = shared(cell);
+        let is_paper = cell.variant.more.contains_key("protocol");
+        let is_saturated = maker.executable == CAMERA && cell.stream.images.ends_with("/saturated");
+        let (shown, unwrapped) = (image(out, &cell.stream.images), &cell.stream.unwrapped);
+        let is_compared = unwrapped.is_some() || is_saturated || maker.executable != CAMERA && !is_paper;
+        let Some(shown) = shown.filter(|_| is_compared) else { return Ok(None) };
+        let truth = self.of(frame, sensor, seed)?;
+        Ok(match unwrapped {
+            None if is_saturated => RecoveryQuality::of_saturated(&shown.frame, truth),
+            None => RecoveryQuality::of_merged(&shown.frame, truth),
+            Some(topics) => {
+                // A detector that leaves the recovered image has no other one to be compared.
+                let (picture, counts) = (image(out, &topics.picture), image(out, &topics.counts));
+                let said = recovery(out, &topics.recovery);
+                picture.zip(counts).zip(said).and_then(|((picture, counts), said)| {
+                    RecoveryQuality::of_unwrapped(&counts.frame, &picture.frame, said, truth)
+                })
+            }
+        })
+    }
+
+    fn of(
+        &mut self,
+        frame: &HandedFrame,
+        sensor: &SensorModel,
+        seed: u64,
+    ) -> Result<&[Exposure; 2], GridError> {
+        if self.sensor.as_ref().is_none_or(|(own, _)| own != sensor) {
+            *self = Self { sensor: Some((sensor.clone(), Truth::of(sensor.config()?)?)), last: None };
+        }
+        if self.last.as_ref().is_none_or(|(place, _)| *place != frame.place) {
+            let (_, truth) = self.sensor.as_ref().expect("it was made");
+            let seed = seed.wrapping_add(frame.place as u64);
+            self.last = Some((frame.place, truth.expose((&frame.frame.radiance, seed))?));
+        }
+        Ok(&self.last.as_ref().expect("it was made").1)
     }
 }
 

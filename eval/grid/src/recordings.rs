@@ -1,4 +1,4 @@
-//! [`Recordings`]: what an evaluation writes while it runs: a bag, images, and a video of the boxes.
+//! [`Recordings`]: what a run of a launch file is recorded to: a bag, images, and a video of the boxes.
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -11,19 +11,13 @@ use modulo_images::save_png;
 use modulo_runtime::lockstep::OnTopic;
 use modulo_runtime::sensor::recovery::Recovery;
 use modulo_runtime::{Qos, sensor_info};
-use ndarray::Array3;
 
-use super::file_name;
-use super::plan::{CameraPlan, DetectorStream, EvaluationPlan};
 use crate::messages::{found, image, recovery};
+use crate::plan::{CameraPlan, DetectorStream};
 use crate::video::AnnotatedVideo;
 
 /// Why a file could not be written.
 type Fault = Box<dyn Error + Send + Sync>;
-
-/// Name of the picture of the frame in which the numbers of the boxes of the streams differ most: every stream with its boxes, in the order of the
-/// detectors, with a legend of the classes.
-pub const GRID: &str = "grid.png";
 
 /// The recordings of an evaluation.
 #[derive(Default)]
@@ -36,8 +30,8 @@ pub struct Recordings {
     video: Option<AnnotatedVideo>,
     /// Whether the images that the detectors get are saved as `FOLDER/STREAM/NUMBER.png`.
     images: bool,
-    /// The frame in [`GRID`], and how much the numbers of the boxes of its streams differ.
-    pictured: Option<(u64, usize)>,
+    /// The topics whose messages go into the bag.
+    bagged: Vec<String>,
     /// The last picture of each stream, by the name of the stream.
     shown: BTreeMap<String, Shown>,
     /// The error of the first file that could not be written. Nothing is recorded after it.
@@ -55,21 +49,32 @@ struct Shown {
 impl Recordings {
     /// Creates the recordings of an evaluation, with pictures in `folder`. The folders of the `images`, with the names of the streams, must be
     /// in it.
-    pub fn new(folder: &Path, bag: Option<BagWriter>, video: Option<AnnotatedVideo>, images: bool) -> Self {
-        Self { folder: folder.to_owned(), bag, video, images, ..Self::default() }
+    pub fn new(
+        folder: &Path,
+        bag: Option<(BagWriter, Vec<String>)>,
+        video: Option<AnnotatedVideo>,
+        images: bool,
+    ) -> Self {
+        let (bag, bagged) = bag.unzip();
+        let bagged = bagged.unwrap_or_default();
+        Self { folder: folder.to_owned(), bag, bagged, video, images, ..Self::default() }
     }
 
-    /// Returns the topics whose messages are needed for `plan`.
-    pub fn topics(&self, plan: &EvaluationPlan) -> Vec<String> {
-        let mut topics = plan.bagged.clone();
-        for camera in &plan.cameras {
-            topics.extend(camera.truth.clone());
-            for stream in &camera.streams {
-                topics.push(stream.detections.clone());
-                topics.extend(self.images.then(|| stream.images.clone()));
+    /// Whether nothing is recorded.
+    pub fn is_empty(&self) -> bool {
+        self.bag.is_none() && self.video.is_none() && !self.images
+    }
+
+    /// Returns the topics whose messages are needed of `cameras`.
+    pub fn topics(&self, cameras: &[CameraPlan]) -> Vec<String> {
+        let mut topics = self.bagged.clone();
+        for stream in cameras.iter().flat_map(|camera| &camera.streams) {
+            topics.push(stream.detections.clone());
+            topics.extend(self.images.then(|| stream.images.clone()));
+            // Boxes are drawn for those who read the picture.
+            if self.video.is_some() {
                 topics.extend(stream.annotated.clone());
-                topics.extend(stream.labels.clone());
-                topics.extend(stream.recovery.clone());
+                topics.extend(stream.unwrapped.as_ref().map(|unwrapped| unwrapped.recovery.clone()));
             }
         }
         topics
@@ -77,31 +82,32 @@ impl Recordings {
 
     /// Adds frame `number` of `camera`. With the last camera of a round, in which each one has sent a frame, the annotated images
     /// of all are drawn. An error is kept for [`Recordings::finish`]: the scores do not depend on recordings.
-    pub(super) fn add(
+    pub(crate) fn add(
         &mut self,
-        plan: &EvaluationPlan,
+        cameras: &[CameraPlan],
         (camera, number): (&CameraPlan, u64),
         out: &[OnTopic],
         ends_round: bool,
     ) {
         if self.fault.is_none() {
-            self.fault = self.write(plan, (camera, number), out, ends_round).err();
+            self.fault = self.write(cameras, (camera, number), out, ends_round).err();
         }
     }
 
     fn write(
         &mut self,
-        plan: &EvaluationPlan,
+        cameras: &[CameraPlan],
         (camera, number): (&CameraPlan, u64),
         out: &[OnTopic],
         ends_round: bool,
     ) -> Result<(), Fault> {
         if let Some(bag) = &mut self.bag {
-            record(bag, out, &plan.bagged)?;
+            record(bag, out, &self.bagged)?;
         }
         for stream in camera.streams.iter().filter(|_| self.images) {
             if let Some(frame) = image(out, &stream.images) {
-                save_png(&self.folder.join(&stream.name).join(file_name(number)), &frame.frame)?;
+                std::fs::create_dir_all(self.folder.join(&stream.name))?;
+                save_png(&self.folder.join(&stream.name).join(format!("{number:06}.png")), &frame.frame)?;
             }
         }
         let shown = camera.streams.iter().map(|stream| (stream.name.clone(), Shown::of(stream, out)));
@@ -109,30 +115,15 @@ impl Recordings {
         if !ends_round {
             return Ok(());
         }
-        let spread = self.spread();
-        let is_largest = self.pictured.is_none_or(|(_, largest)| spread > largest);
-        if !is_largest && self.video.is_none() {
-            return Ok(());
-        }
-        let Some(sheet) = self.sheet(plan) else { return Ok(()) };
-        if is_largest {
-            save_sheet(&self.folder, &sheet)?;
-            self.pictured = Some((number, spread));
-        }
-        match (&mut self.video, out.first()) {
-            (Some(video), Some((_, message))) => Ok(video.add(sheet, message.stamp().as_ns())?),
+        let sheet = self.video.is_some().then(|| self.sheet(cameras)).flatten();
+        match (&mut self.video, sheet, out.first()) {
+            (Some(video), Some(sheet), Some((_, message))) => Ok(video.add(sheet, message.stamp().as_ns())?),
             _ => Ok(()),
         }
     }
 
-    /// Returns how much the numbers of the boxes of the streams differ in the frames that are shown.
-    fn spread(&self) -> usize {
-        let boxes = || self.shown.values().map(|shown| shown.classes.len());
-        boxes().max().unwrap_or_default() - boxes().min().unwrap_or_default()
-    }
-
     /// Notes that `camera` has sent its last frame.
-    pub(super) fn end(&mut self, camera: &CameraPlan) {
+    pub(crate) fn end(&mut self, camera: &CameraPlan) {
         for stream in &camera.streams {
             if let Some(shown) = self.shown.get_mut(&stream.name) {
                 shown.title = format!("{}: ended", stream.name);
@@ -142,19 +133,14 @@ impl Recordings {
 
     /// Returns the last annotated images of all streams as one, each below its title; `None` where no stream has one. A stream without an image
     /// has an empty place, so that all sheets have one size.
-    fn sheet(&self, plan: &EvaluationPlan) -> Option<RgbImage> {
+    fn sheet(&self, cameras: &[CameraPlan]) -> Option<RgbImage> {
         let picture = |DetectorStream { name, .. }: &DetectorStream| match self.shown.get(name) {
             Some(Shown { title, picture: Some(picture), .. }) => (title.clone(), Some(picture.clone())),
             _ => (format!("{name}: no image"), None),
         };
-        let pictures: Vec<_> = plan.streams().map(picture).collect();
+        let pictures: Vec<_> = cameras.iter().flat_map(|camera| &camera.streams).map(picture).collect();
         let classes = self.shown.values().flat_map(|shown| &shown.classes);
         sheet(&pictures, &distinct(classes.map(String::as_str)))
-    }
-
-    /// Returns the number of the frame in [`GRID`]; `None` where no detector draws its boxes.
-    pub fn pictured(&self) -> Option<u64> {
-        self.pictured.map(|(number, _)| number)
     }
 
     /// Completes the bag and the video.
@@ -171,7 +157,7 @@ impl Recordings {
 impl Shown {
     /// What the messages of a frame show of `stream`, with the method that has unwrapped its image and its trust in the title.
     fn of(stream: &DetectorStream, out: &[OnTopic]) -> Self {
-        let note = stream.recovery.as_deref().and_then(|topic| method_of(out, topic));
+        let note = stream.unwrapped.as_ref().and_then(|topics| method_of(out, &topics.recovery));
         let boxes: Vec<Detection> = found(out, &stream.detections).unwrap_or_default();
         Self {
             title: note.map_or_else(|| stream.name.clone(), |note| format!("{}: {note}", stream.name)),
@@ -179,14 +165,6 @@ impl Shown {
             classes: boxes.into_iter().map(|found| found.class).collect(),
         }
     }
-}
-
-/// Writes the annotated images into `folder`.
-fn save_sheet(folder: &Path, sheet: &RgbImage) -> Result<(), Fault> {
-    let size = (sheet.height() as usize, sheet.width() as usize, 3);
-    let pixels = Array3::from_shape_vec(size, sheet.as_raw().clone()).expect("three samples a pixel");
-    let frame = Frame::from_u8(pixels).expect("a sheet has three channels");
-    Ok(save_png(&folder.join(GRID), &frame)?)
 }
 
 /// Returns the method that has unwrapped the image of this frame, and whether it trusts its result.

@@ -5,21 +5,25 @@ use modulo_ap::matching::{ImageBoxes, ObjectRole};
 use modulo_bags::source::{GroundTruth, LightChange};
 use modulo_core::Detection;
 
-use super::listing::{COUNTED, LEAST_IOU};
-use super::score::{Found, Scorer};
 use crate::results::Moment;
+use crate::score::{Found, Scorer};
 
 /// The frames before a change, and those after it, that are looked at.
 const BEFORE: i64 = 6;
 const AFTER: i64 = 24;
 
+/// Least score of the boxes that are counted, which is that of the boxes on the images of the report.
+const COUNTED: f32 = 0.25;
+/// Least IoU of a box and the object that it finds.
+const LEAST_IOU: f64 = 0.5;
+
 /// The number of frames of a moment: one alone has too few objects.
 const LENGTH: i64 = 2;
 
-impl Scorer {
+impl Scorer<'_> {
     /// Returns whether each frame has the nearest of its scored objects among its boxes of a score of at least [`COUNTED`]; `None` without a scored
     /// object. The nearest object has the highest box.
-    pub(super) fn nearest_found(&self, found: &Found) -> Vec<Option<bool>> {
+    pub(crate) fn nearest_found(&self, found: &Found) -> Vec<Option<bool>> {
         found
             .iter()
             .zip(&self.frames)
@@ -46,7 +50,7 @@ impl Scorer {
     }
 
     /// Returns the accuracy at each moment before and after the changes to darker and to brighter light; empty where the light does not change.
-    pub(super) fn moments(&self, groups: &[Vec<ImageBoxes>], nearest: &[Option<bool>]) -> Vec<Moment> {
+    pub(crate) fn moments(&self, groups: &[Vec<ImageBoxes>], nearest: &[Option<bool>]) -> Vec<Moment> {
         let mut moments = Vec::new();
         for is_darker in [true, false] {
             for frame in (-BEFORE..AFTER).step_by(LENGTH as usize) {
@@ -73,6 +77,6 @@ impl Scorer {
 }
 
 /// Returns the share of `true`; `None` of nothing.
-pub(super) fn share(flags: impl Iterator<Item = bool>) -> Option<f64> {
+pub(crate) fn share(flags: impl Iterator<Item = bool>) -> Option<f64> {
     average::mean(flags.map(|flag| f64::from(u8::from(flag))))
 }

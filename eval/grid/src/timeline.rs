@@ -8,7 +8,7 @@ use modulo_runtime::lockstep::OnTopic;
 
 /// Moves the time stamps of several sources so that each frame is later than the one before it.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Timeline {
+pub(crate) struct Timeline {
     pub frames: u64,
     /// Time stamp of the last frame, ns.
     last: Option<u64>,
@@ -21,7 +21,7 @@ impl Timeline {
     /// frame. Sources were recorded independently, and a repeated source starts again at its first stamp, but labels and
     /// images are matched by their stamps: no two frames may share a stamp. All later frames of the source are moved by
     /// the same time, so that the intervals within a source do not change.
-    pub(super) fn place(&mut self, out: &mut [OnTopic], interval: Duration) {
+    pub(crate) fn place(&mut self, out: &mut [OnTopic], interval: Duration) {
         self.frames += 1;
         let Some((_, first)) = out.first() else { return };
         // All messages of a frame carry the stamp of its image.

@@ -1,22 +1,22 @@
-//! [`pipeline`]: three captures with different exposure times, merged as a normal camera does for a high
-//! dynamic range.
+//! [`maker`]: three captures with different exposure times, merged as a normal camera does for a high dynamic range.
 //!
 //! The captures are three consecutive frames of the drive with the longest exposure last; the middle one is the frame
 //! that is scored. Moving objects leave ghosts: the captures are not aligned.
 
 use modulo_core::{Bracket, Sensor, SensorConfig, SensorError, Transfer, tone};
+use modulo_runtime::SensorModel;
 use ndarray::Array3;
 
-use super::{FramePipeline, FrameWithNeighbours, PipelineConfig, Stages, Truth, timed};
 use crate::GridError;
-use crate::results::Point;
+use crate::frames::HandedFrame;
+use crate::research::Make;
 
 /// Number of captures that are merged.
 pub const CAPTURES: usize = 3;
 
-/// The captures and the merging of the cell at `point`.
-pub fn pipeline<'a>(point: &Point, config: PipelineConfig<'a>) -> Result<FramePipeline<'a>, GridError> {
-    let (range, sensor) = (point.sensor.range()?, point.sensor.config()?);
+/// The captures and the merging of `sensor`.
+pub fn maker(sensor: &SensorModel) -> Result<Make, GridError> {
+    let (range, sensor) = (sensor.range()?, sensor.config()?);
     let bracket = Bracket::new(range, CAPTURES);
     // An exposure of a fraction of the time sees that fraction of the light: alpha is multiplied by the time.
     let of_time = |time: &f32| {
@@ -25,26 +25,22 @@ pub fn pipeline<'a>(point: &Point, config: PipelineConfig<'a>) -> Result<FramePi
         Sensor::new(SensorConfig { alpha, transfer: Transfer::Linear, ..sensor })
     };
     let sensors = bracket.times().iter().map(of_time).collect::<Result<Vec<_>, _>>()?;
-    let (truth, transfer) = (Truth::of(sensor)?, sensor.transfer);
-    Ok(Box::new(move |FrameWithNeighbours { number, frame, around, .. }| {
+    let transfer = sensor.transfer;
+    Ok(Box::new(move |HandedFrame { frame, around, .. }, seed, _, cx| {
         let now = &frame.radiance;
         // The scene of the scored frame is in the middle, so that the ghosts lie on both sides of a moving object.
-        let scenes: [&Array3<f32>; CAPTURES] = match &around {
+        let scenes: [&Array3<f32>; CAPTURES] = match around {
             Some([before, after]) => [before, now, after],
             None => [now; CAPTURES],
         };
-        let PipelineConfig { timer, seed, .. } = config;
-        let seed = seed.wrapping_add(number as u64);
         let capture = |(index, (sensor, scene)): (u64, (&Sensor, &Array3<f32>))| {
             // Each capture has its own noise. The upper bits keep its seed apart from those of the following frames.
             Ok(sensor.expose(scene.view(), seed.wrapping_add(index << 48))?.saturated())
         };
-        let mut stages = Stages::new();
-        let captures = timed(timer, &mut stages, "sense", || {
+        let captures = cx.stage("sense", || {
             (0..).zip(sensors.iter().zip(scenes)).map(capture).collect::<Result<Vec<_>, SensorError>>()
         })?;
-        let x = timed(timer, &mut stages, "merge", || bracket.merge(&captures))?;
-        let image = timed(timer, &mut stages, "tone", || tone::picture(&x, range, transfer));
-        truth.compared(config, (now, seed), image.map_err(SensorError::from)?, stages)
+        let x = cx.stage("merge", || bracket.merge(&captures))?;
+        Ok(cx.stage("tone", || tone::picture(&x, range, transfer)).map_err(SensorError::from)?)
     }))
 }

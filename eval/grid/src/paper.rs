@@ -1,4 +1,4 @@
-//! The steps of a frame before the detector as in the scripts of the paper: all of them ([`PaperPipeline`],
+//! The steps of a frame before the detector as in the scripts of the paper: all of them ([`PaperSensor`],
 //! `--protocol paper`), or their SPUD behind the sensor of the suite ([`published_spud`]).
 //!
 //! The nodes of the suite work differently. For the detector, values become 8 bits by truncation, not by rounding.
@@ -6,14 +6,12 @@
 use modulo_bags::source::SourceFrame;
 use modulo_core::unwrap::{Range, Recovered, Spud, ThresholdOn, Unwrap};
 use modulo_core::{Frame, Psf, UnwrapError, optics, tone};
-use modulo_runtime::Clock;
+use modulo_runtime::{Context, SensorModel};
 use ndarray::Array3;
 
-use super::{
-    DetectorInput, FramePipeline, FrameWithNeighbours, PipelineConfig, Stages, Truth, timed, unstamped,
-};
 use crate::GridError;
-use crate::results::{Point, Stream};
+use crate::frames::HandedFrame;
+use crate::research::Make;
 
 /// The method of a cell with SPUD as the scripts of the paper have it: it takes the modulo image before quantisation, and
 /// stretches phi over all channels from minimum to maximum, without congruence. `spud` takes the quantised image y, and
@@ -23,22 +21,24 @@ pub const SPUD_AS_PUBLISHED: &str = "spud_as_published";
 /// Threshold of SPUD on phi, in units of the peak.
 const TAU: f64 = 0.1;
 
-/// SPUD on the exposures of the suite's sensor as the scripts of the paper apply it, for the cell at `point`.
-pub fn published_spud<'a>(point: &Point, config: PipelineConfig<'a>) -> Result<FramePipeline<'a>, GridError> {
-    let (sensor, truth) = (point.sensor.simulated()?, Truth::of(point.sensor.config()?)?);
-    let (mut spud, range) = (Spud::new(TAU, ThresholdOn::Phi)?, sensor.range());
-    Ok(Box::new(move |FrameWithNeighbours { number, frame, .. }| {
-        let PipelineConfig { timer, seed, .. } = config;
-        // The noise of a frame is that of the other cells.
-        let (seed, mut stages) = (seed.wrapping_add(number as u64), Stages::new());
-        let y = timed(timer, &mut stages, "sense", || {
+/// SPUD on the exposures of `sensor` as the scripts of the paper apply it.
+pub fn published_spud(sensor: &SensorModel) -> Result<Make, GridError> {
+    let (sensor, mut spud) = (sensor.simulated()?, Spud::new(TAU, ThresholdOn::Phi)?);
+    let range = sensor.range();
+    Ok(Box::new(move |HandedFrame { frame, .. }, seed, _, cx| {
+        let y = cx.stage("sense", || {
             let exposure = sensor.expose(frame.radiance.view(), seed)?;
             Ok::<_, GridError>(exposure.x().mapv(|x| x % range.peak()))
         })?;
-        let image = timed(timer, &mut stages, "unwrap", || bytes(&stretched(&spud.solve(y.view(), range)?)))?;
         // The result has an arbitrary offset and scale, and therefore no wrap counts.
-        truth.compared(config, (&frame.radiance, seed), image, stages)
+        cx.stage("unwrap", || bytes(&stretched(&spud.solve(y.view(), range)?)))
     }))
+}
+
+/// The images of the scripts of the paper, whose sensor has this alpha, and whose SPUD is that as published or made congruent.
+pub fn maker(sensor: &SensorModel, as_published: bool) -> Result<Make, GridError> {
+    let mut paper = PaperSensor::new(sensor, as_published)?;
+    Ok(Box::new(move |HandedFrame { frame, .. }, _, stream, cx| paper.run(frame, stream, cx)))
 }
 
 /// Truncates to bytes, as the scripts convert an image for the detector.
@@ -46,41 +46,37 @@ fn bytes(image: &Array3<f32>) -> Result<Frame, GridError> {
     Ok(Frame::from_u8(image.mapv(|v| v as u8)).map_err(UnwrapError::from)?)
 }
 
-/// The sensor and the unwrapping of one cell.
-pub struct PaperPipeline<'a> {
-    stream: Stream,
+/// The sensor and the unwrapping.
+pub struct PaperSensor {
     as_published: bool,
     range: Range,
     spud: Spud,
-    timer: &'a dyn Clock,
 }
 
-impl<'a> PaperPipeline<'a> {
-    /// The pipeline of the cell at `point`. Its lens is always that of the paper.
-    pub fn new(point: &Point, timer: &'a dyn Clock) -> Result<Self, GridError> {
-        let range = point.sensor.range()?;
-        let spud = Spud::new(TAU, ThresholdOn::Phi)?;
-        let as_published = point.method.as_deref() == Some(SPUD_AS_PUBLISHED);
-        Ok(Self { stream: point.stream, as_published, range, spud, timer })
+impl PaperSensor {
+    /// The sensor. Its lens is always that of the paper.
+    pub fn new(sensor: &SensorModel, as_published: bool) -> Result<Self, GridError> {
+        Ok(Self { as_published, range: sensor.range()?, spud: Spud::new(TAU, ThresholdOn::Phi)? })
     }
 
-    pub fn run(&mut self, frame: &SourceFrame) -> Result<DetectorInput, GridError> {
-        let (mut stages, timer) = (Stages::new(), self.timer);
-        let image = timed(timer, &mut stages, "sense", || match self.stream {
+    /// The image of `stream`.
+    pub fn run(
+        &mut self,
+        frame: &SourceFrame,
+        stream: &str,
+        cx: &mut Context<'_>,
+    ) -> Result<Frame, GridError> {
+        let image = cx.stage("sense", || match stream {
             // The original frame in codes of 8 bits, without a lens.
-            Stream::Ideal => codes(frame),
-            Stream::Saturated => self.exposed(frame).mapv(|v| v.clamp(0.0, 1.0) * 255.0),
-            Stream::Modulo | Stream::Recovered => self.exposed(frame).mapv(wrapped),
-            Stream::AutoExposed | Stream::Metered | Stream::MultiExposure | Stream::MultiExposureStill => {
-                unreachable!("these streams are refused under the protocol of the paper")
-            }
+            "ideal" => codes(frame),
+            "saturated" => self.exposed(frame).mapv(|v| v.clamp(0.0, 1.0) * 255.0),
+            _ => self.exposed(frame).mapv(wrapped),
         });
-        let image = match self.stream {
-            Stream::Recovered => timed(timer, &mut stages, "unwrap", || self.recovered(&image))?,
-            Stream::Modulo => image.mapv(|v| v * 255.0),
+        bytes(&match stream {
+            "recovered" => cx.stage("unwrap", || self.recovered(&image))?,
+            "modulo" => image.mapv(|v| v * 255.0),
             _ => image,
-        };
-        Ok(DetectorInput { image: Some(unstamped(bytes(&image)?)), stages, ..DetectorInput::default() })
+        })
     }
 
     /// `alpha * blurred` of the stretched image in [0, 1]. The blur comes before the scaling.
@@ -149,15 +145,18 @@ mod tests {
         SensorModel { alpha, headroom: 1.0, psf_sigma, ..SensorModel::default() }
     }
 
-    fn shown(stream: Stream, alpha: f64, frame: &SourceFrame) -> Vec<u8> {
-        let method = (stream == Stream::Recovered).then(|| SPUD_AS_PUBLISHED.to_owned());
-        shown_at(&Point { stream, method, sensor: sensor(alpha, 0.0), ..Point::default() }, frame)
+    /// What `work` makes in a step.
+    fn in_step<T>(work: impl FnOnce(&mut Context<'_>) -> T) -> T {
+        work(&mut Context::new("/paper", &ManualClock::default(), &[]))
     }
 
-    fn shown_at(point: &Point, frame: &SourceFrame) -> Vec<u8> {
-        let clock = ManualClock::default();
-        let passed = PaperPipeline::new(point, &clock).expect("possible").run(frame).expect("passed");
-        passed.image.expect("an image").frame.as_u8().expect("8 bits").iter().copied().collect()
+    fn shown(stream: &str, alpha: f64, frame: &SourceFrame) -> Vec<u8> {
+        shown_by(&mut PaperSensor::new(&sensor(alpha, 0.0), true).expect("possible"), stream, frame)
+    }
+
+    fn shown_by(paper: &mut PaperSensor, stream: &str, frame: &SourceFrame) -> Vec<u8> {
+        let image = in_step(|cx| paper.run(frame, stream, cx)).expect("passed");
+        image.as_u8().expect("8 bits").iter().copied().collect()
     }
 
     /// 0 on the left, the brightest on the right, flat in between and at the ends beyond the lens.
@@ -183,12 +182,12 @@ mod tests {
     #[test]
     fn the_ideal_is_the_original_without_a_lens() {
         let codes: Vec<u8> = (0..60).map(|i| if i % 2 == 0 { 3 } else { 200 }).collect();
-        assert_eq!(shown(Stream::Ideal, 4.0, &frame(&codes)), codes);
+        assert_eq!(shown("ideal", 4.0, &frame(&codes)), codes);
     }
 
     #[test]
     fn the_blur_lies_before_the_scaling_and_the_clipping() {
-        let got = shown(Stream::Saturated, 2.0, &steps(0));
+        let got = shown("saturated", 2.0, &steps(0));
         // The step from 0 to 1 behind seven taps, doubled, then clipped: half of the way is above the peak already.
         let taps = [0.03125, 0.140625, 0.359375, 0.640625, 0.859375f64];
         let want: Vec<u8> = taps.map(|share| (2.0 * share * 255.0).min(255.0) as u8).to_vec();
@@ -199,8 +198,8 @@ mod tests {
     #[test]
     fn modulo_is_wrapped_in_float_and_cut_to_8_bits() {
         // 2.5 * 121 = 302.5 of 255: the rest is 47.5, which would be 48 if it were rounded.
-        assert_eq!(shown(Stream::Modulo, 2.5, &steps(121))[30], 47);
-        let got = shown(Stream::Modulo, 3.0, &steps(121));
+        assert_eq!(shown("modulo", 2.5, &steps(121))[30], 47);
+        let got = shown("modulo", 3.0, &steps(121));
         assert_eq!(got[50], 255, "three times the peak is the peak, not 0");
         assert_eq!(got[5], 0, "but nothing is nothing");
         assert_eq!([wrapped(0.0), wrapped(1.0), wrapped(1.25), wrapped(2.0)], [0.0, 1.0, 0.25, 1.0]);
@@ -210,7 +209,7 @@ mod tests {
     fn what_spud_gives_is_stretched_over_all_channels() {
         let radiance = Array3::from_shape_fn((32, 256, 3), |(_, x, _)| x as f32 / 256.0);
         let ramp = SourceFrame { radiance, ..frame(&[0]) };
-        let got = shown(Stream::Recovered, 1.5, &ramp);
+        let got = shown("recovered", 1.5, &ramp);
         let row: Vec<u8> = (0..256).map(|x| got[(16 * 256 + x) * 3]).collect();
         assert_eq!((got.iter().min(), got.iter().max()), (Some(&0), Some(&255)), "minimum and maximum");
         // The lens bends the ends of the ramp, and tau takes small cosines away.
@@ -222,31 +221,21 @@ mod tests {
     fn spud_is_stretched_as_published_and_absolute_where_it_is_congruent() {
         let radiance = Array3::from_shape_fn((32, 256, 1), |(_, x, _)| x as f32 / 384.0);
         let ramp = SourceFrame { radiance: radiance.clone(), ..frame(&[0]) };
-        let clock = ManualClock::default();
-        let point = |method: &str| Point {
-            stream: Stream::Recovered,
-            method: Some(method.to_owned()),
-            sensor: sensor(1.5, 1.4),
-            ..Point::default()
-        };
-        let config = PipelineConfig { timer: &clock, seed: 0, compares: true };
-        let mut pipeline = published_spud(&point(SPUD_AS_PUBLISHED), config).expect("possible");
-        let scored = FrameWithNeighbours { number: 0, drive: 0, frame: ramp.clone(), around: None };
-        let image = pipeline(scored).expect("passed").image.expect("an image");
+        let mut published = published_spud(&sensor(1.5, 1.4)).expect("possible");
+        let handed = HandedFrame { place: 0, drive: 0, frame: ramp.clone(), around: None };
+        let image = in_step(|cx| published(&handed, 0, "recovered", cx)).expect("passed");
         let brightest = |image: &[u8]| *image.iter().max().expect("pixels");
-        assert_eq!(brightest(image.frame.as_u8().expect("8 bits").as_slice().expect("in order")), 255);
+        assert_eq!(brightest(image.as_u8().expect("8 bits").as_slice().expect("in order")), 255);
         // The protocol of the paper stretches x itself, too: there, full scale is the brightest sample in both.
-        let congruent = shown_at(&point("spud"), &ramp);
+        let mut spud = PaperSensor::new(&sensor(1.5, 1.4), false).expect("possible");
+        let congruent = shown_by(&mut spud, "recovered", &ramp);
         assert!((250..=255).contains(&brightest(&congruent)), "{}", brightest(&congruent));
         assert!(congruent[16 * 256] <= 5, "an absolute level, found by the darkest pixels");
     }
 
     #[test]
     fn spud_sees_less_than_a_code() {
-        let clock = ManualClock::default();
-        let method = Some(SPUD_AS_PUBLISHED.to_owned());
-        let point = Point { stream: Stream::Recovered, method, sensor: sensor(1.5, 0.0), ..Point::default() };
-        let mut way = PaperPipeline::new(&point, &clock).expect("possible");
+        let mut way = PaperSensor::new(&sensor(1.5, 0.0), true).expect("possible");
         // Half a code from left to right, hidden from 8 bits; tau would drop it, so that the ramp is large in all.
         let y = Array3::from_shape_fn((64, 64, 1), |(_, x, _)| 0.1 + x as f32 / 64.0 * 0.5 / 256.0);
         way.spud = Spud::new(0.0, ThresholdOn::Phi).expect("possible");

@@ -1,0 +1,307 @@
+//! [`Frames`]: the frames that one camera takes, in slices. [`HandedFrame`]: a frame with the frames before and after it.
+//!
+//! A frame that cannot be read is left out here, with a warning, and nowhere else: every cell gets the same frames.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
+
+use modulo_ap::difficulty::DONT_CARE;
+use modulo_bags::source::{GroundTruth, LightChange, SourceError, SourceFrame, SourceOptions};
+use ndarray::Array3;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use crate::classes::folded;
+use crate::data::{Data, Drive, LabelNames};
+use crate::rows;
+
+/// Labels that reach outside the image by at most this many px give no warning: they were rounded.
+const TOLERANCE: f32 = 1.0;
+
+/// The frames of a camera, and a position among them.
+pub struct Frames {
+    data: Data,
+    drives: Vec<Drive>,
+    /// Index of the next frame over all drives, and of the present drive and its first frame.
+    place: usize,
+    drive: usize,
+    start: usize,
+}
+
+/// The frames of a camera from one place to another, as they are stored.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Slice {
+    /// The data, as it was given.
+    pub source: String,
+    /// The names of the classes of the labels.
+    pub names: LabelNames,
+    /// Whether each frame should have labels.
+    pub is_labelled: bool,
+    /// The places of its first frame and behind its last one, over all drives.
+    pub places: [usize; 2],
+    /// The frames that can be read.
+    pub frames: Vec<FrameRecord>,
+    /// The frames and labels that were left out or changed, by what is wrong with them.
+    pub left_out: BTreeMap<String, Vec<String>>,
+    /// What the sources say of themselves.
+    pub warnings: BTreeSet<String>,
+}
+
+/// A frame, with all that the scores need of it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FrameRecord {
+    /// Index over all drives.
+    pub place: usize,
+    /// Name of the frame, such as that of its file.
+    pub name: String,
+    /// Name of its drive, if it is known.
+    pub drive: Option<String>,
+    /// Rows and columns.
+    pub size: [usize; 2],
+    /// The labelled objects; `None` without labels.
+    #[serde(with = "rows::labels")]
+    pub truth: Option<Vec<GroundTruth>>,
+    /// The change of the light around it.
+    #[serde(with = "rows::change")]
+    pub change: Option<LightChange>,
+    /// sha256 of its name, its labels and its pixels, hexadecimal.
+    pub digest: String,
+}
+
+/// A frame of the data, or the reason why it cannot be read.
+struct Raw {
+    place: usize,
+    drive: usize,
+    frame: Result<SourceFrame, SourceError>,
+}
+
+/// The frames before a slice that are needed to begin with it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lead {
+    /// None of them.
+    None,
+    /// The last one.
+    One,
+    /// All of the drive.
+    Drive,
+}
+
+impl Frames {
+    /// Opens the sources.
+    pub fn open(data: &Data, options: &SourceOptions) -> Result<Self, SourceError> {
+        Ok(Self { data: data.clone(), drives: data.open(options)?, place: 0, drive: 0, start: 0 })
+    }
+
+    /// Whether its frames are single images, which do not follow each other.
+    pub fn is_still(&self) -> bool {
+        self.data.is_still()
+    }
+
+    /// Reads and checks the frames at `places`, or as many of them as there are. All are read once before the first cell: a frame that turned
+    /// out to be damaged in the middle of a run would be scored in some cells only.
+    pub fn inspect(&mut self, places: Range<usize>) -> Result<Slice, SourceError> {
+        self.seek(places.start)?;
+        let data = &self.data;
+        let mut slice = Slice {
+            source: data.name(),
+            names: data.label_names(),
+            is_labelled: data.is_labelled(),
+            places: [places.start; 2],
+            ..Slice::default()
+        };
+        let mut names = BTreeSet::new();
+        while slice.places[1] < places.end
+            && let Some(raw) = self.raw()
+        {
+            slice.places[1] += 1;
+            self.note(raw, &mut slice, &mut names);
+        }
+        let found = self.drives.iter().flat_map(|(_, source)| [source.losses(), source.warnings()].concat());
+        slice.warnings = found.collect();
+        Ok(slice)
+    }
+
+    /// Goes to the frame at `place`.
+    fn seek(&mut self, place: usize) -> Result<(), SourceError> {
+        self.drives.iter_mut().try_for_each(|(_, source)| source.rewind())?;
+        (self.place, self.drive, self.start) = (0, 0, 0);
+        while let Some((_, source)) = self.drives.get_mut(self.drive) {
+            let Some(length) = source.len() else { break };
+            if self.start + length > place {
+                // Its frames need not be read to be skipped.
+                source.skip((place - self.start) as u64);
+                self.place = place;
+                return Ok(());
+            }
+            self.start += length;
+            (self.place, self.drive) = (self.start, self.drive + 1);
+        }
+        while self.place < place && self.raw().is_some() {}
+        Ok(())
+    }
+
+    /// Reads the next frame.
+    fn raw(&mut self) -> Option<Raw> {
+        while let Some((_, source)) = self.drives.get_mut(self.drive) {
+            if let Some(frame) = source.next() {
+                self.place += 1;
+                return Some(Raw { place: self.place - 1, drive: self.drive, frame });
+            }
+            (self.drive, self.start) = (self.drive + 1, self.place);
+        }
+        None
+    }
+
+    fn note(&self, raw: Raw, slice: &mut Slice, names: &mut BTreeSet<(Option<String>, String)>) {
+        let Raw { place, drive, frame } = raw;
+        let light = self.data.light_of(drive);
+        let change = light.and_then(|light| light.nearest_change((place - self.start) as u64));
+        let (name_of_drive, _) = &self.drives[drive];
+        let frame = match frame {
+            Ok(frame) => frame,
+            Err(why) => return slice.leave_out("frames are not readable and left out", why.to_string()),
+        };
+        let drive = name_of_drive.clone().or_else(|| self.data.drive_of(&frame.name));
+        // Two drives can have frames of one name. Within a drive, a frame that comes twice would count twice.
+        if !names.insert((drive.clone(), frame.name.clone())) && slice.is_labelled {
+            return slice.leave_out("frames are there twice and count once", frame.name);
+        }
+        let (height, width, _) = frame.radiance.dim();
+        if frame.ground_truth.is_none() && slice.is_labelled {
+            slice.leave_out("frames have no labels and are not scored", frame.name.clone());
+        }
+        let truth = frame.ground_truth.map(|truth| slice.inside(truth, &frame.name, (height, width)));
+        let mut digest = Sha256::new();
+        digest.update(format!("{drive:?} {} {height} {width} {truth:?}\n", frame.name));
+        // The digest covers the pixels, too: results of other images with the same names and labels must not be joined.
+        let pixels: Vec<u8> = frame.radiance.iter().flat_map(|value| value.to_le_bytes()).collect();
+        let digest = modulo_models::hex(&digest.chain_update(pixels).finalize());
+        let (name, size) = (frame.name, [height, width]);
+        slice.frames.push(FrameRecord { place, name, drive, size, truth, change, digest });
+    }
+}
+
+impl Slice {
+    /// Why no frame of the source of a camera can be read.
+    pub fn nothing(&self) -> Option<String> {
+        let is_vain = self.frames.is_empty() && !self.is_labelled;
+        let first = self.left_out.values().flatten().next().filter(|_| is_vain);
+        first.map(|why| format!("no frame of the source is good: {why}"))
+    }
+
+    fn leave_out(&mut self, why: &str, one: String) {
+        self.left_out.entry(why.to_owned()).or_default().push(one);
+    }
+
+    /// Clips labels to the image, with their classes [`folded`]. Labels outside the image are left out.
+    fn inside(
+        &mut self,
+        truth: Vec<GroundTruth>,
+        name: &str,
+        (height, width): (usize, usize),
+    ) -> Vec<GroundTruth> {
+        let mut kept = Vec::with_capacity(truth.len());
+        for label in truth {
+            let label = GroundTruth { class: folded(&label.class), ..label };
+            let bbox = label.bbox.clamp(height, width);
+            let [old, new] = [label.bbox, bbox].map(|b| [b.x1, b.y1, b.x2, b.y2]);
+            let beyond = old.iter().zip(new).any(|(old, new)| (old - new).abs() > TOLERANCE);
+            // Cutting a DontCare area changes no score, so that it needs no warning.
+            if beyond && label.class != DONT_CARE {
+                self.leave_out(
+                    "labels reach outside the image and are cut",
+                    format!("{} of {name}", label.class),
+                );
+            }
+            if bbox.area() > 0.0 {
+                kept.push(GroundTruth { bbox, ..label });
+            } else if !beyond && label.class != DONT_CARE {
+                self.leave_out("labels have no area and are left out", format!("{} of {name}", label.class));
+            }
+        }
+        kept
+    }
+}
+
+/// A frame on its way to a camera.
+#[derive(Clone, Debug)]
+pub struct HandedFrame {
+    /// Index over all drives.
+    pub place: usize,
+    /// Index of the drive.
+    pub drive: usize,
+    /// The frame.
+    pub frame: SourceFrame,
+    /// Radiance of the frames before and after it. At the ends of a drive the frame itself stands in. `None` if no camera needs it.
+    pub around: Option<[Array3<f32>; 2]>,
+}
+
+/// Iterates over the frames of a slice, and those that lead to it, in their order.
+pub struct Walk<'a> {
+    frames: &'a mut Frames,
+    slice: &'a Slice,
+    /// The index in the slice of the next frame.
+    next: usize,
+    with_neighbours: bool,
+    /// Drive and radiance of the frame before.
+    before: Option<(usize, Array3<f32>)>,
+    ahead: Option<Raw>,
+}
+
+impl<'a> Walk<'a> {
+    /// Starts at the first frame of `slice`, or as far before it as `lead` says. With [`Lead::One`], each frame comes with its neighbours.
+    pub fn new(frames: &'a mut Frames, slice: &'a Slice, lead: Lead) -> Result<Self, SourceError> {
+        let first = slice.places[0];
+        frames.seek(first)?;
+        match lead {
+            Lead::One if first > 0 => frames.seek(first - 1)?,
+            Lead::Drive if frames.start < first => frames.seek(frames.start)?,
+            _ => {}
+        }
+        Ok(Self { frames, slice, next: 0, with_neighbours: lead == Lead::One, before: None, ahead: None })
+    }
+
+    fn around(&self, raw: &Raw) -> Option<[Array3<f32>; 2]> {
+        let own = &raw.frame.as_ref().ok()?.radiance;
+        // Frames of another drive show another scene, and captures of different sizes cannot be merged.
+        let fits = |drive: usize, other: &Array3<f32>| drive == raw.drive && other.dim() == own.dim();
+        let before =
+            self.before.as_ref().filter(|(drive, other)| fits(*drive, other)).map(|(_, other)| other);
+        let after =
+            self.ahead.as_ref().and_then(|ahead| Some((ahead.drive, &ahead.frame.as_ref().ok()?.radiance)));
+        let after = after.filter(|(drive, other)| fits(*drive, other)).map(|(_, other)| other);
+        Some([before.unwrap_or(own).clone(), after.unwrap_or(own).clone()])
+    }
+}
+
+impl Iterator for Walk<'_> {
+    /// The index of the frame in the slice, which a frame before it does not have; and the frame.
+    type Item = Result<(Option<usize>, HandedFrame), SourceError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            let raw = self.ahead.take().or_else(|| self.frames.raw())?;
+            if raw.place >= self.slice.places[1] {
+                return None;
+            }
+            let mut around = None;
+            // One frame is read ahead. It is kept in `ahead`, because a source is read only forwards.
+            if self.with_neighbours {
+                self.ahead = self.frames.raw();
+                around = self.around(&raw);
+                self.before = raw.frame.as_ref().ok().map(|frame| (raw.drive, frame.radiance.clone()));
+            }
+            let handed =
+                |frame| HandedFrame { place: raw.place, drive: raw.drive, frame, around: around.clone() };
+            let leads = raw.place < self.slice.places[0];
+            match self.slice.frames.get(self.next).filter(|record| record.place == raw.place) {
+                Some(_) => {
+                    self.next += 1;
+                    return Some(raw.frame.map(|frame| (Some(self.next - 1), handed(frame))));
+                }
+                None if leads && let Ok(frame) = raw.frame => return Some(Ok((None, handed(frame)))),
+                None => {}
+            }
+        }
+    }
+}

@@ -1,0 +1,150 @@
+//! [`draw_pictures`]: images with the labelled and the detected boxes, for the report.
+
+use std::collections::BTreeMap;
+
+use modulo_ap::difficulty::DONT_CARE;
+use modulo_bags::source::GroundTruth;
+use modulo_core::{BBox, Detection, Frame};
+use modulo_draw::{LabelledBox, Picture, class_colour, distinct};
+use modulo_runtime::{Clock, StreamScale};
+
+use crate::GridError;
+use crate::chain::Chain;
+use crate::chart::NamedChart;
+use crate::chart::pictures::{self, DetectionPicture};
+use crate::engine::units;
+use crate::frames::{FrameRecord, Lead, Walk};
+use crate::messages::image;
+use crate::plan::{self, Cell};
+use crate::results::{Point, Results};
+use crate::run::{Feed, Request, feeds};
+use crate::store::Folder;
+use crate::stored::{Stored, StoredCell};
+
+/// Lowest score of a box that is drawn.
+const LEAST_SHOWN: f32 = 0.25;
+/// Least IoU of a box and the object that it finds.
+const LEAST_IOU: f32 = 0.5;
+/// Colour of labelled boxes.
+const WHITE: [u8; 3] = [0xff; 3];
+
+/// Draws the frame in which the cells that the chart shows differ most in the objects that they find. Without such cells
+/// there is no chart.
+///
+/// # Errors
+/// [`GridError`] if a step fails.
+pub fn draw_pictures(
+    request: &Request,
+    timer: &dyn Clock,
+    results: &Results,
+) -> Result<Option<NamedChart>, GridError> {
+    let mut cells = plan::cells(&request.variants)?;
+    let mut results = results.clone();
+    // The folder may have cells of other runs.
+    results.cells.retain(|cell| cells.iter().any(|own| own.point == cell.point));
+    let selected = pictures::selected(&results);
+    cells.retain(|cell| selected.iter().any(|wanted| wanted.point == cell.point));
+    let Some(mut feed) = feeds(cells, request.data.as_ref())?.into_iter().next() else { return Ok(None) };
+    let stored = Stored::read(&[Folder::existing(&request.out)?])?;
+    let shown = shown(&stored, &feed)?;
+    let Some(frame) = most_differing(&stored, &feed, &shown) else { return Ok(None) };
+    let pictures = pictures_of(&mut feed, timer, frame, &shown)?;
+    Ok((!pictures.is_empty()).then(|| pictures::chart(&results, &frame.name, &selected, &pictures)))
+}
+
+/// The boxes that are drawn of a cell, by the places of the frames with an answer.
+type Shown = BTreeMap<usize, Vec<Detection>>;
+
+/// The boxes of each cell of `feed`.
+fn shown(stored: &Stored, feed: &Feed<'_>) -> Result<Vec<Shown>, GridError> {
+    let mut shown = vec![Shown::new(); feed.cells.len()];
+    for cell in stored.cells() {
+        let StoredCell { key, found, .. } = cell?;
+        let own = feed.cells.iter().position(|cell| cell.point == key.point && key.frames == feed.name);
+        let drawn =
+            |boxes: Vec<Detection>| boxes.into_iter().filter(|found| found.score >= LEAST_SHOWN).collect();
+        if let Some(own) = own {
+            shown[own] =
+                found.into_iter().filter_map(|(place, frame)| Some((place, drawn(frame.boxes?)))).collect();
+        }
+    }
+    Ok(shown)
+}
+
+/// The frame in which the numbers of the objects that the cells find differ most; of those, the one with the most objects. Without labels, the
+/// numbers of the boxes count.
+fn most_differing<'s>(stored: &'s Stored, feed: &Feed<'_>, shown: &[Shown]) -> Option<&'s FrameRecord> {
+    let rank = |frame: &&FrameRecord| {
+        let labels: Option<Vec<&GroundTruth>> =
+            frame.truth.as_ref().map(|truth| truth.iter().filter(|label| label.class != DONT_CARE).collect());
+        let is_found = |label: &&&GroundTruth, boxes: &[Detection]| {
+            boxes.iter().any(|found| found.bbox.iou(label.bbox) >= LEAST_IOU)
+        };
+        let count = |boxes: &Vec<Detection>| match &labels {
+            Some(labels) => labels.iter().filter(|label| is_found(label, boxes)).count(),
+            None => boxes.len(),
+        };
+        let counts = || shown.iter().filter_map(|shown| shown.get(&frame.place).map(count));
+        let spread = counts().max().unwrap_or(0) - counts().min().unwrap_or(0);
+        (spread, labels.as_ref().map_or(0, Vec::len))
+    };
+    // Of equal ones, the first.
+    stored.scenes.get(&feed.name)?.frames.values().rev().max_by_key(rank)
+}
+
+/// Makes the images of one frame of the cells again, with the boxes that are stored.
+fn pictures_of(
+    feed: &mut Feed<'_>,
+    timer: &dyn Clock,
+    record: &FrameRecord,
+    shown: &[Shown],
+) -> Result<Vec<DetectionPicture>, GridError> {
+    let Feed { frames, cells, .. } = feed;
+    let (place, is_still) = (record.place, frames.is_still());
+    let slice = frames.inspect(place..place + 1)?;
+    let is_ordered = units(cells, is_still).iter().any(|unit| unit.is_ordered);
+    let lead = if is_ordered { Lead::Drive } else { Lead::One };
+    let alone: Vec<[&Cell<'_>; 1]> = cells.iter().map(|cell| [cell]).collect();
+    let chains = alone.iter().map(|cell| Chain::new(cell, timer, false));
+    let mut chains = chains.collect::<Result<Vec<_>, _>>()?;
+    let (truth, mut pictures) = (record.truth.clone().unwrap_or_default(), Vec::new());
+    for frame in Walk::new(frames, &slice, lead)? {
+        let (index, frame) = frame?;
+        for (chain, (cell, boxes)) in chains.iter_mut().zip(cells.iter().zip(shown)) {
+            if index.is_some() || chain.needs_all() {
+                chain.complete(None, 0)?;
+            }
+            let out = chain.tick(&frame, is_still)?;
+            let boxes: Vec<&Detection> = boxes.get(&place).into_iter().flatten().collect();
+            let picture = image(&out, &cell.stream.images).filter(|_| index.is_some());
+            let picture = picture.and_then(|shown| picture_of(&shown.frame, &cell.point, &truth, &boxes));
+            let classes = distinct(boxes.iter().map(|found| found.class.clone()));
+            pictures.extend(picture.map(|picture| DetectionPicture {
+                of: cell.point.clone(),
+                classes,
+                picture,
+            }));
+        }
+    }
+    Ok(pictures)
+}
+
+/// The image as a screen needs it, which is brighter than what the detector reads.
+fn picture_of(frame: &Frame, point: &Point, truth: &[GroundTruth], found: &[&Detection]) -> Option<Picture> {
+    let pixels = frame.as_u8()?;
+    let (height, width, channels) = pixels.dim();
+    let stream = match point.stream.rsplit('.').next().unwrap_or_default() {
+        "modulo" => "modulo",
+        "saturated" | "auto_exposed" => "saturated",
+        // All others have the full range.
+        _ => "ideal",
+    };
+    let shown = StreamScale::of(stream, frame.depth(), Some(&point.sensor), 0)?.light?.shown();
+    let repeated = if channels == 1 { 3 } else { 1 };
+    let rgb = pixels.iter().flat_map(|&code| std::iter::repeat_n(shown[usize::from(code)], repeated));
+    let boxed = |b: BBox, colour, label| LabelledBox { corners: [b.x1, b.y1, b.x2, b.y2], colour, label };
+    let found = found.iter().map(|d| boxed(d.bbox, class_colour(&d.class), format!("{:.2}", d.score)));
+    let labelled = truth.iter().filter(|label| label.class != DONT_CARE);
+    let boxes = found.chain(labelled.map(|label| boxed(label.bbox, WHITE, String::new()))).collect();
+    Picture::new(u32::try_from(width).ok()?, u32::try_from(height).ok()?, rgb.collect(), boxes).ok()
+}

@@ -1,0 +1,504 @@
+//! [`score`]: the figures of the cells of folders, from the boxes and labels that are stored there. Nothing is run.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+
+use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use modulo_ap::Difficulty;
+use modulo_ap::average::{self, Membership, image_boxes};
+use modulo_ap::difficulty::{self, DONT_CARE};
+use modulo_ap::matching::ImageBoxes;
+use modulo_bags::source::{GroundTruth, LightChange, Skipped};
+use modulo_core::Detection;
+use sha2::{Digest as _, Sha256};
+
+use crate::GridError;
+use crate::around;
+use crate::classes::{ClassGroups, ClassMap, Table};
+use crate::data::LabelNames;
+use crate::frames::FrameRecord;
+use crate::metric::{bootstrap, latency, paper};
+use crate::quality::{ImageSimilarity, RECOVERY_DEFINITION, RecoveryQuality};
+use crate::results::{Cell, ClassScore, FIGURES, Input, Paper, Point, Results, Setup};
+use crate::store::{CellKey, Folder, FrameFound};
+use crate::stored::{Scene, Stored, StoredCell};
+use crate::verdict::{self, Judged};
+
+/// Least share of exact wrap counts of a frame that may be trusted: docs/explanation/trust.md promises it.
+const LEAST_TRUSTED_SHARE: f64 = 0.999;
+
+/// How boxes are scored. Other values need no other run.
+#[derive(Args, Clone, Debug, Default, PartialEq)]
+pub struct ScoreOptions {
+    /// Objects that are scored [default: moderate; all for YOLO and COCO labels]
+    #[arg(long, value_parser = words(Difficulty::WORDS))]
+    pub difficulty: Option<Difficulty>,
+    /// File of lines `class of the model: class of the labels`, instead of the mapping from COCO to KITTI
+    #[arg(long, value_name = "FILE")]
+    pub class_map: Option<PathBuf>,
+    /// File of lines `class of the labels: group`, instead of the groups vehicle and person
+    #[arg(long, value_name = "FILE")]
+    pub groups: Option<PathBuf>,
+}
+
+/// Reads one of the words of `table` from a command line as the value beside it.
+pub fn words<T, const N: usize>(table: [(&'static str, T); N]) -> impl TypedValueParser<Value = T>
+where
+    T: Clone + Send + Sync + 'static,
+{
+    PossibleValuesParser::new(table.each_ref().map(|(word, _)| *word)).map(move |given| {
+        let found = table.iter().find(|(word, _)| *word == given);
+        found.map(|(_, value)| value.clone()).expect("clap takes only the words of the table")
+    })
+}
+
+/// Returns the figures of all cells in `folders`.
+///
+/// # Errors
+/// [`GridError`] of a file that cannot be read, and of results that cannot be shown together.
+pub fn score(folders: &[Folder], options: &ScoreOptions) -> Result<Results, GridError> {
+    let stored = Stored::read(folders)?;
+    let (mut input, rules) = (input(&stored), Rules::new(&stored, options)?);
+    input.warnings.extend(rules.unnamed.clone());
+    let mut setup = Setup {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        figures: FIGURES,
+        source: distinct(stored.scenes.values().map(|scene| scene.source.clone())),
+        difficulty: rules.difficulty,
+        groups: rules.groups.0.clone(),
+        ..Setup::default()
+    };
+    let mut cells = Vec::new();
+    for stored_cell in stored.cells() {
+        let StoredCell { key: CellKey { point, frames, model }, classes, found } = stored_cell?;
+        let Some(scene) = stored.scenes.get(&frames) else { continue };
+        let other = setup.models.insert(point.model.clone(), model.clone()).filter(|other| *other != model);
+        if other.is_some() {
+            let why =
+                format!("two files were model {} in the cells, which cannot be shown together", point.model);
+            return Err(GridError::of_file(folders[0].path(), why));
+        }
+        let scorer = Scorer::new(&rules, (scene, &found), &point, &classes);
+        input.drawn = Some(scorer.units.drawn);
+        scorer.note_classes(&mut input.without_twin);
+        setup.class_map.clone_from(&scorer.map.table);
+        cells.push(scorer.cell(point.clone()));
+    }
+    cells.sort_by(|(a, _), (b, _)| a.point.order(&b.point));
+    let (mut cells, judged): (Vec<Cell>, Vec<Judged>) = cells.into_iter().unzip();
+    for folder in folders {
+        setup.grid.extend(folder.plans()?);
+        take_times(folder, &mut cells)?;
+    }
+    setup.grid.sort_by(Point::order);
+    setup.grid.dedup();
+    Ok(Results { setup, input, definitions: definitions(), verdict: verdict::sentence(&judged), cells })
+}
+
+/// Gives the cells the times that were measured last.
+fn take_times(folder: &Folder, cells: &mut [Cell]) -> Result<(), GridError> {
+    for (point, times) in folder.times()? {
+        if let Some(cell) = cells.iter_mut().find(|cell| cell.point == point) {
+            cell.take_times(times);
+        }
+    }
+    Ok(())
+}
+
+/// Passes each cell in `folders` to `with`, with the frames that it is scored on.
+pub(crate) fn scorers(
+    folders: &[Folder],
+    options: &ScoreOptions,
+    mut with: impl FnMut(&Point, &Scorer<'_>) -> Result<(), GridError>,
+) -> Result<(), GridError> {
+    let stored = Stored::read(folders)?;
+    let rules = Rules::new(&stored, options)?;
+    stored.cells().try_for_each(|cell| {
+        let StoredCell { key: CellKey { point, frames, .. }, classes, found } = cell?;
+        let scene = stored.scenes.get(&frames);
+        scene.map_or(Ok(()), |scene| with(&point, &Scorer::new(&rules, (scene, &found), &point, &classes)))
+    })
+}
+
+fn distinct(texts: impl Iterator<Item = String>) -> String {
+    texts.collect::<BTreeSet<_>>().into_iter().collect::<Vec<_>>().join(", ")
+}
+
+/// The description of the frames.
+fn input(stored: &Stored) -> Input {
+    let (mut input, mut digest) = (Input::default(), Sha256::new());
+    let mut drives = BTreeSet::new();
+    for scene in stored.scenes.values() {
+        input.frames += scene.places.len();
+        let labelled: Vec<&FrameRecord> =
+            scene.frames.values().filter(|frame| frame.truth.is_some()).collect();
+        input.labelled += labelled.len();
+        drives.extend(labelled.iter().filter_map(|frame| frame.drive.clone()));
+        scene.frames.values().for_each(|frame| digest.update(&frame.digest));
+        let lines = scene
+            .left_out
+            .iter()
+            .filter_map(|(why, ones)| ones.iter().cloned().collect::<Skipped>().line(why));
+        input.warnings.extend(lines.chain(scene.warnings.clone()));
+        // Of a source of frames with labels, some may be without.
+        let unlabelled = scene.frames.len() - labelled.len();
+        if !scene.is_labelled && unlabelled > 0 && !labelled.is_empty() {
+            input.warnings.push(format!("{unlabelled} frames have no labels, and are not scored"));
+        }
+    }
+    (input.drives, input.digest) = (drives.len(), modulo_models::hex(&digest.finalize()));
+    input
+}
+
+/// The rules of scoring.
+struct Rules {
+    class_map: Option<ClassMap>,
+    groups: ClassGroups,
+    /// Whether each class is a group of its own.
+    by_class: bool,
+    /// Whether the user has named the groups, which are scored then whatever the model knows.
+    are_given: bool,
+    difficulty: Difficulty,
+    /// A line about labels that no group holds.
+    unnamed: Option<String>,
+}
+
+impl Rules {
+    fn new(stored: &Stored, options: &ScoreOptions) -> Result<Self, GridError> {
+        let class_map = options.class_map.as_deref().map(ClassMap::read).transpose()?;
+        let mut groups =
+            options.groups.as_deref().map_or_else(|| Ok(ClassGroups::default()), ClassGroups::read)?;
+        let labels = || {
+            stored
+                .scenes
+                .values()
+                .flat_map(|scene| scene.frames.values())
+                .flat_map(|frame| frame.truth.iter().flatten())
+        };
+        let mut unnamed = groups.unnamed(labels());
+        let is_given = options.groups.is_some() || stored.scenes.values().any(|scene| scene.is_labelled);
+        let by_class = unnamed.is_some() && !is_given;
+        if by_class {
+            // The classes of a launch file's own source need no groups.
+            let classes = labels().map(|label| label.class.clone()).filter(|class| class != DONT_CARE);
+            groups = ClassGroups(classes.map(|class| (class.clone(), class)).collect());
+            unnamed = None;
+        }
+        // These labels have no information on it.
+        let of_model = stored.scenes.values().any(|scene| scene.names == LabelNames::Model);
+        let of_data = if of_model { Difficulty::All } else { Difficulty::Moderate };
+        Ok(Self {
+            class_map,
+            groups,
+            by_class,
+            are_given: options.groups.is_some(),
+            difficulty: options.difficulty.unwrap_or(of_data),
+            unnamed,
+        })
+    }
+
+    /// The mapping from the classes of a model to those of the labels.
+    fn map(&self, point: &Point, names: LabelNames) -> ClassMap {
+        match &self.class_map {
+            Some(map) => map.clone(),
+            None if point.more.contains_key("protocol") => ClassMap::paper(),
+            None if self.by_class || names == LabelNames::Model => ClassMap::same(),
+            None => ClassMap::kitti(),
+        }
+    }
+}
+
+/// A frame that is scored, with all that the scores need of it.
+pub struct ScoredFrame {
+    /// Its name.
+    pub name: String,
+    /// The labelled objects.
+    pub truth: Vec<GroundTruth>,
+    /// Its drive.
+    pub drive: Option<String>,
+    /// Rows and columns.
+    pub size: [usize; 2],
+    /// The change of the light around it.
+    pub change: Option<LightChange>,
+    /// What the cell has found in it.
+    found: FrameFound,
+}
+
+/// The ground truth and what a cell has found in it.
+pub struct Scorer<'a> {
+    /// The labelled frames.
+    pub frames: Vec<ScoredFrame>,
+    /// Mapping from the classes of the model to those of the labels.
+    map: ClassMap,
+    /// The groups in which classes are scored.
+    pub groups: &'a ClassGroups,
+    /// The classes of the labels that the model can find.
+    mapped: BTreeSet<String>,
+    model: &'a str,
+    classes: &'a [String],
+    are_groups_given: bool,
+    /// The objects that are scored.
+    pub difficulty: Difficulty,
+    units: bootstrap::Units,
+    /// The quality of the images of all frames, labelled or not.
+    recoveries: Vec<RecoveryQuality>,
+}
+
+/// Detections of each frame, in the classes of the labels.
+pub type Found = Vec<Vec<Detection>>;
+
+impl<'a> Scorer<'a> {
+    /// The labelled frames of `scene` that a cell has seen.
+    fn new(
+        rules: &'a Rules,
+        (scene, found): (&Scene, &BTreeMap<usize, FrameFound>),
+        point: &'a Point,
+        classes: &'a [String],
+    ) -> Self {
+        let scored = |(place, frame): (&usize, &FrameRecord)| {
+            let FrameRecord { name, truth, drive, size, change, .. } = frame.clone();
+            Some(ScoredFrame { name, truth: truth?, drive, size, change, found: found.get(place)?.clone() })
+        };
+        let frames: Vec<ScoredFrame> = scene.frames.iter().filter_map(scored).collect();
+        let drives: Vec<_> = frames.iter().map(|frame| frame.drive.clone()).collect();
+        // All cells and reports use the same draws.
+        let units = bootstrap::Units::new(&drives, 0);
+        let map = rules.map(point, scene.names);
+        let labels: BTreeSet<String> = frames
+            .iter()
+            .flat_map(|frame| &frame.truth)
+            .map(|label| label.class.clone())
+            .filter(|class| class != DONT_CARE)
+            .collect();
+        let known: BTreeSet<String> = classes.iter().filter_map(|class| map.mapped(class)).collect();
+        // A model without class names may find every class.
+        let mapped = if classes.is_empty() { labels } else { labels.intersection(&known).cloned().collect() };
+        let recoveries = found.values().filter_map(|frame| frame.recovery.clone()).collect();
+        Self {
+            recoveries,
+            frames,
+            map,
+            groups: &rules.groups,
+            are_groups_given: rules.are_given,
+            mapped,
+            model: &point.model,
+            classes,
+            difficulty: rules.difficulty,
+            units,
+        }
+    }
+
+    /// Notes the classes without a counterpart.
+    fn note_classes(&self, without_twin: &mut BTreeMap<String, Vec<String>>) {
+        let labels: BTreeSet<&String> = self
+            .frames
+            .iter()
+            .flat_map(|frame| &frame.truth)
+            .map(|label| &label.class)
+            .filter(|class| *class != DONT_CARE)
+            .collect();
+        let of_labels = labels.into_iter().filter(|class| !self.mapped.contains(*class)).cloned();
+        without_twin.insert(format!("labels, for {}", self.model), of_labels.collect());
+        let of_model = self.classes.iter().filter(|class| self.map.mapped(class).is_none()).cloned();
+        without_twin.insert(self.model.to_owned(), of_model.collect());
+    }
+
+    /// The figures of the cell at `point`.
+    fn cell(&self, point: Point) -> (Cell, Judged) {
+        let found = self.mapped_detections();
+        let (groups, unknown) = self.groups(&found);
+        let judged = self.judged(&point, &groups);
+        // The figures of the paper are computed for every protocol, as a comparison with COCO's.
+        let papers = self.papers(&found);
+        let nearest = self.nearest_found(&found);
+        let moments = self.moments(&groups.values().cloned().collect::<Vec<_>>(), &nearest);
+        let mut interval95 = self.intervals(&groups, &papers, &nearest);
+        interval95.extend(
+            self.units.interval(|times| judged.ap50(times)).map(|bounds| ("ap50".to_owned(), bounds)),
+        );
+        let cell = Cell {
+            point,
+            frames: self.frames.len(),
+            unanswered: self.frames.iter().filter(|frame| frame.found.boxes.is_none()).count(),
+            ap50: by_group(&groups, |images| average::ap(images, 0.5)),
+            ap50_95: average::mean(groups.values().filter_map(|images| average::ap50_95(images))),
+            objects: by_group(&groups, objects),
+            unknown,
+            classes: self.classes(&found),
+            difficulty: self.difficulties(&found),
+            interval95,
+            nearest: around::share(nearest.iter().flatten().copied()),
+            moments,
+            paper: paper::mean(&papers),
+            // The times are measured in a pass of their own.
+            ..recovered(&self.recoveries)
+        };
+        (cell, judged)
+    }
+
+    /// The images of each group, and the number of objects of those that the model has no class for.
+    fn groups(&self, found: &Found) -> (BTreeMap<&str, Vec<ImageBoxes>>, BTreeMap<String, usize>) {
+        let of = |group| (group, self.of_group(found, group, self.difficulty));
+        let mut groups: BTreeMap<&str, Vec<ImageBoxes>> = self.groups.names().into_iter().map(of).collect();
+        let unknown = groups.extract_if(.., |group, images| objects(images) > 0 && !self.knows(group));
+        let unknown = unknown.map(|(group, images)| (group.to_owned(), objects(&images))).collect();
+        (groups, unknown)
+    }
+
+    /// What a verdict on the cell at `point` is based on.
+    fn judged(&self, point: &Point, groups: &BTreeMap<&str, Vec<ImageBoxes>>) -> Judged {
+        let scored = groups.iter().filter(|(_, images)| objects(images) > 0);
+        let samples = scored.map(|(group, images)| ((*group).to_owned(), average::Sample::new(images, 0.5)));
+        let (units, frames) = (self.units.clone(), self.frames.len());
+        Judged { point: point.clone(), samples: samples.collect(), units, frames }
+    }
+
+    /// Whether the model has a class of a group.
+    fn knows(&self, group: &str) -> bool {
+        let of_model = self.classes.iter().filter_map(|class| self.map.mapped(class));
+        self.are_groups_given
+            || self.classes.is_empty()
+            || of_model.into_iter().any(|class| self.groups.of(&class) == Some(group))
+    }
+
+    /// The detections in the classes of the labels. Classes without a counterpart are dropped.
+    pub(crate) fn mapped_detections(&self) -> Found {
+        self.frames.iter().map(|frame| self.map.all(frame.found.boxes.iter().flatten())).collect()
+    }
+
+    fn of_group(&self, found: &Found, group: &str, difficulty: Difficulty) -> Vec<ImageBoxes> {
+        self.images(found, difficulty, |class| self.groups.membership(class, group))
+    }
+
+    /// The images for one class. Classes of its group that the model cannot find are ignored.
+    fn of_class(&self, found: &Found, class: &str) -> Vec<ImageBoxes> {
+        let group = self.groups.of(class);
+        self.images(found, self.difficulty, |other| match other {
+            other if other == class => Membership::Member,
+            other if group.is_some() && self.groups.of(other) == group && !self.mapped.contains(other) => {
+                Membership::Ignored
+            }
+            _ => Membership::Other,
+        })
+    }
+
+    fn images(
+        &self,
+        found: &Found,
+        difficulty: Difficulty,
+        membership: impl Fn(&str) -> Membership,
+    ) -> Vec<ImageBoxes> {
+        let frames = found.iter().zip(&self.frames);
+        frames.map(|(found, frame)| image_boxes(found, &frame.truth, difficulty, &membership)).collect()
+    }
+
+    fn classes(&self, found: &Found) -> BTreeMap<String, ClassScore> {
+        let score = |class: &String| {
+            let images = self.of_class(found, class);
+            let objects = images.iter().map(ImageBoxes::objects).sum();
+            let (ap50, ap50_95) = (average::ap(&images, 0.5)?, average::ap50_95(&images)?);
+            Some((class.clone(), ClassScore { ap50, ap50_95, objects }))
+        };
+        self.mapped.iter().filter_map(score).collect()
+    }
+
+    fn difficulties(&self, found: &Found) -> BTreeMap<Difficulty, BTreeMap<String, Option<f64>>> {
+        let groups = self.groups.names();
+        let score = |difficulty: Difficulty| {
+            let ap = |group: &&str| {
+                (String::from(*group), average::ap(&self.of_group(found, group, difficulty), 0.5))
+            };
+            (difficulty, groups.iter().map(ap).collect())
+        };
+        Difficulty::WORDS.map(|(_, difficulty)| score(difficulty)).into()
+    }
+
+    fn papers(&self, found: &Found) -> Vec<Paper> {
+        let of_image = |(found, frame): (&Vec<Detection>, &ScoredFrame)| {
+            let labels = frame.truth.iter().filter(|label| label.class != DONT_CARE);
+            let labels: Vec<_> = labels.map(|label| (label.bbox, label.class.as_str())).collect();
+            paper::of_image(found, &labels)
+        };
+        found.iter().zip(&self.frames).map(of_image).collect()
+    }
+
+    fn intervals(
+        &self,
+        groups: &BTreeMap<&str, Vec<ImageBoxes>>,
+        papers: &[Paper],
+        nearest: &[Option<bool>],
+    ) -> BTreeMap<String, [f64; 2]> {
+        let mut intervals = BTreeMap::new();
+        for (group, images) in groups {
+            // The matching does not depend on the draw, so that it is done once and not a thousand times.
+            let sample = average::Sample::new(images, 0.5);
+            if let Some(interval) = self.units.interval(|times| sample.ap(times)) {
+                intervals.insert(format!("ap50.{group}"), interval);
+            }
+        }
+        let mut add = |name: &str, figures: Vec<Option<f64>>| {
+            let mean = |times: &[u64]| {
+                let drawn = figures.iter().zip(times).filter_map(|(figure, &n)| Some(((*figure)?, n as f64)));
+                let (sum, all) =
+                    drawn.fold((0.0, 0.0), |(sum, all), (figure, n)| (sum + figure * n, all + n));
+                (all > 0.0).then(|| sum / all)
+            };
+            intervals.extend(self.units.interval(mean).map(|interval| (name.to_owned(), interval)));
+        };
+        add("nearest", nearest.iter().map(|found| found.map(|found| f64::from(u8::from(found)))).collect());
+        add("paper.iou", papers.iter().map(|paper| Some(paper.iou)).collect());
+        add("paper.f1", papers.iter().map(|paper| Some(paper.f1)).collect());
+        add("paper.accuracy", papers.iter().map(|paper| Some(paper.accuracy)).collect());
+        intervals
+    }
+}
+
+/// A cell with the figures of its recovered, merged or saturated images alone.
+fn recovered(all: &[RecoveryQuality]) -> Cell {
+    let recoveries = all.iter();
+    let samples: u64 = recoveries.clone().map(|r| r.samples).sum();
+    let exact: u64 = recoveries.clone().map(|r| r.exact).sum();
+    let (psnr_db, ssim) = ImageSimilarity::mean(recoveries.clone().map(|r| &r.ideal));
+    let (psnr_sharp_db, ssim_sharp) = ImageSimilarity::mean(recoveries.clone().map(|r| &r.sharp));
+    let unwrapped = recoveries.clone().filter(|r| r.samples > 0);
+    let wrong = |r: &&RecoveryQuality| r.trusted == Some(true) && r.exact_share() < LEAST_TRUSTED_SHARE;
+    Cell {
+        exact_k: (samples > 0).then(|| exact as f64 / samples as f64),
+        exact_frames: around::share(unwrapped.clone().map(|r| r.exact == r.samples)),
+        trusted: around::share(recoveries.filter_map(|r| r.trusted)),
+        trusted_wrong: (samples > 0).then(|| unwrapped.filter(wrong).count()),
+        psnr_db,
+        ssim,
+        psnr_sharp_db,
+        ssim_sharp,
+        ..Cell::default()
+    }
+}
+
+/// The number of scored objects.
+fn objects(images: &[ImageBoxes]) -> usize {
+    images.iter().map(ImageBoxes::objects).sum()
+}
+
+fn by_group<T>(
+    groups: &BTreeMap<&str, Vec<ImageBoxes>>,
+    figure: impl Fn(&[ImageBoxes]) -> T,
+) -> BTreeMap<String, T> {
+    groups.iter().map(|(group, images)| ((*group).to_owned(), figure(images))).collect()
+}
+
+fn definitions() -> Table {
+    [
+        ("ap50", average::DEFINITION),
+        ("ap50_95", "Mean over groups of the mean AP at the ten IoU thresholds 0.50, 0.55, ..., 0.95."),
+        ("classes", "As ap50, for one class of the labels. Other classes of its group that the model cannot find are ignored."),
+        ("difficulty", difficulty::DIFFICULTIES),
+        ("exact_k, psnr_db, ssim", RECOVERY_DEFINITION),
+        ("interval95", bootstrap::DEFINITION),
+        ("latency_ms", latency::DEFINITION),
+        ("paper", paper::DEFINITION),
+    ]
+    .map(|(name, text)| (name.to_owned(), text.split_whitespace().collect::<Vec<_>>().join(" ")))
+    .into()
+}

@@ -1,0 +1,106 @@
+//! [`Stored`]: all that lies in the folders of one evaluation.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+
+use crate::GridError;
+use crate::data::LabelNames;
+use crate::frames::{FrameRecord, Slice};
+use crate::store::{self, CellKey, CellSlice, Folder, FrameFound};
+
+/// The frames of a camera, in all slices.
+#[derive(Default)]
+pub struct Scene {
+    /// The data, as it was given.
+    pub source: String,
+    /// The names of the classes of its labels.
+    pub names: LabelNames,
+    /// Whether each frame should have labels.
+    pub is_labelled: bool,
+    /// The frames that can be read, by their places.
+    pub frames: BTreeMap<usize, FrameRecord>,
+    /// The places of all frames that were looked at.
+    pub places: BTreeSet<usize>,
+    /// The frames and labels that were left out or changed, by what is wrong with them.
+    pub left_out: BTreeMap<String, BTreeSet<String>>,
+    /// What the sources say of themselves.
+    pub warnings: BTreeSet<String>,
+}
+
+impl Scene {
+    fn add(&mut self, folder: &Folder, slice: Slice) -> Result<(), GridError> {
+        (self.source, self.names, self.is_labelled) = (slice.source, slice.names, slice.is_labelled);
+        for frame in slice.frames {
+            let other = self.frames.get(&frame.place).filter(|other| other.digest != frame.digest);
+            if let Some(other) = other {
+                let why = format!(
+                    "its frame {} is not frame {} of the other folders, so that they cannot be shown together",
+                    frame.name, other.name
+                );
+                return Err(GridError::of_file(folder.path(), why));
+            }
+            self.frames.insert(frame.place, frame);
+        }
+        self.places.extend(slice.places[0]..slice.places[1]);
+        self.warnings.extend(slice.warnings);
+        for (why, ones) in slice.left_out {
+            self.left_out.entry(why).or_default().extend(ones);
+        }
+        Ok(())
+    }
+}
+
+/// All that lies in folders. The boxes are read cell by cell, since those of all cells may be gigabytes.
+pub struct Stored {
+    /// The frames, by the name of their files.
+    pub scenes: BTreeMap<String, Scene>,
+    /// The files of each cell.
+    files: BTreeMap<String, Vec<PathBuf>>,
+}
+
+/// What is stored of a cell.
+#[derive(Default)]
+pub struct StoredCell {
+    /// The cell.
+    pub key: CellKey,
+    /// The classes that its model knows.
+    pub classes: Vec<String>,
+    /// What it has found, by the places of the frames.
+    pub found: BTreeMap<usize, FrameFound>,
+}
+
+impl Stored {
+    /// Reads the frames in folders.
+    ///
+    /// # Errors
+    /// [`GridError`] of a file that cannot be read, and of results that cannot be shown together.
+    pub fn read(folders: &[Folder]) -> Result<Self, GridError> {
+        let mut stored = Self { scenes: BTreeMap::new(), files: BTreeMap::new() };
+        for folder in folders {
+            for (name, slices) in folder.slices()? {
+                let scene = stored.scenes.entry(name).or_default();
+                slices.into_iter().try_for_each(|slice| scene.add(folder, slice))?;
+            }
+            for (name, own) in folder.cells()? {
+                stored.files.entry(name).or_default().extend(own);
+            }
+        }
+        Ok(stored)
+    }
+
+    /// Reads each cell.
+    pub fn cells(&self) -> impl Iterator<Item = Result<StoredCell, GridError>> {
+        self.files.values().map(|paths| {
+            let mut cell = StoredCell::default();
+            for path in paths {
+                let Some(CellSlice { key, classes, frames, .. }) = store::read(path)? else { continue };
+                cell.key = key;
+                if !classes.is_empty() {
+                    cell.classes = classes;
+                }
+                cell.found.extend(frames.into_iter().map(|frame| (frame.place, frame)));
+            }
+            Ok(cell)
+        })
+    }
+}

@@ -1,0 +1,204 @@
+//! [`measure`]: the durations of cells, in a pass of their own.
+//!
+//! Accuracy may be computed by several jobs at a time, and an image that equals an earlier one is not detected again. Both
+//! would falsify durations. Here one frame is processed at a time with the threads of the nodes' own defaults, and the
+//! cells take turns frame by frame in changing order: a machine that becomes slower becomes slower for all of them.
+
+use std::collections::BTreeSet;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use clap::Args;
+use clap::builder::RangedU64ValueParser;
+use modulo_detector::Sessions;
+use modulo_runtime::Clock;
+use modulo_runtime::clock::cpu_time_ns;
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_pcg::Pcg64;
+
+use crate::GridError;
+use crate::chain::{Chain, boxes_are_there};
+use crate::frames::{Frames, HandedFrame, Lead, Walk};
+use crate::labels::SENSE;
+use crate::metric::latency;
+use crate::plan::Cell;
+use crate::results::{CellTimes, Device, FrameTime, Point, Results};
+use crate::run::{Feed, GridEvent};
+use crate::store::Folder;
+
+/// Number of frames of a cell whose processor time is measured, too. They are processed a second time for it.
+const CPU_FRAMES: usize = 5;
+
+/// The times that are measured.
+#[derive(Args, Clone, Debug, Default, PartialEq)]
+pub struct Timing {
+    /// Number of frames on which the times of each cell are measured, after all cells are run; the first frames of the data,
+    /// all of them again where there are fewer. 0: no times, and no chart of accuracy against time
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub time_frames: usize,
+    /// Threads of one inference where times are measured. 0: one for each core, as the detector node has it
+    #[arg(long, default_value_t = 0, value_parser = RangedU64ValueParser::<usize>::new().range(..=64))]
+    pub threads: usize,
+    /// Name of the machine and time of the start, which name the pass.
+    #[arg(skip)]
+    pub pass: String,
+    /// Name of the processor.
+    #[arg(skip)]
+    pub processor: String,
+}
+
+/// (stage, nanoseconds) in the order of the stages.
+type Stages = Vec<(&'static str, u64)>;
+
+/// Counts wall time, or the processor time of all threads of this process.
+struct SwitchClock<'a> {
+    wall: &'a dyn Clock,
+    counts_cpu: AtomicBool,
+}
+
+impl Clock for SwitchClock<'_> {
+    fn now_ns(&self) -> u64 {
+        self.wall.now_ns()
+    }
+
+    fn ticks_ns(&self) -> u64 {
+        if self.counts_cpu.load(Ordering::Relaxed) { cpu_time_ns() } else { self.wall.ticks_ns() }
+    }
+}
+
+/// Measures the times of the cells of `feeds` if some of them have none or were measured in another pass, and stores them. Returns whether it
+/// did.
+///
+/// # Errors
+/// [`GridError`] of a node that fails, and of a file that cannot be written.
+pub fn measure(
+    timing: &Timing,
+    folder: &Folder,
+    timer: &dyn Clock,
+    feeds: &mut [Feed<'_>],
+    (results, tell): (&Results, &(dyn Fn(GridEvent<'_>) + Sync)),
+) -> Result<bool, GridError> {
+    // Another process that measures now would take the processor.
+    let _claim = folder.claim("times")?;
+    let pass = |point: &Point| {
+        let cell = results.cells.iter().find(|cell| cell.point == *point);
+        cell.and_then(|cell| Some(cell.frame_ms.as_ref()?.pass.clone()))
+    };
+    let mut passes = feeds.iter().flat_map(|feed| &feed.cells).map(|cell| pass(&cell.point));
+    let first = passes.next().flatten();
+    if first.is_some() && passes.all(|pass| pass == first) {
+        return Ok(false);
+    }
+    let count = feeds.iter().map(|feed| feed.cells.len()).sum::<usize>();
+    tell(GridEvent::Cell { frames: (0, (count * timing.time_frames) as u64), name: "times" });
+    let clock = SwitchClock { wall: timer, counts_cpu: AtomicBool::new(false) };
+    let mut times = Vec::new();
+    for feed in feeds {
+        for group in
+            feed.cells.chunk_by(|a, b| (&a.point.model, &a.point.input) == (&b.point.model, &b.point.input))
+        {
+            let done = || tell(GridEvent::Frame);
+            times.extend(measure_group(timing, &clock, &mut feed.frames, group, &done)?);
+        }
+    }
+    folder.put_times(&times)?;
+    Ok(true)
+}
+
+/// A cell with its nodes and its durations, frame by frame.
+struct TimedCell<'c> {
+    cell: &'c Cell<'c>,
+    chain: Chain<'c>,
+    wall: Vec<Stages>,
+    cpu: Vec<Stages>,
+}
+
+/// Measures the `cells` of one detector on the first frames of the data and calls `done` after each frame of each cell.
+fn measure_group(
+    timing: &Timing,
+    clock: &SwitchClock<'_>,
+    frames: &mut Frames,
+    cells: &[Cell<'_>],
+    done: &dyn Fn(),
+) -> Result<Vec<(Point, CellTimes)>, GridError> {
+    let (mut sessions, mut timed) = (Sessions::default(), Vec::with_capacity(cells.len()));
+    let cells: Vec<[&Cell<'_>; 1]> = cells.iter().map(|cell| [cell]).collect();
+    for cell in &cells {
+        let mut chain = Chain::new(cell, clock, false)?;
+        chain.complete(Some(&mut sessions), timing.threads)?;
+        timed.push(TimedCell { cell: cell[0], chain, wall: Vec::new(), cpu: Vec::new() });
+    }
+    let (mut sizes, mut index, is_still) = (BTreeSet::new(), 0, frames.is_still());
+    let slice = frames.inspect(0..timing.time_frames)?;
+    while index < timing.time_frames && !slice.frames.is_empty() {
+        for frame in Walk::new(frames, &slice, Lead::One)?.take(timing.time_frames - index) {
+            let (_, frame) = frame?;
+            // The first frame of a size makes buffers and plans, which later frames of this size reuse.
+            if sizes.insert(frame.frame.radiance.dim()) {
+                timed.iter_mut().try_for_each(|one| one.run(&frame, is_still).map(drop))?;
+            }
+            // A cell after a slow one may find a warmer processor: no cell has the same neighbours on all frames.
+            timed.shuffle(&mut Pcg64::seed_from_u64(index as u64));
+            for one in &mut timed {
+                one.measure(clock, (&frame, is_still), index < CPU_FRAMES)?;
+                done();
+            }
+            index += 1;
+        }
+    }
+    Ok(timed.into_iter().filter_map(|one| one.times(timing)).collect())
+}
+
+impl TimedCell<'_> {
+    fn measure(
+        &mut self,
+        clock: &SwitchClock<'_>,
+        (frame, is_still): (&HandedFrame, bool),
+        with_cpu: bool,
+    ) -> Result<(), GridError> {
+        let stages = self.run(frame, is_still)?;
+        self.wall.extend(stages);
+        if with_cpu {
+            clock.counts_cpu.store(true, Ordering::Relaxed);
+            let stages = self.run(frame, is_still);
+            clock.counts_cpu.store(false, Ordering::Relaxed);
+            self.cpu.extend(stages?);
+        }
+        Ok(())
+    }
+
+    /// The durations of all stages of one frame. `None` if a node gave no answer.
+    fn run(&mut self, frame: &HandedFrame, is_still: bool) -> Result<Option<Stages>, GridError> {
+        let out = self.chain.tick(frame, is_still)?;
+        Ok(boxes_are_there(self.cell, &out).then(|| self.chain.stages().to_vec()))
+    }
+
+    /// The times; without an answered frame there are none.
+    fn times(self, timing: &Timing) -> Option<(Point, CellTimes)> {
+        let Self { cell, wall, cpu, chain } = self;
+        let sums = |frames: &[Stages]| {
+            let sum = |frame: &Stages| {
+                let stages = frame.iter().filter(|(stage, _)| *stage != SENSE);
+                stages.map(|(_, ns)| *ns as f64 / 1e6).sum::<f64>()
+            };
+            let mut sums: Vec<f64> = frames.iter().map(sum).collect();
+            sums.sort_by(f64::total_cmp);
+            sums
+        };
+        let (p50, interval95) = latency::median(&sums(&wall))?;
+        let (cpu_ms, _) = latency::median(&sums(&cpu))?;
+        let status = chain.status();
+        let of =
+            |wanted: &str| status.iter().find(|(name, _)| name == wanted).map(|(_, value)| value.clone());
+        let device = Device {
+            processor: timing.processor.clone(),
+            engine: of("engine").expect("the status of a detector names its engine"),
+            threads: of("threads")
+                .and_then(|threads| threads.parse().ok())
+                .expect("the status of a detector has the number of its threads"),
+        };
+        let frame_ms = FrameTime { p50, interval95, cpu_ms, frames: wall.len(), pass: timing.pass.clone() };
+        let latency_ms = latency::by_stage(wall.iter().map(Vec::as_slice));
+        Some((cell.point.clone(), CellTimes { latency_ms, frame_ms, device }))
+    }
+}
