@@ -28,17 +28,20 @@ import functools
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from modulo_camera import _batch, _core
+from modulo_camera import _batch, _core, _evaluate
+
+if TYPE_CHECKING:
+    from modulo_camera._evaluate import Executor
 
 __all__ = [
     "METHODS", "AveragePrecision", "Benchmark", "Codes", "Detection", "Exposure", "Frame", "GroundTruth",
     "Image", "Quality", "Report", "Scene", "Sensor", "Stability", "Unwrapped", "__version__",
-    "average_precision", "benchmark", "detect", "read_bag", "read_source", "stability",
+    "average_precision", "benchmark", "detect", "evaluate", "read_bag", "read_source", "stability",
 ]  # fmt: skip
 
 __version__: str = _core.__version__
@@ -723,6 +726,38 @@ def average_precision(
         )
     scores = _core.average_precision(list(zip(detections, ground_truth)), difficulty)
     return {class_name: AveragePrecision(*score) for class_name, score in scores.items()}
+
+
+def evaluate(
+    file: str = "compare.launch.yaml",
+    /,
+    *,
+    out: str | os.PathLike[str],
+    vary: Mapping[str, Sequence[Any]] = MappingProxyType({}),
+    arguments: Mapping[str, Any] = MappingProxyType({}),
+    slices: Sequence[tuple[int, int]] = (),
+    executor: "Executor | None" = None,
+    program: str | None = None,
+    **options: Any,
+) -> dict[str, Any]:
+    """Runs `modulo eval` on a launch file, slice by slice, and returns the content of its `results.json`.
+
+    Args:
+        file: The launch file.
+        out: The folder of the results, which every worker reaches by this path. What is there is not run again.
+        vary: The values that launch arguments take by turns, such as `{"alpha": [2, 4]}`, or parameters of nodes, such as
+            `{"unwrap.method": ["auto", "spud"]}`.
+        arguments: Launch arguments with one value.
+        slices: The frames of each call, by the first place and the place behind the last one. Empty: all frames in one call.
+        executor: Runs the slices: anything with `submit(function, *arguments)` whose futures have `result()`, such as
+            `concurrent.futures.ProcessPoolExecutor()`, `dask.distributed.Client()`, or `submitit.AutoExecutor(...)`.
+        program: The path of the program where the workers find it. None: that of this package.
+        **options: Options of `modulo eval`, such as `kitti="FOLDER"`, `source=["a", "b"]` or `jobs=1`.
+
+    Raises:
+        RuntimeError: The program ended with another exit code than 0 and 3.
+    """
+    return _evaluate.evaluate(file, out, vary, arguments, options, slices, executor, program)
 
 
 def _report(fields: "_core._Report") -> Report:
