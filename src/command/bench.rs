@@ -30,8 +30,7 @@ const BARE_RUNS: NonZeroUsize = NonZeroUsize::new(20).expect("not zero");
 
 #[derive(Subcommand)]
 pub enum Bench {
-    /// Measure the time from the modulo image to the boxes in one process, in several and in lockstep, beside that of the network
-    /// by itself
+    /// Measure the time from the modulo image to the boxes in one process and in several, beside that of the network by itself
     Pipeline(pipeline::PipelineRequest),
     /// Measure the accuracy, the time and the memory of the inference engines of this machine, and name the fastest one that loses less
     /// than 0.5 points of AP50

@@ -133,7 +133,7 @@ pub struct Short {
     #[command(flatten)]
     pub coding: CodingOptions,
     /// Seed of the noise
-    #[arg(long)]
+    #[arg(long, allow_negative_numbers = true, value_parser = clap::value_parser!(i64).range(0..))]
     pub seed: Option<i64>,
 }
 
@@ -452,8 +452,7 @@ fn print_cell(cell: &Cell) {
         say!("  the model has no class for {}, which are not scored", unknown.join(", "));
     }
     if cell.unanswered > 0 {
-        let Cell { unanswered, frames, .. } = cell;
-        say!("  {unanswered} of its {frames} frames have no answer, and count as frames without a box");
+        say!("  {} frames have no answer, and count as frames without a box", cell.unanswered);
     }
 }
 

@@ -168,8 +168,9 @@ fn a_grid_without_an_end_or_a_model_is_refused() {
 fn a_stopped_evaluation_keeps_the_frames_before() {
     let bench = Bench::new();
     let out = bench.path("out");
-    let line =
-        format!("eval {RECOVERED} source:=scene://day?seed=3&frames=100000&width=320&height=128 -o @/out");
+    let line = format!(
+        "eval {RECOVERED} model:=% source:=scene://day?seed=3&frames=100000&width=96&height=64 -o @/out"
+    );
     let running = bench.starts(&line);
     // The first slice is whole, and the second one has begun.
     wait_until("a second slice is there", || {

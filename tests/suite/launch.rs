@@ -373,7 +373,7 @@ fn the_pipeline_is_measured_in_every_mode() {
     let frames = "--frames scene://tunnel?seed=3&width=160&height=64 --count 12 --rate 0";
     bench.says(0, &format!("bench pipeline {frames} --engine rten --model % -o @"));
     let rows = bench.json("results.json");
-    for (row, mode) in ["lockstep", "composed", "live"].into_iter().enumerate() {
+    for (row, mode) in ["composed", "live"].into_iter().enumerate() {
         let row = &rows[row];
         assert_eq!((&row["mode"], &row["engine"]), (&mode.into(), &"rten".into()), "{rows}");
         let number = |name: &str| row[name].as_f64().unwrap_or_else(|| panic!("{name} in {rows}"));

@@ -260,7 +260,7 @@ fn measure(
     command.arg("--out").arg(&out).stdin(Stdio::null()).stdout(Stdio::null());
     command.stderr(fs::File::create(&errors).map_err(failed)?);
     let mut child = command.spawn().map_err(|why| BenchError::Io(program.to_owned(), why))?;
-    let (_, rss_mb) = watch(&mut child, Mode::Lockstep).map_err(failed)?;
+    let (_, rss_mb) = watch(&mut child, Mode::Composed).map_err(failed)?;
     // What was left out of the data or could not be scored ends with exit code 3; the figures are there.
     let results = out.join(RESULTS);
     if !results.exists() {

@@ -64,8 +64,6 @@ pub struct PipelineRequest {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mode {
-    /// Node after node on the same thread, by function calls.
-    Lockstep,
     /// All nodes in one process.
     Composed,
     /// Each node in a process of its own; images in shared memory.
@@ -133,7 +131,7 @@ pub fn pipeline(
     }
     let out = ResultFolder::take(out.as_deref(), "pipeline", None)?;
     let frames = frames_of_run(*count);
-    let modes = [(Mode::Lockstep, "lockstep"), (Mode::Composed, "composed"), (Mode::Live, "live")];
+    let modes = [(Mode::Composed, "composed"), (Mode::Live, "live")];
     let mut runs = modes.map(|_| Vec::new());
     for round in 0..ROUNDS {
         for (place, (mode, next)) in modes.into_iter().enumerate() {
@@ -146,7 +144,7 @@ pub fn pipeline(
                      --count, or --rate 0, with which no frame is replaced"
                 )));
             }
-            run.bare_ms = (bench.bare)(period(mode, *rate))?;
+            run.bare_ms = (bench.bare)(period(*rate))?;
             runs[place].push(run);
         }
     }
@@ -178,9 +176,8 @@ fn check_count(count: usize, rate: f64, bare_ms: f64) -> Result<(), BenchError> 
 }
 
 /// The time between two frames; zero where the next frame comes when the last one is done.
-fn period(mode: Mode, rate: f64) -> Duration {
-    let paced = mode != Mode::Lockstep && rate > 0.0;
-    if paced { Duration::from_secs_f64(rate.recip()) } else { Duration::ZERO }
+fn period(rate: f64) -> Duration {
+    if rate > 0.0 { Duration::from_secs_f64(rate.recip()) } else { Duration::ZERO }
 }
 
 /// One run of one mode, and the network by itself right after it.
@@ -235,8 +232,7 @@ fn run(
     let results = folder.join("results");
     fs::create_dir(&results).map_err(|why| BenchError::Io(results.clone(), why))?;
     let mut command = Command::new(bench.program);
-    command.arg(if mode == Mode::Lockstep { "eval" } else { "launch" });
-    command.arg(bench.launch_file).args(arguments(request, mode, frames, &results));
+    command.arg("launch").arg(bench.launch_file).args(arguments(request, mode, frames, &results));
     command.stdin(Stdio::null()).stdout(log).stderr(errors);
     command.env("MODULO_TRACE_DIR", folder).env("ROS_DOMAIN_ID", bench.domain.to_string());
     command.env("ZENOH_CONFIG_OVERRIDE", "transport/shared_memory/enabled=true");
@@ -279,12 +275,7 @@ fn arguments(request: &PipelineRequest, mode: Mode, count: usize, folder: &Path)
     ]
     .map(OsString::from)
     .into();
-    match mode {
-        Mode::Lockstep => arguments.extend(["-o".into(), folder.into()]),
-        Mode::Composed | Mode::Live => {
-            arguments.extend(["--summary".into(), folder.join("summary.json").into()]);
-        }
-    }
+    arguments.extend(["--summary".into(), folder.join("summary.json").into()]);
     arguments.extend((mode == Mode::Composed).then(|| "--compose".into()));
     arguments
 }
@@ -298,9 +289,7 @@ pub(crate) fn watch(child: &mut Child, mode: Mode) -> std::io::Result<(bool, f64
         // The largest value so far is kept by the system; a process that has just ended has none.
         rss_mb = process.and_then(peak_rss_mb).unwrap_or(rss_mb);
         if let Some(status) = child.try_wait()? {
-            // An evaluation of a source without a labelled object has no score, which is no fault of a measurement of times.
-            let is_unscored = mode == Mode::Lockstep && status.code() == Some(3);
-            return Ok((status.success() || is_unscored, rss_mb));
+            return Ok((status.success(), rss_mb));
         }
         thread::sleep(GLANCE);
     }

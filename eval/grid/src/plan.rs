@@ -9,7 +9,7 @@ use modulo_core::{Psf, TwoGains};
 use modulo_detector::{DetectorParameters, TRUSTED};
 use modulo_runtime::topic::{RECOVERY_TOPIC, addresses};
 use modulo_runtime::{
-    Address, MessageKind, NodeName, ParameterSet as _, Parameters, SensorModel, Topic, sensor_info,
+    Address, MessageKind, NodeName, ParameterSet as _, Parameters, SensorModel, Topic, Value, sensor_info,
 };
 use modulo_unwrap::UnwrapParameters;
 
@@ -313,7 +313,17 @@ pub fn cells(variants: &[Variant]) -> Result<Vec<Cell<'_>>, GridError> {
                     continue;
                 }
                 let point = point(variant, stream);
-                if cells.iter().all(|cell| cell.point != point) {
+                if let Some(other) = cells.iter().find(|cell| cell.point == point) {
+                    let [own, other] =
+                        [variant, other.variant].map(|variant| source(&variant.nodes[stream.way[0]]));
+                    if own != other {
+                        return Err(GridError::Request(format!(
+                            "{} varies between {other} and {own}, whose cells cannot be told apart; give each --source, or evaluate them \
+                             into folders of their own",
+                            stream.name
+                        )));
+                    }
+                } else {
                     let camera = CameraPlan { streams: Vec::new(), ..camera.clone() };
                     cells.push(Cell { point, variant, camera, stream: stream.clone() });
                 }
@@ -324,13 +334,17 @@ pub fn cells(variants: &[Variant]) -> Result<Vec<Cell<'_>>, GridError> {
     Ok(cells)
 }
 
+/// The parameters of a camera that say which frames it takes, as one text.
+fn source(camera: &PlannedNode) -> String {
+    let values = ["source", "source_topic", "frames", "loop"]
+        .map(|name| camera.parameters.get(name).map(Value::plain));
+    values.into_iter().flatten().filter(|value| !value.is_empty()).collect::<Vec<_>>().join(" ")
+}
+
 /// Parameters that decide no box, or that a point has as fields of its own.
-const UNNAMED: [&str; 17] = [
+const UNNAMED: [&str; 14] = [
     "source",
     "source_topic",
-    "white",
-    "black",
-    "knees",
     "rate",
     "loop",
     "frames",

@@ -18,7 +18,7 @@ use crate::models::{Models, models};
 use crate::plan::{self, Cell, Variant};
 use crate::results::{Point, Results};
 use crate::score::{self, ScoreOptions};
-use crate::store::{CellKey, CellSlice, Folder};
+use crate::store::{CellKey, CellSlice, Claim, Folder};
 use crate::timing::{self, Timing};
 
 /// Number of frames of a slice. A run that is killed loses the slices that its threads are at.
@@ -184,10 +184,13 @@ fn report(
     listener: &Listener<'_>,
 ) -> Result<Results, GridError> {
     let score = || score::score(std::slice::from_ref(folder), &request.score);
+    let is_timed = request.timing.time_frames > 0;
+    // Another process that measures now would take the processor, and what it has measured is not measured again.
+    let _claim = if is_timed { wait_for(folder, "times", listener)? } else { None };
     let results = score()?;
     let warnings = results.input.warnings.iter().cloned().chain(results.input.interval_warning());
     warnings.for_each(|line| (listener.tell)(GridEvent::Warning(&line)));
-    let is_timed = request.timing.time_frames > 0 && !(listener.stopped)();
+    let is_timed = is_timed && !(listener.stopped)();
     let timed =
         is_timed && timing::measure(&request.timing, folder, timer, feeds, (&results, listener.tell))?;
     if !timed {
@@ -196,6 +199,17 @@ fn report(
     let results = score()?;
     labels::busy(&results.cells).iter().for_each(|line| (listener.tell)(GridEvent::Warning(line)));
     Ok(results)
+}
+
+/// Waits for the right to work on something. `None` if the run is to stop.
+fn wait_for(folder: &Folder, name: &str, listener: &Listener<'_>) -> Result<Option<Claim>, GridError> {
+    while !(listener.stopped)() {
+        if let Some(claim) = folder.claim(name)? {
+            return Ok(Some(claim));
+        }
+        std::thread::sleep(PATIENCE);
+    }
+    Ok(None)
 }
 
 /// The cells of one camera in a folder.

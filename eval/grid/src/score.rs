@@ -241,6 +241,8 @@ pub struct Scorer<'a> {
     /// The objects that are scored.
     pub difficulty: Difficulty,
     units: bootstrap::Units,
+    /// The number of frames without an answer, labelled or not.
+    unanswered: usize,
     /// The quality of the images of all frames, labelled or not.
     recoveries: Vec<RecoveryQuality>,
 }
@@ -275,8 +277,10 @@ impl<'a> Scorer<'a> {
         // A model without class names may find every class.
         let mapped = if classes.is_empty() { labels } else { labels.intersection(&known).cloned().collect() };
         let recoveries = found.values().filter_map(|frame| frame.recovery.clone()).collect();
+        let unanswered = found.values().filter(|frame| frame.boxes.is_none()).count();
         Self {
             recoveries,
+            unanswered,
             frames,
             map,
             groups: &rules.groups,
@@ -320,7 +324,7 @@ impl<'a> Scorer<'a> {
         let cell = Cell {
             point,
             frames: self.frames.len(),
-            unanswered: self.frames.iter().filter(|frame| frame.found.boxes.is_none()).count(),
+            unanswered: self.unanswered,
             ap50: by_group(&groups, |images| average::ap(images, 0.5)),
             ap50_95: average::mean(groups.values().filter_map(|images| average::ap50_95(images))),
             objects: by_group(&groups, objects),

@@ -149,8 +149,10 @@ impl Folder {
             false if path.join(MARKER).exists() => folder.check()?,
             false => {}
         }
-        let program = concat!("modulo ", env!("CARGO_PKG_VERSION")).to_owned();
-        folder.put(MARKER, &Marker { format: FIGURES, program })?;
+        if !path.join(MARKER).exists() {
+            let program = concat!("modulo ", env!("CARGO_PKG_VERSION")).to_owned();
+            folder.put(MARKER, &Marker { format: FIGURES, program })?;
+        }
         drop(taken);
         Ok(folder)
     }

@@ -78,8 +78,6 @@ pub fn measure(
     feeds: &mut [Feed<'_>],
     (results, tell): (&Results, &(dyn Fn(GridEvent<'_>) + Sync)),
 ) -> Result<bool, GridError> {
-    // Another process that measures now would take the processor.
-    let _claim = folder.claim("times")?;
     let pass = |point: &Point| {
         let cell = results.cells.iter().find(|cell| cell.point == *point);
         cell.and_then(|cell| Some(cell.frame_ms.as_ref()?.pass.clone()))

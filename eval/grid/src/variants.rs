@@ -192,7 +192,11 @@ impl Axes {
         };
         let Some((name, values)) = self.sensor.given().find(other) else { return Ok(()) };
         let possible = "that of the paper: blur 1.4 px (7 taps), headroom 1, no black columns, no noise, one gain, no mosaic";
-        Err(GridError::value("the sensor", format!("{name} {}", values[0].plain()), possible))
+        Err(GridError::value(
+            "the sensor",
+            format!("{} {}", name.replace('_', " "), values[0].plain()),
+            possible,
+        ))
     }
 }
 
