@@ -7,7 +7,8 @@
 use modulo_camera::CameraParameters;
 use modulo_detector::DetectorParameters;
 use modulo_eval::plan::{CAMERA, DETECTOR, PlannedNode, UNWRAP, Variant};
-use modulo_eval::run::{Listener, Request, run};
+use modulo_eval::progress::Listener;
+use modulo_eval::run::{Request, run};
 use modulo_eval::store;
 use modulo_runtime::{NodeName, ParameterSet as _, Parameters, SystemClock};
 use modulo_unwrap::UnwrapParameters;

@@ -6,7 +6,7 @@ use modulo_bags::source::{GroundTruth, LightChange};
 use modulo_core::Detection;
 
 use crate::results::Moment;
-use crate::score::{Found, Scorer};
+use crate::score::{Found, Scorer, share};
 
 /// The frames before a change, and those after it, that are looked at.
 const BEFORE: i64 = 6;
@@ -74,9 +74,4 @@ impl Scorer<'_> {
         }
         moments
     }
-}
-
-/// Returns the share of `true`; `None` of nothing.
-pub(crate) fn share(flags: impl Iterator<Item = bool>) -> Option<f64> {
-    average::mean(flags.map(|flag| f64::from(u8::from(flag))))
 }

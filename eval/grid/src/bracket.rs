@@ -8,8 +8,7 @@ use modulo_runtime::SensorModel;
 use ndarray::Array3;
 
 use crate::GridError;
-use crate::frames::HandedFrame;
-use crate::research::Make;
+use crate::handed::{HandedFrame, Make};
 
 /// Number of captures that are merged.
 pub const CAPTURES: usize = 3;

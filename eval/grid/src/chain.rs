@@ -1,8 +1,5 @@
 //! [`Chain`]: the nodes that lead to cells, in lockstep, over frames that are handed to their camera one by one.
 
-use std::sync::{Arc, Mutex, PoisonError};
-
-use modulo_bags::source::{Source, SourceError, SourceFrame};
 use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_detector::{Detector, DetectorParameters, Sessions};
 use modulo_runtime::clock::nanos;
@@ -12,45 +9,13 @@ use modulo_runtime::{Clock, Message, Node, SensorModel};
 use modulo_unwrap::UnwrapNode;
 
 use crate::GridError;
-use crate::frames::HandedFrame;
+use crate::handed::{Handed, HandedFrame};
+use crate::makers::Maker;
 use crate::messages::found;
 use crate::plan::{CAMERA, Cell, DETECTOR, PlannedNode, UNWRAP};
-use crate::research::Maker;
 
 /// Lowest score of a detection. AP needs detections of low confidence, too.
 const LEAST_SCORE: f64 = 0.001;
-
-/// The place through which a frame goes to a camera.
-#[derive(Clone, Default)]
-pub struct Handed(Arc<Mutex<Option<HandedFrame>>>);
-
-impl Handed {
-    fn hand(&self, frame: HandedFrame) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(frame);
-    }
-
-    /// Takes the frame.
-    pub fn take(&self) -> Option<HandedFrame> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).take()
-    }
-}
-
-impl Source for Handed {
-    fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
-        self.take().map(|handed| Ok(handed.frame))
-    }
-
-    /// The frames before are not read here.
-    fn skip(&mut self, _: u64) {}
-
-    fn len(&self) -> Option<usize> {
-        None
-    }
-
-    fn rewind(&mut self) -> Result<(), SourceError> {
-        Ok(())
-    }
-}
 
 /// The nodes of a unit that its cells have in common: the camera, and what tells the sessions of the detector apart.
 pub fn shared<'a>(cell: &'a Cell<'_>) -> (&'a PlannedNode, [String; 4]) {

@@ -9,11 +9,12 @@ use modulo_runtime::Clock;
 
 use crate::GridError;
 use crate::chain::{Chain, follows, shared};
-use crate::frames::{Frames, HandedFrame, Lead, Slice, Walk};
+use crate::frames::{Frames, Lead, Slice, Walk};
+use crate::handed::HandedFrame;
+use crate::makers::needs_neighbours;
 use crate::messages::{classes, found};
 use crate::plan::Cell;
 use crate::quality::TrueExposures;
-use crate::research::needs_neighbours;
 use crate::store::FrameFound;
 
 /// Threads of one inference: the jobs use the cores.

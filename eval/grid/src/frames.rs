@@ -1,4 +1,4 @@
-//! [`Frames`]: the frames that one camera takes, in slices. [`HandedFrame`]: a frame with the frames before and after it.
+//! [`Frames`]: the frames that one camera takes, in slices.
 //!
 //! A frame that cannot be read is left out here, with a warning, and nowhere else: every cell gets the same frames.
 
@@ -13,6 +13,7 @@ use sha2::{Digest, Sha256};
 
 use crate::classes::folded;
 use crate::data::{Data, Drive, LabelNames};
+use crate::handed::HandedFrame;
 use crate::rows;
 
 /// Labels that reach outside the image by at most this many px give no warning: they were rounded.
@@ -221,19 +222,6 @@ impl Slice {
         }
         kept
     }
-}
-
-/// A frame on its way to a camera.
-#[derive(Clone, Debug)]
-pub struct HandedFrame {
-    /// Index over all drives.
-    pub place: usize,
-    /// Index of the drive.
-    pub drive: usize,
-    /// The frame.
-    pub frame: SourceFrame,
-    /// Radiance of the frames before and after it. At the ends of a drive the frame itself stands in. `None` if no camera needs it.
-    pub around: Option<[Array3<f32>; 2]>,
 }
 
 /// Iterates over the frames of a slice, and those that lead to it, in their order.

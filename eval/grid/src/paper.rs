@@ -10,8 +10,7 @@ use modulo_runtime::{Context, SensorModel};
 use ndarray::Array3;
 
 use crate::GridError;
-use crate::frames::HandedFrame;
-use crate::research::Make;
+use crate::handed::{HandedFrame, Make};
 
 /// The method of a cell with SPUD as the scripts of the paper have it: it takes the modulo image before quantisation, and
 /// stretches phi over all channels from minimum to maximum, without congruence. `spud` takes the quantised image y, and

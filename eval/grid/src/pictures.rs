@@ -13,11 +13,12 @@ use crate::chain::Chain;
 use crate::chart::NamedChart;
 use crate::chart::pictures::{self, DetectionPicture};
 use crate::engine::units;
+use crate::feeds::{Feed, feeds};
 use crate::frames::{FrameRecord, Lead, Walk};
 use crate::messages::image;
 use crate::plan::{self, Cell};
 use crate::results::{Point, Results};
-use crate::run::{Feed, Request, feeds};
+use crate::run::Request;
 use crate::store::Folder;
 use crate::stored::{Stored, StoredCell};
 

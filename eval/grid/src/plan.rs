@@ -14,7 +14,7 @@ use modulo_runtime::{
 use modulo_unwrap::UnwrapParameters;
 
 use crate::GridError;
-use crate::research;
+use crate::makers;
 use crate::results::Point;
 
 /// Time between two frames of a source that has neither time stamps nor a rate.
@@ -142,7 +142,7 @@ fn declared(node: &PlannedNode) -> Result<Declared, GridError> {
             let (inputs, outputs) = modulo_detector::topics(&(&node.parameters).into())?;
             (inputs, outputs, None)
         }
-        maker => (Vec::new(), research::outputs(maker), Some(Duration::ZERO)),
+        maker => (Vec::new(), makers::outputs(maker), Some(Duration::ZERO)),
     })
 }
 
@@ -377,7 +377,7 @@ fn point(variant: &Variant, stream: &DetectorStream) -> Point {
         _ if sensor.gains && (unwrap.is_some() || kind == "saturated") => Some(TwoGains::NAME.to_owned()),
         Some(_) => of(UNWRAP).and_then(|node| Some(node.parameters.get("method")?.plain())),
         None => on_way()
-            .find_map(|node| research::method_of(node.executable))
+            .find_map(|node| makers::method_of(node.executable))
             .filter(|_| kind == "recovered")
             .map(str::to_owned),
     };

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::GridError;
 use crate::chain::shared;
-use crate::frames::HandedFrame;
+use crate::handed::HandedFrame;
 use crate::messages::{image, recovery};
 use crate::plan::{CAMERA, Cell};
 

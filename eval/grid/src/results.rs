@@ -13,8 +13,6 @@ use modulo_runtime::report::Percentiles;
 use modulo_runtime::{ParameterSet as _, SensorModel, Value};
 use serde::{Deserialize, Serialize};
 
-use crate::chart::file_name;
-
 /// Name of the file of results.
 pub const RESULTS: &str = "results.json";
 /// Version of the files of a folder, and of the computation of the figures. It is raised when the same command gives other figures than
@@ -404,4 +402,10 @@ pub struct Device {
     pub engine: String,
     /// Threads of one inference.
     pub threads: usize,
+}
+
+/// A text as part of a file name, with its words separated by `_`.
+pub(crate) fn file_name(name: &str) -> String {
+    let words = name.split(|c: char| !c.is_ascii_alphanumeric() && !".-".contains(c));
+    words.filter(|word| !word.is_empty()).collect::<Vec<_>>().join("_")
 }

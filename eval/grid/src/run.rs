@@ -4,18 +4,18 @@ use std::ops::Range;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use modulo_bags::source::SourceOptions;
-use modulo_camera::CameraParameters;
 use modulo_runtime::Clock;
 use sha2::{Digest as _, Sha256};
 
 use crate::GridError;
 use crate::data::Data;
 use crate::engine::{Engine, Hooks, Unit, units};
+use crate::feeds::{Feed, feeds};
 use crate::frames::{Frames, Slice};
 use crate::labels;
 use crate::models::{Models, models};
 use crate::plan::{self, Cell, Variant};
+use crate::progress::{GridEvent, Listener};
 use crate::results::{Point, Results};
 use crate::score::{self, ScoreOptions};
 use crate::store::{CellKey, CellSlice, Claim, Folder};
@@ -45,87 +45,6 @@ pub struct Request {
     pub fresh: bool,
     /// Folder for the results.
     pub out: PathBuf,
-}
-
-/// Progress of a run.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum GridEvent<'a> {
-    /// Work on some cells begins.
-    Cell {
-        /// Number of processed frames, and of all frames, over all cells of this slice.
-        frames: (u64, u64),
-        /// Description of the cells.
-        name: &'a str,
-    },
-    /// A frame of the cells is finished.
-    Frame,
-    /// A problem that does not end the run, or what the folder already holds.
-    Warning(&'a str),
-}
-
-/// What a run tells of itself, and asks.
-pub struct Listener<'a> {
-    /// Takes the progress.
-    pub tell: &'a (dyn Fn(GridEvent<'_>) + Sync),
-    /// Whether the run is to stop after the frames that it is at.
-    pub stopped: &'a (dyn Fn() -> bool + Sync),
-}
-
-/// The frames of one camera, with the cells that see them.
-pub struct Feed<'a> {
-    /// The name of its files.
-    pub name: String,
-    /// Its frames.
-    pub frames: Frames,
-    /// Its cells.
-    pub cells: Vec<Cell<'a>>,
-}
-
-/// Opens the frames of each camera of `cells`.
-///
-/// # Errors
-/// [`GridError`] of a source that cannot be read, or of frames that do not fit the streams.
-pub fn feeds<'a>(cells: Vec<Cell<'a>>, data: Option<&Data>) -> Result<Vec<Feed<'a>>, GridError> {
-    let mut feeds: Vec<Feed<'a>> = Vec::new();
-    let is_same_mosaic = |one: &Cell<'_>| {
-        cells
-            .iter()
-            .filter(|cell| cell.camera.name == one.camera.name)
-            .all(|cell| camera(cell).sensor.mosaic == camera(one).sensor.mosaic)
-    };
-    let options: Vec<SourceOptions> = cells
-        .iter()
-        .map(|cell| {
-            let mut coding = camera(cell).coding()?;
-            // A raw mosaic can be seen by a sensor with the same colour filters only, and so by no other cell.
-            coding.mosaic = coding.mosaic.filter(|_| is_same_mosaic(cell));
-            Ok(SourceOptions { coding, topic: None })
-        })
-        .collect::<Result<_, GridError>>()?;
-    for (cell, options) in cells.into_iter().zip(options) {
-        let parameters = camera(&cell);
-        let own = data.cloned().unwrap_or_else(|| Data::Own(Box::new(parameters)));
-        let read = format!("{options:?}");
-        let name = format!(
-            "{}-{}",
-            cell.camera.name.trim_start_matches('/').replace('/', "_"),
-            &modulo_models::hex(&Sha256::digest(read))[..8]
-        );
-        if cell.point.is("multi_exposure") && own.is_still() {
-            let possible = "multi_exposure_still, because these frames are not consecutive; use --sequence or --source otherwise";
-            return Err(GridError::value("stream", "multi_exposure", possible));
-        }
-        match feeds.iter_mut().find(|feed| feed.name == name) {
-            Some(feed) => feed.cells.push(cell),
-            None => feeds.push(Feed { name, frames: Frames::open(&own, &options)?, cells: vec![cell] }),
-        }
-    }
-    Ok(feeds)
-}
-
-/// The parameters of the camera of a cell.
-fn camera(cell: &Cell<'_>) -> CameraParameters {
-    (&cell.variant.nodes[cell.camera.member].parameters).into()
 }
 
 /// Checks that the streams, models and frames of a request are there.

@@ -14,7 +14,6 @@ use modulo_core::Detection;
 use sha2::{Digest as _, Sha256};
 
 use crate::GridError;
-use crate::around;
 use crate::classes::{ClassGroups, ClassMap, Table};
 use crate::data::LabelNames;
 use crate::frames::FrameRecord;
@@ -332,7 +331,7 @@ impl<'a> Scorer<'a> {
             classes: self.classes(&found),
             difficulty: self.difficulties(&found),
             interval95,
-            nearest: around::share(nearest.iter().flatten().copied()),
+            nearest: share(nearest.iter().flatten().copied()),
             moments,
             paper: paper::mean(&papers),
             // The times are measured in a pass of their own.
@@ -469,8 +468,8 @@ fn recovered(all: &[RecoveryQuality]) -> Cell {
     let wrong = |r: &&RecoveryQuality| r.trusted == Some(true) && r.exact_share() < LEAST_TRUSTED_SHARE;
     Cell {
         exact_k: (samples > 0).then(|| exact as f64 / samples as f64),
-        exact_frames: around::share(unwrapped.clone().map(|r| r.exact == r.samples)),
-        trusted: around::share(recoveries.filter_map(|r| r.trusted)),
+        exact_frames: share(unwrapped.clone().map(|r| r.exact == r.samples)),
+        trusted: share(recoveries.filter_map(|r| r.trusted)),
         trusted_wrong: (samples > 0).then(|| unwrapped.filter(wrong).count()),
         psnr_db,
         ssim,
@@ -505,4 +504,9 @@ fn definitions() -> Table {
     ]
     .map(|(name, text)| (name.to_owned(), text.split_whitespace().collect::<Vec<_>>().join(" ")))
     .into()
+}
+
+/// Returns the share of `true`; `None` of nothing.
+pub fn share(flags: impl Iterator<Item = bool>) -> Option<f64> {
+    average::mean(flags.map(|flag| f64::from(u8::from(flag))))
 }

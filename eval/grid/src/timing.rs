@@ -18,12 +18,14 @@ use rand_pcg::Pcg64;
 
 use crate::GridError;
 use crate::chain::{Chain, boxes_are_there};
-use crate::frames::{Frames, HandedFrame, Lead, Walk};
+use crate::feeds::Feed;
+use crate::frames::{Frames, Lead, Walk};
+use crate::handed::HandedFrame;
 use crate::labels::SENSE;
 use crate::metric::latency;
 use crate::plan::Cell;
+use crate::progress::GridEvent;
 use crate::results::{CellTimes, Device, FrameTime, Point, Results};
-use crate::run::{Feed, GridEvent};
 use crate::store::Folder;
 
 /// Number of frames of a cell whose processor time is measured, too. They are processed a second time for it.

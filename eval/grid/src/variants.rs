@@ -8,9 +8,10 @@ use modulo_runtime::sensor::options::{SensorCommand, SensorOptions};
 use modulo_runtime::{ParameterSet as _, Value};
 
 use crate::GridError;
+use crate::makers::OF_PAPER;
 use crate::paper::SPUD_AS_PUBLISHED;
 use crate::plan::{CAMERA, PlannedNode, Variant};
-use crate::research::{self, OF_PAPER};
+use crate::research;
 use crate::score::words;
 
 /// A launch argument, or a parameter of a node as NODE.PARAMETER, with the values that it takes by turns.

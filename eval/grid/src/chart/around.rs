@@ -2,9 +2,9 @@
 
 use modulo_draw::{Axis, ChartBody, ChartPanel, DataPoint, Scale, Series, SeriesStyle};
 
-use super::{NamedChart, file_name, models};
+use super::{NamedChart, models};
 use crate::labels::{self, distinct, number};
-use crate::results::{Cell, Moment, Results};
+use crate::results::{Cell, Moment, Results, file_name};
 
 /// A figure of a moment with the label of its axis.
 type Figure = (&'static str, fn(&Moment) -> Option<f64>);

@@ -13,7 +13,7 @@ use modulo_draw::{
 use modulo_runtime::SensorModel;
 
 use crate::labels::{self, GridSetting, distinct, number};
-use crate::results::{Cell, Results};
+use crate::results::{Cell, Results, file_name};
 
 /// A chart with the name of its files.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,12 +74,6 @@ fn subtitle(results: &Results) -> String {
     let frames = format!("{} labelled frames of {}", results.input.labelled, results.setup.source);
     let objects = format!("objects that count: {}", objects.join(", "));
     [vec![frames, objects], labels::devices(&results.cells), busy].concat().join(" · ")
-}
-
-/// A text as part of a file name, with its words separated by `_`.
-pub(crate) fn file_name(name: &str) -> String {
-    let words = name.split(|c: char| !c.is_ascii_alphanumeric() && !".-".contains(c));
-    words.filter(|word| !word.is_empty()).collect::<Vec<_>>().join("_")
 }
 
 /// Accuracy against a setting: one chart for each model and input size, and each combination of the other settings, with a line

@@ -4,8 +4,10 @@ use modulo_draw::{ChartBody, Picture, Pictures, class_colour};
 
 use super::NamedChart;
 use crate::labels::{self, distinct};
-use crate::report::PICTURES;
 use crate::results::{Cell, Point, Results};
+
+/// Name of the chart with images, which cannot be drawn from the results.
+pub(crate) const PICTURES: &str = "pictures_streams";
 
 /// The image of the frame in a cell, with its boxes.
 #[derive(Clone, Debug, PartialEq)]

@@ -5,9 +5,9 @@ use modulo_core::Mosaic;
 use modulo_draw::{Axis, ChartBody, ChartPanel, DataPoint, Scale, Series, SeriesStyle, ascending};
 use modulo_runtime::SensorModel;
 
-use super::{NamedChart, file_name, models};
+use super::{NamedChart, models};
 use crate::labels::{self, distinct, number};
-use crate::results::{Cell, Results};
+use crate::results::{Cell, Results, file_name};
 
 /// A choice may have this much less AP50 than the ideal image: one point.
 const LOSS: f64 = 0.01;

@@ -8,6 +8,7 @@ use maud::{Markup, PreEscaped, html};
 use modulo_draw::{ChartError, html_page};
 
 use crate::GridError;
+use crate::chart::pictures::PICTURES;
 use crate::chart::{self, NamedChart, RenderedChart};
 use crate::labels;
 use crate::results::Results;
@@ -89,8 +90,6 @@ pub const PAGE: &str = "report.html";
 const CHARTS: &str = "charts";
 /// The picture of the frame in which the streams differ most, beside the report.
 pub const GRID: &str = "grid.png";
-/// Name of the chart with images, which cannot be drawn from the results.
-pub(crate) const PICTURES: &str = "pictures_streams";
 
 /// Draws all charts of `results` into `folder/charts` and writes [`PAGE`] into `folder`, which also shows the chart with
 /// images that is in that folder. Returns the path of the page.

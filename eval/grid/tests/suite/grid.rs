@@ -14,10 +14,11 @@ use modulo_core::Frame;
 use modulo_detector::DetectorParameters;
 use modulo_eval::data::Data;
 use modulo_eval::plan::{CAMERA, CameraPlan, DETECTOR, PlannedNode, UNWRAP, cells};
+use modulo_eval::progress::Listener;
 use modulo_eval::record::Timelines;
 use modulo_eval::recordings::Recordings;
 use modulo_eval::results::{Cell, Results};
-use modulo_eval::run::{Listener, Request, run};
+use modulo_eval::run::{Request, run};
 use modulo_eval::score::{ScoreOptions, score};
 use modulo_eval::store::Folder;
 use modulo_eval::timing::Timing;
@@ -122,7 +123,7 @@ fn a_cell_has_what_decides_its_boxes() {
     assert_eq!((budgets("recovered"), budgets("ideal")), (4, 2), "the ideal image is not unwrapped");
     let named = cells.iter().filter(|cell| cell.point.more.contains_key("unwrap.budget"));
     let named: Vec<_> = named.map(|cell| cell.point.more["unwrap.budget"].as_str()).collect();
-    assert_eq!(named, ["50"; 2], "the default has no name");
+    assert_eq!(named, ["50"; 4], "recovered and metered with two seeds; the default has no name");
 }
 
 #[test]
@@ -290,7 +291,7 @@ fn what_moves_has_ghosts_in_three_captures_and_none_in_one() {
     let page =
         std::fs::read_to_string(report::write(folder.path(), &results).expect("a page")).expect("readable");
     assert!(page.contains("multi_exposure_still") && page.contains("data:image/jpeg;base64,"));
-    assert!(folder.path().join("charts/pictures_streams.png").is_file());
+    assert!(folder.path().join(report::GRID).is_file());
     // The page is the same if it is written again from the files.
     assert_eq!(
         page,
