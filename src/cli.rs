@@ -110,7 +110,7 @@ pub fn help_of(name: &str) -> String {
 const RARE: &str = "\
     shot_noise full_well_electrons prnu hot_pixels psf gain_ratio headroom transfer black_level \
     optical_black metering metering_target exposure_delay exposure_step white black knees seed repeats \
-    threads protocol device jobs time_frames class_map groups fresh list coco_images bag topics verbose \
+    threads is_paper device jobs time_frames class_map groups fresh list coco_images bag topics verbose \
     deblur token address foxglove compression record difficulty gains read_noise mosaic hang_timeout \
     max_restarts trace";
 

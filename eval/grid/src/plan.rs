@@ -341,21 +341,19 @@ fn source(camera: &PlannedNode) -> String {
     values.into_iter().flatten().filter(|value| !value.is_empty()).collect::<Vec<_>>().join(" ")
 }
 
-/// Parameters that decide no box, or that a point has as fields of its own.
-const UNNAMED: [&str; 14] = [
+/// Parameters that decide no box: those of times, and the lowest score, which is that of the stored boxes.
+pub const WITHOUT_EFFECT: [&str; 4] = ["rate", "frame_id", "threads", "score_threshold"];
+/// Parameters that a point has as fields of its own, or that say which frames there are.
+const UNNAMED: [&str; 10] = [
     "source",
     "source_topic",
-    "rate",
     "loop",
     "frames",
-    "frame_id",
-    "threads",
     "method",
     "deblur",
     "model",
     "input",
     "input_size",
-    "score_threshold",
     "cameras",
 ];
 
@@ -418,6 +416,7 @@ fn unnamed(node: &PlannedNode) -> BTreeMap<String, String> {
     let of_sensor = SensorModel::descriptors();
     let is_field = |name: &str| {
         UNNAMED.contains(&name)
+            || WITHOUT_EFFECT.contains(&name)
             || node.executable == CAMERA && of_sensor.iter().any(|parameter| parameter.name == name)
     };
     let differing = own.into_iter().filter(|parameter| !is_field(parameter.name)).filter_map(|parameter| {

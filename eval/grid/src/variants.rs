@@ -10,7 +10,7 @@ use modulo_runtime::{ParameterSet as _, Value};
 use crate::GridError;
 use crate::makers::OF_PAPER;
 use crate::paper::SPUD_AS_PUBLISHED;
-use crate::plan::{CAMERA, PlannedNode, Variant};
+use crate::plan::{CAMERA, PlannedNode, Variant, WITHOUT_EFFECT};
 use crate::research;
 use crate::score::words;
 
@@ -111,6 +111,13 @@ impl Axes {
     ) -> Result<Vec<Variant>, GridError> {
         if self.is_paper {
             self.check_paper()?;
+        }
+        let is_idle = |varied: &&Varied| {
+            let parameter = varied.name.split_once('.').map(|(_, parameter)| parameter);
+            varied.values.len() > 1 && parameter.is_some_and(|name| WITHOUT_EFFECT.contains(&name))
+        };
+        if let Some(Varied { name, .. }) = varied.iter().find(is_idle) {
+            return Err(GridError::value("vary", name, "a parameter that decides boxes or images"));
         }
         let own = self.varied(is_short);
         let streams = match &self.stream[..] {

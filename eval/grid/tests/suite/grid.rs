@@ -149,6 +149,9 @@ fn the_paper_has_four_streams_two_forms_of_spud_and_640() {
     for (options, named) in [("--stream depth", "depth"), ("--method magic", "magic")] {
         assert!(points(options).expect_err(options).to_string().contains(named));
     }
+    let idle = ["detector_ideal.score_threshold=0.1,0.5".parse::<Varied>().expect("a name")];
+    let why = axes("").variants(&nodes, &idle, false).expect_err("no effect").to_string();
+    assert!(why.contains("detector_ideal.score_threshold"), "{why}");
     let varied = ["nobody.alpha=2".parse::<Varied>().expect("a name")];
     let why = axes("").variants(&nodes, &varied, false).expect_err("no node").to_string();
     assert!(why.contains("nobody.alpha") && why.contains("detector_ideal"), "{why}");
