@@ -6,6 +6,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, anyhow};
 use clap::Args;
+use modulo_eval::recordings::BOXES;
 use modulo_runtime::output::{prepare_file, replace};
 
 use super::usage;
@@ -40,12 +41,13 @@ pub fn demo(args: &Demo) -> Result<Ended, Failure> {
 fn picture(file: &Path) -> Result<Ended, Failure> {
     prepare_file(file, None).map_err(usage)?;
     let folder = tempfile::tempdir().context("temporary folder")?;
-    let mut eval = suite("eval", &["frames:=1", "-o"])?;
+    let mut eval = suite("eval", &["frames:=1", "--images", "-o"])?;
     let status = eval.arg(folder.path()).stdout(Stdio::null()).status().context("modulo eval")?;
     if !status.success() {
         return Err(anyhow!("modulo eval {FILE} has failed: {status}").into());
     }
-    let written = std::fs::read(folder.path().join("grid.png")).and_then(|picture| replace(file, &picture));
+    let written = std::fs::read(folder.path().join(BOXES).join("000000.png"))
+        .and_then(|picture| replace(file, &picture));
     written.with_context(|| file.display().to_string())?;
     say!(
         "{}: a normal camera clips, a modulo camera wraps, and the recovered image has it all",

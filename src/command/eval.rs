@@ -105,7 +105,7 @@ pub struct Record {
     /// Topics for --bag
     #[arg(long, value_name = "TOPIC", num_args = 1.., requires = "bag")]
     pub topics: Vec<String>,
-    /// Also write every image that a detector gets as PNG; with FILE
+    /// Also write every image that a detector gets as PNG, and all streams with their boxes; with FILE
     #[arg(long, requires = "file", conflicts_with_all = LABELLED)]
     pub images: bool,
     /// Write all streams with their boxes into this video, such as out.mp4, with the method and the trust of each frame; with FILE (needs

@@ -19,6 +19,9 @@ use crate::video::AnnotatedVideo;
 /// Why a file could not be written.
 type Fault = Box<dyn Error + Send + Sync>;
 
+/// The folder of the images with the boxes of all streams.
+pub const BOXES: &str = "boxes";
+
 /// The recordings of an evaluation.
 #[derive(Default)]
 pub struct Recordings {
@@ -28,7 +31,7 @@ pub struct Recordings {
     bag: Option<BagWriter>,
     /// The annotated images of all streams.
     video: Option<AnnotatedVideo>,
-    /// Whether the images that the detectors get are saved as `FOLDER/STREAM/NUMBER.png`.
+    /// Whether the images that the detectors get are saved as `FOLDER/STREAM/NUMBER.png`, and those with the boxes of all streams in [`BOXES`].
     images: bool,
     /// The topics whose messages go into the bag.
     bagged: Vec<String>,
@@ -72,7 +75,7 @@ impl Recordings {
             topics.push(stream.detections.clone());
             topics.extend(self.images.then(|| stream.images.clone()));
             // Boxes are drawn for those who read the picture.
-            if self.video.is_some() {
+            if self.draws() {
                 topics.extend(stream.annotated.clone());
                 topics.extend(stream.unwrapped.as_ref().map(|unwrapped| unwrapped.recovery.clone()));
             }
@@ -106,8 +109,7 @@ impl Recordings {
         }
         for stream in camera.streams.iter().filter(|_| self.images) {
             if let Some(frame) = image(out, &stream.images) {
-                std::fs::create_dir_all(self.folder.join(&stream.name))?;
-                save_png(&self.folder.join(&stream.name).join(format!("{number:06}.png")), &frame.frame)?;
+                save_png(&self.file(&stream.name, number)?, &frame.frame)?;
             }
         }
         let shown = camera.streams.iter().map(|stream| (stream.name.clone(), Shown::of(stream, out)));
@@ -115,11 +117,26 @@ impl Recordings {
         if !ends_round {
             return Ok(());
         }
-        let sheet = self.video.is_some().then(|| self.sheet(cameras)).flatten();
-        match (&mut self.video, sheet, out.first()) {
-            (Some(video), Some(sheet), Some((_, message))) => Ok(video.add(sheet, message.stamp().as_ns())?),
+        let Some(sheet) = self.draws().then(|| self.sheet(cameras)).flatten() else { return Ok(()) };
+        if self.images {
+            sheet.save(self.file(BOXES, number)?)?;
+        }
+        match (&mut self.video, out.first()) {
+            (Some(video), Some((_, message))) => Ok(video.add(sheet, message.stamp().as_ns())?),
             _ => Ok(()),
         }
+    }
+
+    /// Whether anybody reads images with boxes.
+    fn draws(&self) -> bool {
+        self.video.is_some() || self.images
+    }
+
+    /// The file of a frame in the folder `name`, which is made.
+    fn file(&self, name: &str, number: u64) -> Result<PathBuf, Fault> {
+        let folder = self.folder.join(name);
+        std::fs::create_dir_all(&folder)?;
+        Ok(folder.join(format!("{number:06}.png")))
     }
 
     /// Notes that `camera` has sent its last frame.
