@@ -4,7 +4,7 @@ use modulo_ap::difficulty::DONT_CARE;
 use modulo_bags::source::GroundTruth;
 use modulo_core::{BBox, Detection, Frame};
 use modulo_draw::{LabelledBox, Picture, class_colour, distinct};
-use modulo_runtime::{Clock, StreamScale};
+use modulo_runtime::{Clock, StreamKind, StreamScale};
 
 use super::frames::{Frames, FramesWithNeighbours};
 use super::pipeline::{self, MakeDetector};
@@ -72,17 +72,17 @@ fn detect(
 fn picture(frame: &Frame, point: &Point, truth: &[GroundTruth], found: &[&Detection]) -> Option<Picture> {
     let pixels = frame.as_u8()?;
     let (height, width, channels) = pixels.dim();
-    let stream = match point.stream {
-        Stream::Modulo => "modulo",
-        Stream::Saturated | Stream::AutoExposed => "saturated",
+    let kind = match point.stream {
+        Stream::Modulo => StreamKind::Modulo,
+        Stream::Saturated | Stream::AutoExposed => StreamKind::Saturated,
         // All of these have the full range.
         Stream::Ideal
         | Stream::Recovered
         | Stream::Metered
         | Stream::MultiExposure
-        | Stream::MultiExposureStill => "ideal",
+        | Stream::MultiExposureStill => StreamKind::Ideal,
     };
-    let shown = StreamScale::of(stream, frame.depth(), Some(&point.sensor), 0)?.light?.shown();
+    let shown = StreamScale::of(Some(kind), frame.depth(), Some(&point.sensor), 0)?.light?.shown();
     let repeated = if channels == 1 { 3 } else { 1 };
     let rgb = pixels.iter().flat_map(|&code| std::iter::repeat_n(shown[usize::from(code)], repeated));
     let boxed = |b: BBox, colour, label| LabelledBox { corners: [b.x1, b.y1, b.x2, b.y2], colour, label };

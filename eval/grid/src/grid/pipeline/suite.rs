@@ -95,7 +95,7 @@ impl<'a> SuitePipeline<'a> {
             let sensor = self.camera.sensor.of_channels(channels);
             unwrap.feed(
                 "/sensor_info",
-                sensor_info::message(&Header::default(), &sensor, "/modulo_camera"),
+                sensor_info::message(&Header::default(), &sensor, "/modulo_camera", []),
                 0,
             )?;
         }
