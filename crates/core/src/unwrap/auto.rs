@@ -82,6 +82,7 @@ pub struct Auto {
     other: Recovered,
     /// Whether a tree has a result for this image.
     growable: bool,
+    proof: super::proof::Proof,
 }
 
 /// The candidates after `lines`, in order of cost.
@@ -112,6 +113,7 @@ impl Auto {
             spud: Spud::with_threads(options.tau, options.threshold_on, options.threads)?,
             other: Recovered::default(),
             growable: false,
+            proof: super::proof::Proof::default(),
         })
     }
 
@@ -319,6 +321,16 @@ impl Unwrap for Auto {
     fn unwrap(&mut self, y: &Frame, scene: &Scene, out: &mut Recovered) -> Result<(), UnwrapError> {
         let range = scene.range;
         self.budget = Budget::of_ms(scene.work);
+        if std::env::var("PROOF").is_ok() && self.needs_offset && self.proof.reaches(scene, y) {
+            out.prepare(y.dim(), "proof");
+            let (_, k) = out.buffers();
+            let unknown = self.proof.decode(Integers::checked(y, range)?, y.dim(), range, k);
+            if std::env::var("VV").is_ok() { eprintln!("unknown {unknown}"); }
+            if unknown == 0 {
+                out.report.trust = Trust::Trusted;
+                return Ok(());
+            }
+        }
         self.lines.leaves_out_radiance = !scene.radiance;
         // A defect that matters makes loops steep: an image without steep loops is not searched.
         let rows = match self.lines.scan(0, y, range, None)? {

@@ -23,6 +23,7 @@ mod mosaic_image;
 mod offset;
 mod other_colour;
 mod poisson;
+mod proof;
 mod smoothed_tree;
 mod smoothing;
 mod spud;
