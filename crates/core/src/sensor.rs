@@ -363,7 +363,10 @@ impl Exposure {
 
     /// Returns what a method that unwraps the modulo image is to know: the range and the lens.
     pub fn scene(&self) -> Scene {
-        Scene { lens: Some(self.config.psf), ..self.range.into() }
+        let SensorConfig { psf, read_noise: read, shot_noise: shot, prnu, .. } = self.config;
+        let most = self.range.limit();
+        let noise = (read * read + shot * most + (prnu * most).powi(2)).sqrt();
+        Scene { lens: Some(psf), noise, ..self.range.into() }
     }
 
     /// Returns how the ideal and the saturated image show radiance.

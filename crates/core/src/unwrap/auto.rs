@@ -325,7 +325,9 @@ impl Unwrap for Auto {
             out.prepare(y.dim(), "proof");
             let (_, k) = out.buffers();
             let unknown = self.proof.decode(Integers::checked(y, range)?, y.dim(), range, k);
-            if std::env::var("VV").is_ok() { eprintln!("unknown {unknown}"); }
+            if std::env::var("VV").is_ok() {
+                eprintln!("unknown {unknown}");
+            }
             if unknown == 0 {
                 out.report.trust = Trust::Trusted;
                 return Ok(());

@@ -143,6 +143,8 @@ pub struct Scene {
     pub range: Range,
     /// The blur of the lens; `None`: it is not known. [`Psf::None`] is a perfect lens.
     pub lens: Option<Psf>,
+    /// The standard deviation of the noise of a sample, in code units: at most this, up to the end of the range.
+    pub noise: f64,
     /// The work that `auto` may do, 0 or above: the time of its candidates in ms on one core of a server of 2023. It is counted
     /// beforehand and not measured, so that the result is the same on every machine. Infinite: no limit.
     pub work: f64,
@@ -152,7 +154,7 @@ pub struct Scene {
 
 impl From<Range> for Scene {
     fn from(range: Range) -> Self {
-        Self { range, lens: None, work: f64::INFINITY, radiance: true }
+        Self { range, lens: None, noise: 0.0, work: f64::INFINITY, radiance: true }
     }
 }
 

@@ -4,7 +4,9 @@
 //! one count. All samples of a row are taken at once, and those of a column in some rows, so that the processor has many that do not depend on
 //! each other. Beyond the border, the image is mirrored, as the scene is.
 
-use super::stencil::{RUN, Stencil};
+use std::collections::VecDeque;
+
+use super::stencil::{Family, RADIUS, RUN, Stencil};
 use crate::simd::widest;
 
 /// The samples that are looked at together. The rows of the plane are filled up to whole chunks.
@@ -24,14 +26,12 @@ pub(super) struct Plane {
     x: Vec<f32>,
     /// 1 where the count is proved, else 0.
     known: Vec<u8>,
-    /// How many proved samples lie behind each one of a row.
-    runs: Vec<u8>,
 }
 
 /// What leaves one count: the stencils, and the greatest count of the sensor.
 #[derive(Clone, Copy)]
 pub(super) struct Rule<'a> {
-    pub stencils: &'a [Stencil],
+    pub family: &'a Family,
     pub most: f32,
 }
 
@@ -74,21 +74,21 @@ impl Plane {
 
     /// Sweeps over the rows, down or up.
     pub fn over_rows(&mut self, rule: Rule<'_>, is_up: bool) {
-        let Self { height, stride, x, known, runs, .. } = self;
-        runs.clear();
-        runs.resize(*stride, 0);
+        let Self { height, stride, x, known, .. } = self;
+        let mut runs = vec![0; *stride];
         for step in 0..*height {
             let row = if is_up { *height - 1 - step } else { step };
             let (begin, end) = (row * *stride, (row + 1) * *stride);
             // Those behind a row lie before it, or after it where the sweep goes up.
             let (before, rest) = x.split_at_mut(if is_up { end } else { begin });
-            let (behind, x, first) = if is_up { (&*rest, &mut before[begin..], end) } else { (&*before, &mut rest[..*stride], 0) };
+            let (behind, x, first) =
+                if is_up { (&*rest, &mut before[begin..], end) } else { (&*before, &mut rest[..*stride], 0) };
             let last = |earlier: usize| {
                 let row = if is_up { *height - 1 - earlier } else { earlier };
                 &behind[row * *stride - first..][..*stride]
             };
             let lines = (step > 0).then(|| mirrored(step).map(last));
-            widest!(prove(rule, lines, step, x, &mut known[begin..end], runs));
+            widest!(prove(rule, lines, step, x, &mut known[begin..end], &mut runs));
         }
     }
 
@@ -109,6 +109,47 @@ impl Plane {
         }
     }
 
+    /// Proves samples by those around them, as long as there are any. A sample is looked at again where one beside it was proved.
+    pub fn fill(&mut self, families: &[Family], most: f32) {
+        let mut open: VecDeque<usize> = (0..self.x.len()).filter(|&at| self.known[at] == 0).collect();
+        let mut is_open: Vec<bool> = self.known.iter().map(|&known| known == 0).collect();
+        while let Some(at) = open.pop_front() {
+            is_open[at] = false;
+            let Some(count) = self.count_by(families, at, most) else { continue };
+            self.x[at] += count;
+            self.known[at] = 1;
+            for way in [self.channels, self.stride] {
+                for at in [at.wrapping_sub(way), at + way] {
+                    if self.known.get(at) == Some(&0) && !is_open[at] {
+                        is_open[at] = true;
+                        open.push_back(at);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Returns the count of a sample, if those around it leave one. Beyond the border, the image is mirrored.
+    fn count_by(&self, families: &[Family], at: usize, most: f32) -> Option<f32> {
+        let Self { x, known, stride, channels, height, width } = self;
+        let (row, column) = (at / stride, at % stride / channels);
+        let inside = |at: usize, size: usize| at >= RADIUS && at + RADIUS < size;
+        let is_inside = inside(row, *height) && inside(column, *width);
+        let place = |&[down, right]: &[isize; 2]| {
+            let (down, right) = match is_inside {
+                true => (down, right),
+                false => (mirrored_way(row, down, *height), mirrored_way(column, right, *width)),
+            };
+            at.wrapping_add_signed(down * stride.cast_signed() + right * channels.cast_signed())
+        };
+        // The nearest ones come last in most families.
+        let mut ready =
+            families.iter().filter(|family| family.places.iter().rev().all(|way| known[place(way)] == 1));
+        ready.find_map(|family| {
+            one_count(Rule { family, most }, x[at], family.places.iter().map(|way| x[place(way)]))
+        })
+    }
+
     /// Returns whether each sample is one that some scene can give with those above it.
     pub fn is_possible(&self, stencil: &Stencil) -> bool {
         let line = |row: usize| &self.x[row * self.stride..][..self.width * self.channels];
@@ -122,6 +163,14 @@ fn mirrored(step: usize) -> [usize; RUN] {
         let back = RUN - at;
         step.checked_sub(back).unwrap_or_else(|| (back - step - 1).min(step - 1))
     })
+}
+
+/// Returns the way to the sample of a line of `size` that takes the place of the one `way` away, beyond the border the mirrored one.
+fn mirrored_way(at: usize, way: isize, size: usize) -> isize {
+    let (at, size) = (at.cast_signed(), size.cast_signed());
+    let place = if at + way < 0 { -1 - at - way } else { at + way };
+    let place = if place >= size { 2 * size - 1 - place } else { place };
+    place.clamp(0, size - 1) - at
 }
 
 /// Sweeps over the columns of some rows.
@@ -169,7 +218,8 @@ fn prove(
 ) {
     let chunks = x.as_chunks_mut::<CHUNK>().0.iter_mut().zip(known.as_chunks_mut::<CHUNK>().0);
     for (at, ((x, known), runs)) in chunks.zip(runs.as_chunks_mut::<CHUNK>().0).enumerate() {
-        let is_ready: [bool; CHUNK] = std::array::from_fn(|lane| known[lane] == 0 && usize::from(runs[lane]) >= RUN);
+        let is_ready: [bool; CHUNK] =
+            std::array::from_fn(|lane| known[lane] == 0 && usize::from(runs[lane]) >= RUN);
         if let Some(lines) = lines
             && is_ready.contains(&true)
         {
@@ -199,7 +249,7 @@ fn counts(
     is_ready: &[bool; CHUNK],
 ) -> ([f32; CHUNK], [bool; CHUNK]) {
     let (mut least, mut greatest) = ([0.0_f32; CHUNK], [rule.most; CHUNK]);
-    for stencil in rule.stencils {
+    for stencil in &rule.family.stencils {
         let mut sums = *x;
         for (weight, line) in stencil.weights.iter().zip(last) {
             (0..CHUNK).for_each(|lane| sums[lane] += weight * line[lane]);
@@ -215,6 +265,17 @@ fn counts(
         }
     }
     (least, std::array::from_fn(|lane| least[lane] == greatest[lane]))
+}
+
+/// Returns the count of a sample by its neighbours, if only one is possible.
+fn one_count(rule: Rule<'_>, x: f32, neighbours: impl Iterator<Item = f32> + Clone) -> Option<f32> {
+    let (mut least, mut greatest) = (0.0_f32, rule.most);
+    for stencil in &rule.family.stencils {
+        let sum = stencil.weights.iter().zip(neighbours.clone()).fold(x, |sum, (weight, x)| sum + weight * x);
+        least = least.max((stencil.least - sum).ceil());
+        greatest = greatest.min((stencil.greatest - sum).floor());
+    }
+    (least == greatest).then_some(least)
 }
 
 #[inline(always)]

@@ -21,105 +21,167 @@ const LEAST_RESIDUAL: f64 = 1e-4;
 /// The error of a code, in codes, with a margin.
 const ROUNDING: f64 = 0.51;
 
+/// The standard deviations by which noise may move a sum. In a frame of a million samples, a sum is beyond by a chance of 4e-4, also for the worst scene.
+const SIGMAS: f64 = 7.0;
+
+/// How much of the noise of the samples a sum of them has, about.
+const NOISE_OF_SUM: f64 = 0.45;
+
+/// The pixels to each side of a sample that a square has.
+pub(super) const RADIUS: usize = 3;
+
 /// The relative error of a sum in `f32`.
 const OF_FLOAT: f64 = 1e-6;
 
-/// The weights of the samples behind one, whose own weight is 1, and the least and the greatest sum that a scene can give, in peaks.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// The weights of samples around one, whose own weight is 1, and the least and the greatest sum that a scene can give, in peaks.
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Stencil {
-    pub weights: [f32; RUN],
+    pub weights: Vec<f32>,
     pub least: f32,
     pub greatest: f32,
 }
 
-/// Returns the stencils for a sensor, the one for the middle of the range first.
-pub(super) fn stencils(lens: Psf, range: Range) -> [Stencil; LEVELS.len()] {
-    let taps: Vec<f64> = lens.taps().into_iter().map(f64::from).collect();
-    let top = range.white() / f64::from(range.peak());
-    let rounding = ROUNDING / f64::from(range.peak());
-    LEVELS.map(|level| Stencil::new(weights(&taps, top, level, rounding), &taps, top, rounding))
+/// The stencils of the samples at the same places around one, by rows and columns from it.
+#[derive(Clone, Debug)]
+pub(super) struct Family {
+    pub places: Vec<[isize; 2]>,
+    pub stencils: Vec<Stencil>,
+}
+
+/// What a stencil must allow for, in peaks.
+#[derive(Clone, Copy)]
+struct Bounds {
+    top: f64,
+    rounding: f64,
+    noise: f64,
+}
+
+impl Family {
+    /// Returns the stencils of a sensor whose noise has at most this standard deviation, in code units. The one for the middle of the range comes first.
+    pub fn new(places: Vec<[isize; 2]>, lens: Psf, range: Range, noise: f64) -> Self {
+        let taps: Vec<f64> = lens.taps().into_iter().map(f64::from).collect();
+        let per_peak = f64::from(range.peak()).recip();
+        let (top, rounding, noise) =
+            (range.limit() * per_peak, ROUNDING * per_peak, SIGMAS * noise * per_peak);
+        let bounds = Bounds { top, rounding, noise };
+        let seen: Vec<Vec<f64>> = seen(&places, &taps);
+        let stencils = LEVELS.map(|level| Stencil::new(&weights(&seen, bounds, level), &seen, bounds));
+        Self { places, stencils: stencils.into() }
+    }
+
+    /// Returns half of the interval of residuals that prove a count, in peaks, for the middle of the range: above 1/2, each scene has one count; below 0,
+    /// hardly any is proved.
+    pub fn half_width(&self) -> f32 {
+        1.0 - (self.stencils[0].greatest - self.stencils[0].least) / 2.0
+    }
+
+    /// Returns the family turned and mirrored in one of eight ways.
+    pub fn turned(&self, way: usize) -> Self {
+        let turned = |&[i, j]: &[isize; 2]| {
+            let [i, j] = if way & 1 > 0 { [j, i] } else { [i, j] };
+            [if way & 2 > 0 { -i } else { i }, if way & 4 > 0 { -j } else { j }]
+        };
+        Self { places: self.places.iter().map(turned).collect(), ..self.clone() }
+    }
 }
 
 impl Stencil {
-    fn new(weights: [f64; RUN + 1], taps: &[f64], top: f64, rounding: f64) -> Self {
-        let weights = weights.map(|weight| f64::from(weight as f32));
-        let seen = behind(&weights, taps);
-        let sum = |sign: f64| seen.iter().map(|g| (sign * g).max(0.0)).sum::<f64>();
-        let all: f64 = weights.iter().map(|weight| weight.abs()).sum();
-        let tolerance = all * (rounding + OF_FLOAT * top);
-        let (least, greatest) = (-top * sum(-1.0) - tolerance, top * sum(1.0) + tolerance);
-        Self {
-            weights: std::array::from_fn(|at| weights[at] as f32),
-            least: (least as f32).next_down(),
-            greatest: (greatest as f32).next_up(),
+    /// Returns the stencil with these weights, of which the last is that of the sample itself.
+    fn new(weights: &[f64], seen: &[Vec<f64>], Bounds { top, rounding, noise, .. }: Bounds) -> Self {
+        // The bounds are those of the weights that are used.
+        let weights: Vec<f32> = weights.iter().map(|&weight| weight as f32).collect();
+        let f = || weights.iter().map(|&weight| f64::from(weight));
+        let (mut least, mut greatest) = (0.0, 0.0);
+        for row in seen {
+            let g: f64 = row.iter().zip(f()).map(|(tap, f)| tap * f).sum();
+            least += top * g.min(0.0);
+            greatest += top * g.max(0.0);
         }
-    }
-
-    /// Returns half of the interval of residuals that prove a count, in peaks: above 1/2, each scene has one count; below 0, none is proved.
-    pub fn half_width(&self) -> f32 {
-        1.0 - (self.greatest - self.least) / 2.0
+        let tolerance = f().map(f64::abs).sum::<f64>() * (rounding + OF_FLOAT * top)
+            + f().map(|f| f * f).sum::<f64>().sqrt() * noise;
+        let (least, greatest) = ((least - tolerance) as f32, (greatest + tolerance) as f32);
+        let weights = weights[..weights.len() - 1].to_vec();
+        Self { weights, least: least.next_down(), greatest: greatest.next_up() }
     }
 }
 
-/// Returns `f * h`.
-fn behind(weights: &[f64], taps: &[f64]) -> Vec<f64> {
-    let mut seen = vec![0.0; weights.len() + taps.len() - 1];
-    for (at, weight) in weights.iter().enumerate() {
-        seen[at..].iter_mut().zip(taps).for_each(|(seen, tap)| *seen += weight * tap);
-    }
-    seen
+/// Returns the places of a run behind a sample.
+pub(super) fn run() -> Vec<[isize; 2]> {
+    (1..=RUN.cast_signed()).rev().map(|back| [0, -back]).collect()
 }
 
-/// Returns the weights, of which the last is 1, that exclude best a count that is too large by one in a flat scene at `level` of `top`: those with the least
-/// `top / 2 |f * h| + rounding |f| + (1/2 - level) top sum f`, by least squares whose weights are the last residuals' inverses.
-fn weights(taps: &[f64], top: f64, level: f64, rounding: f64) -> [f64; RUN + 1] {
-    let slope = (0.5 - level) * top;
-    let mut best = (f64::INFINITY, [0.0; RUN + 1]);
-    let mut weights = [0.0; RUN + 1];
-    weights[RUN] = 1.0;
-    let rows = RUN + taps.len();
-    let (mut of_seen, mut of_weight, mut least) = (vec![1.0; rows], [1.0; RUN + 1], 1.0_f64);
+/// Returns the places of a square around a sample that are known where the rows above and the part of its own row before it are; where all are but its own and
+/// those behind it in its row; and where all others are.
+pub(super) fn squares() -> [Vec<[isize; 2]>; 3] {
+    let radius = RADIUS.cast_signed();
+    let all = || (-radius..=radius).flat_map(move |i| (-radius..=radius).map(move |j| [i, j]));
+    let those = |is_known: fn(isize, isize) -> bool| all().filter(|&[i, j]| is_known(i, j)).collect();
+    [those(|i, j| i < 0 || i == 0 && j < 0), those(|i, j| i != 0 || j < 0), those(|i, j| [i, j] != [0, 0])]
+}
+
+/// Returns for each point of the scene how much of it the samples at `places`, and the last one in their middle, see.
+fn seen(places: &[[isize; 2]], taps: &[f64]) -> Vec<Vec<f64>> {
+    let radius = taps.len().cast_signed() / 2;
+    // Samples of one row are sums over columns, of which each is a point in the range, too.
+    let is_row = places.iter().all(|[i, _]| *i == 0);
+    let reach = |axis: usize| places.iter().map(|place| place[axis].abs()).max().unwrap_or(0) + radius;
+    let rows = if is_row { 0 } else { reach(0) };
+    let tap =
+        |away: isize| usize::try_from(away + radius).ok().and_then(|at| taps.get(at)).copied().unwrap_or(0.0);
+    let points = (-rows..=rows).flat_map(|i| (-reach(1)..=reach(1)).map(move |j| [i, j]));
+    let of_point = |[i, j]: [isize; 2]| {
+        let share = |[row, column]: [isize; 2]| (if is_row { 1.0 } else { tap(i - row) }) * tap(j - column);
+        places.iter().copied().chain([[0, 0]]).map(share).collect()
+    };
+    points.map(of_point).collect()
+}
+
+/// Returns the weights, of which the last is 1, that exclude best a count that is too large by one in a flat scene at `level` of the range: those with the
+/// least `top / 2 |f * h| + error |f| + (1/2 - level) top sum f`, by least squares whose weights are the inverses of the last residuals.
+fn weights(seen: &[Vec<f64>], Bounds { top, rounding, noise, .. }: Bounds, level: f64) -> Vec<f64> {
+    let (count, slope) = (seen[0].len(), (0.5 - level) * top);
+    // The noise of a sum grows as the root of the sum of squares, which is about half of the sum.
+    let error = rounding + NOISE_OF_SUM * noise;
+    let scaled = seen.iter().map(|row| row.iter().map(|tap| top / 2.0 * tap).collect());
+    let own = (0..count).map(|row| (0..count).map(|at| if at == row { error } else { 0.0 }).collect());
+    let rows: Vec<Vec<f64>> = scaled.chain(own).collect();
+    let (mut of_rows, mut least) = (vec![1.0; rows.len()], 1.0_f64);
+    let (mut cost, mut best) = (f64::INFINITY, Vec::new());
     for _ in 0..STEPS {
-        let mut equations = [[0.0; RUN + 1]; RUN];
-        // A row of f * h has these weights of f.
-        let tap = |row: usize, at: usize| row.checked_sub(at).and_then(|tap| taps.get(tap)).map_or(0.0, |tap| top / 2.0 * tap);
-        for (row, weight) in of_seen.iter().enumerate() {
-            for (at, equation) in equations.iter_mut().enumerate() {
-                let scaled = weight * tap(row, at);
-                equation.iter_mut().enumerate().for_each(|(other, sum)| *sum += scaled * tap(row, other));
+        let mut m = vec![vec![0.0; count]; count];
+        for (row, weight) in rows.iter().zip(&of_rows) {
+            for (at, sums) in m.iter_mut().enumerate().filter(|(at, _)| row[*at] != 0.0) {
+                sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += weight * row[at] * value);
             }
         }
-        for (at, equation) in equations.iter_mut().enumerate() {
-            equation[at] += rounding * rounding * of_weight[at];
-            // The weight of the sample itself is 1.
-            equation[RUN] = -equation[RUN] - slope;
-        }
-        weights[..RUN].copy_from_slice(&solved(equations));
-        let seen = behind(&weights, taps).into_iter().map(|g| top / 2.0 * g);
-        let seen: Vec<f64> = seen.collect();
-        let cost = seen.iter().map(|g| g.abs()).sum::<f64>()
-            + weights.iter().map(|f| rounding * f.abs() + slope * f).sum::<f64>();
-        if cost < best.0 {
-            best = (cost, weights);
-        }
+        let found = solved(m, slope);
+        let residual = |row: &Vec<f64>| row.iter().zip(&found).map(|(value, f)| value * f).sum::<f64>().abs();
+        let residuals: Vec<f64> = rows.iter().map(residual).collect();
         least = (0.7 * least).max(LEAST_RESIDUAL);
-        of_seen = seen.iter().map(|g| g.abs().max(least).recip()).collect();
-        of_weight = weights.map(|f| (rounding * f.abs()).max(least).recip());
+        of_rows = residuals.iter().map(|residual| residual.max(least).recip()).collect();
+        let costs = residuals.iter().sum::<f64>() + slope * found.iter().sum::<f64>();
+        if costs < cost {
+            (cost, best) = (costs, found);
+        }
     }
-    best.1
+    best
 }
 
-/// Returns the solution of linear equations whose matrix is symmetric and positive; the last column is the right side.
-fn solved(mut equations: [[f64; RUN + 1]; RUN]) -> [f64; RUN] {
-    for pivot in 0..RUN {
-        let row = equations[pivot].map(|value| value / equations[pivot][pivot]);
-        equations[pivot] = row;
-        for (_, other) in equations.iter_mut().enumerate().filter(|(at, _)| *at != pivot) {
+/// Returns the f, of which the last is 1, at which the gradient of `f' m f / 2 + slope sum f` is 0 in all others. m is symmetric and positive.
+fn solved(mut m: Vec<Vec<f64>>, slope: f64) -> Vec<f64> {
+    let last = m.len() - 1;
+    // The last column becomes the right side.
+    m.iter_mut().for_each(|row| row[last] = -row[last] - slope);
+    for pivot in 0..last {
+        let of_pivot = m[pivot][pivot];
+        let row: Vec<f64> = m[pivot].iter().map(|value| value / of_pivot).collect();
+        for (_, other) in m[..last].iter_mut().enumerate().filter(|(at, _)| *at != pivot) {
             let factor = other[pivot];
-            other.iter_mut().zip(row).for_each(|(value, of)| *value -= factor * of);
+            other[pivot..].iter_mut().zip(&row[pivot..]).for_each(|(value, of)| *value -= factor * of);
         }
+        m[pivot] = row;
     }
-    equations.map(|equation| equation[RUN])
+    m[..last].iter().map(|row| row[last]).chain([1.0]).collect()
 }
 
 #[cfg(test)]
@@ -127,35 +189,58 @@ mod tests {
     use super::*;
 
     fn range(alpha: f64) -> Range {
-        Range::new(8, alpha).and_then(|range| range.with_headroom(0.97)).expect("a range")
+        Range::new(8, 0.97 * alpha).expect("a range")
     }
 
     /// The half widths that linear programs find, for the middle of the range.
     #[test]
     fn the_half_width_is_that_of_the_best_stencil() {
-        for (sigma, alpha, expected) in
-            [(0.8, 2.0, 0.40), (0.8, 3.0, 0.11), (1.0, 4.0, 0.19), (1.4, 4.0, 0.70), (1.4, 8.0, 0.44), (2.0, 8.0, 0.80)]
-        {
-            let found = stencils(Psf::of_sigma(sigma), range(alpha))[0].half_width();
+        for (sigma, alpha, expected) in [
+            (0.8, 2.0, 0.40),
+            (0.8, 3.0, 0.11),
+            (1.0, 4.0, 0.19),
+            (1.4, 4.0, 0.70),
+            (1.4, 8.0, 0.44),
+            (2.0, 8.0, 0.80),
+        ] {
+            let found = Family::new(run(), Psf::of_sigma(sigma), range(alpha), 0.0).half_width();
             assert!((found - expected).abs() < 0.011, "{sigma} px, alpha {alpha}: {found}");
         }
     }
 
     #[test]
-    fn scenes_of_black_and_white_attain_the_bounds_and_none_leaves_them() {
+    fn a_corner_and_a_hole_prove_more() {
+        let [corner, slit, hole] = squares();
+        for (sigma, alpha, places, expected) in [
+            (1.0, 4.0, corner.clone(), 0.51),
+            (0.8, 2.0, corner, 0.61),
+            (1.0, 4.0, slit, 0.85),
+            (1.4, 8.0, hole, 0.98),
+        ] {
+            let found = Family::new(places, Psf::of_sigma(sigma), range(alpha), 0.0).half_width();
+            assert!((found - expected).abs() < 0.015, "{sigma} px, alpha {alpha}: {found}");
+        }
+    }
+
+    /// Scenes of black and white attain the bounds.
+    #[test]
+    fn the_bounds_are_no_wider_than_they_must_be() {
         for (sigma, alpha) in [(0.5, 2.0), (0.8, 2.0), (1.4, 8.0), (2.0, 4.0)] {
             let (psf, range) = (Psf::of_sigma(sigma), range(alpha));
-            let (taps, top) = (psf.taps(), range.white() / 256.0);
-            for stencil in stencils(psf, range) {
-                let weights: Vec<f64> = stencil.weights.iter().map(|&f| f.into()).chain([1.0]).collect();
-                let taps: Vec<f64> = taps.iter().map(|&tap| tap.into()).collect();
-                let seen = behind(&weights, &taps);
-                let sum = |white: fn(f64) -> bool| top * seen.iter().filter(|g| white(**g)).sum::<f64>();
-                let all: f64 = weights.iter().map(|f| f.abs()).sum();
-                let tolerance = all * 0.52 / 256.0;
-                let over = f64::from(stencil.greatest) - sum(|g| g > 0.0);
-                let under = sum(|g| g < 0.0) - f64::from(stencil.least);
-                assert!(over > 0.0 && over < tolerance && under > 0.0 && under < tolerance, "{over} {under} {tolerance}");
+            let (taps, top) = (psf.taps(), range.limit() / 256.0);
+            for stencil in Family::new(run(), psf, range, 0.0).stencils {
+                let weights = || stencil.weights.iter().chain([&1.0]).map(|&f| f64::from(f));
+                let mut seen = vec![0.0; RUN + taps.len()];
+                for (at, weight) in weights().enumerate() {
+                    taps.iter()
+                        .enumerate()
+                        .for_each(|(tap, share)| seen[at + tap] += weight * f64::from(*share));
+                }
+                let sum = |sign: f64| top * seen.iter().map(|g| (sign * g).max(0.0)).sum::<f64>();
+                let tolerance = weights().map(f64::abs).sum::<f64>() * 0.52 / 256.0;
+                let (over, under) =
+                    (f64::from(stencil.greatest) - sum(1.0), -sum(-1.0) - f64::from(stencil.least));
+                assert!(over > 0.0 && over < tolerance && under > 0.0 && under < tolerance, "{over} {under}");
             }
         }
     }
