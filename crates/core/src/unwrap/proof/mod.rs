@@ -132,3 +132,81 @@ fn seeds(lens: Psf, range: Range) -> usize {
     let leak = |away: usize| taps[..(taps.len() / 2 + 1).saturating_sub(away)].iter().sum::<f32>();
     (1..=range.black()).rev().take_while(|&away| top * leak(away) + range.peak().recip() < 1.0).count()
 }
+
+#[cfg(test)]
+mod tests {
+    use ndarray::Array3;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::sensor::{Exposure, Sensor as Camera, SensorConfig};
+
+    /// Scenes that nothing but their range holds together: noise of black and white, blocks of both, random blocks, and walks.
+    fn scene(kind: usize, values: &[f32], (height, width): (usize, usize)) -> Array3<f32> {
+        let value = |i: usize, j: usize| values[(i * 131 + j * 17) % values.len()];
+        let mut walk = 0.5;
+        Array3::from_shape_fn((height, width, 1), |(i, j, _)| match kind {
+            0 => value(i, j).round(),
+            1 => value(i / 4, j / 4).round(),
+            2 => value(i / 8, j / 8),
+            3 => {
+                walk = (walk + 0.1 * (value(i, j) - 0.5)).clamp(0.0, 1.0);
+                walk
+            }
+            // Gratings of the periods that are hardest.
+            _ => f32::from(u8::from((j + i / 8) % (4 + kind % 3) < 2)),
+        })
+    }
+
+    fn decoded(exposure: &Exposure) -> (Vec<bool>, Vec<u8>) {
+        let (y, mut proof) = (exposure.modulo(), Proof::default());
+        let mut k = vec![0; y.to_f32().len()];
+        if !proof.reaches(&exposure.scene(), &y) {
+            return (vec![false; k.len()], k);
+        }
+        proof.decode(
+            Integers::checked(&y, exposure.range()).expect("codes"),
+            y.dim(),
+            exposure.range(),
+            &mut k,
+        );
+        (proof.plane.proved().collect(), k)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(400))]
+        #[test]
+        fn no_count_that_is_proved_is_wrong(
+            kind in 0usize..7,
+            values in prop::collection::vec(0.0f32..1.0, 200..400),
+            (psf, alpha) in prop::sample::select(vec![(0.8, 2.0), (0.8, 3.0), (1.0, 3.0), (1.0, 4.0), (1.0, 8.0), (1.4, 4.0), (1.4, 8.0), (2.0, 8.0), (0.5, 2.0)]),
+            read_noise in prop::sample::select(vec![0.0, 0.0, 1.0, 3.0]),
+            seed in any::<u64>(),
+        ) {
+            let config = SensorConfig {
+                alpha, psf: Psf::of_sigma(psf), read_noise, optical_black: 32, ..SensorConfig::default()
+            };
+            let light = scene(kind, &values, (24, 80));
+            let exposure = Camera::new(config).expect("a sensor").expose(light.view(), seed).expect("an image");
+            let (proved, k) = decoded(&exposure);
+            for ((is_proved, k), truth) in proved.iter().zip(&k).zip(&exposure.wraps()) {
+                prop_assert!(!is_proved || k == truth, "{kind} {psf} {alpha} {read_noise}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_smooth_scene_is_proved_as_a_whole() {
+        let light = Array3::from_shape_fn((40, 120, 3), |(i, j, c)| {
+            0.5 + 0.49 * ((i as f32 / 7.0).sin() * (j as f32 / 9.0 + c as f32).cos())
+        });
+        for (sigma, alpha, bits) in [(0.8, 2.0, 8), (1.0, 4.0, 8), (1.4, 8.0, 8), (2.0, 16.0, 12)] {
+            let psf = Psf::of_sigma(sigma);
+            let config = SensorConfig { alpha, psf, bits, optical_black: 32, ..SensorConfig::default() };
+            let exposure = Camera::new(config).expect("a sensor").expose(light.view(), 0).expect("an image");
+            let (proved, k) = decoded(&exposure);
+            assert!(proved.iter().all(|&is_proved| is_proved), "{sigma} px, alpha {alpha}");
+            assert!(k.iter().eq(exposure.wraps().iter()));
+        }
+    }
+}

@@ -66,6 +66,12 @@ impl Plane {
         }
     }
 
+    /// Returns for each sample (H x W x C, interleaved) whether its count is proved.
+    pub fn proved(&self) -> impl Iterator<Item = bool> {
+        let line = self.width * self.channels;
+        self.known.chunks_exact(self.stride).flat_map(move |row| row[..line].iter().map(|&known| known == 1))
+    }
+
     /// Returns the number of the counts that are not proved.
     pub fn unknown(&self) -> usize {
         let known = widest!(self.known.iter().fold(0, |sum, &known| sum + u32::from(known)));
