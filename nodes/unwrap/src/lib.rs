@@ -222,7 +222,7 @@ impl UnwrapNode {
         let skip = |why: String| StepError::Skip(why);
         let Prepared { model, range, of_gains, .. } = self.sensor.as_mut().expect("`prepare` comes before");
         let work = Some(self.parameters.budget).filter(|budget| *budget > 0.0).unwrap_or(f64::INFINITY);
-        let scene = Scene { range: *range, lens: model.lens(), noise: 0.0, work, radiance: false };
+        let scene = Scene { range: *range, lens: model.lens(), noise: model.noise(), work, radiance: false };
         let method = of_gains.as_mut().unwrap_or(&mut self.method);
         let out = &mut self.recovered;
         cx.stage("unwrap", || method.unwrap(&modulo.frame, &scene, out))

@@ -17,6 +17,9 @@ use crate::frame::Frame;
 use crate::optics::Psf;
 use crate::range::Range;
 
+/// One sample of so many may be left to squares, which take a hundred times as long for one as a sweep.
+const FEW: usize = 20;
+
 /// The stencils of the last sensor, and buffers.
 #[derive(Default)]
 pub(super) struct Proof {
@@ -40,12 +43,11 @@ impl Proof {
     /// Returns whether this is a sensor of which counts are proved: it has one gain for all pixels, no mosaic, black columns, and a lens that is known
     /// and soft enough.
     pub fn reaches(&mut self, scene: &Scene, y: &Frame) -> bool {
-        let Some(lens) = scene.lens.filter(|_| y.mosaic().is_none() && scene.range.black() > 0) else {
-            return false;
-        };
-        let is_last = |last: &Sensor| (last.lens, last.range, last.noise) == (lens, scene.range, scene.noise);
+        let known = scene.lens.zip(scene.noise).filter(|_| y.mosaic().is_none() && scene.range.black() > 0);
+        let Some((lens, noise)) = known else { return false };
+        let range = scene.range;
+        let is_last = |last: &Sensor| (last.lens, last.range, last.noise) == (lens, range, noise);
         if !self.sensor.as_ref().is_some_and(is_last) {
-            let Scene { range, noise, .. } = *scene;
             let run = Family::new(run(), lens, range, noise);
             self.sensor =
                 Some(Sensor { lens, range, noise, run, squares: Vec::new(), seeds: seeds(lens, range) });
@@ -67,8 +69,8 @@ impl Proof {
             Integers::U8(y) => plane.read(y, dim, range.peak(), sensor.seeds),
             Integers::U16(y) => plane.read(y, dim, range.peak(), sensor.seeds),
         }
-        let mut unknown = usize::MAX;
-        let most = range.max_wraps().into();
+        let (all, most) = (dim.0 * dim.1 * dim.2, range.max_wraps().into());
+        let mut unknown = all;
         loop {
             let rule = Rule { family: &sensor.run, most };
             let sweeps: [&dyn Fn(&mut Plane); 4] = [
@@ -82,18 +84,16 @@ impl Proof {
                     sweep(plane);
                 }
             }
-            let left = plane.unknown();
-            // A frame of which little is proved is none that squares would complete.
-            if left > 0 && left < dim.0 * dim.1 * dim.2 / 4 {
-                sensor.make_squares();
-                plane.fill(&sensor.squares, most);
-            }
-            let left = plane.unknown();
-            if left == 0 || left >= unknown {
-                unknown = left;
+            let before = std::mem::replace(&mut unknown, plane.unknown());
+            if unknown == 0 || 10 * unknown > 9 * before {
                 break;
             }
-            unknown = left;
+            // Squares complete a frame, and begin none.
+            if FEW * unknown < all {
+                sensor.make_squares();
+                plane.fill(&sensor.squares, most);
+                unknown = plane.unknown();
+            }
         }
         if unknown == 0 && !plane.is_possible(&sensor.run.stencils[0]) {
             return dim.0 * dim.1 * dim.2;
