@@ -18,7 +18,7 @@ use crate::optics::Psf;
 use crate::range::Range;
 
 /// One sample of so many may be left to squares, which take a hundred times as long for one as a sweep.
-const FEW: usize = 20;
+const FEW: usize = 8;
 
 /// The stencils of the last sensor, and buffers.
 #[derive(Default)]
@@ -84,15 +84,16 @@ impl Proof {
                     sweep(plane);
                 }
             }
-            let before = std::mem::replace(&mut unknown, plane.unknown());
-            if unknown == 0 || 10 * unknown > 9 * before {
-                break;
-            }
             // Squares complete a frame, and begin none.
-            if FEW * unknown < all {
+            if (1..all / FEW).contains(&plane.unknown()) {
                 sensor.make_squares();
                 plane.fill(&sensor.squares, most);
-                unknown = plane.unknown();
+            }
+            let before = std::mem::replace(&mut unknown, plane.unknown());
+            // A frame of which much is left is given up early.
+            let least = if unknown < all / FEW { 1 } else { before / 10 };
+            if unknown == 0 || before - unknown < least {
+                break;
             }
         }
         if unknown == 0 && !plane.is_possible(&sensor.run.stencils[0]) {

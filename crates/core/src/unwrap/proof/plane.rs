@@ -15,6 +15,9 @@ const CHUNK: usize = 16;
 /// The samples of a column that are taken at once: of 16 rows with three channels, or of 48 with one.
 const LANES: usize = 3 * CHUNK;
 
+/// Why a stencil has as many weights.
+const IS_RUN: &str = "lines are swept with the stencils of a run";
+
 /// The image, row-major and interleaved.
 #[derive(Default)]
 pub(super) struct Plane {
@@ -257,7 +260,8 @@ fn counts(
     let (mut least, mut greatest) = ([0.0_f32; CHUNK], [rule.most; CHUNK]);
     for stencil in &rule.family.stencils {
         let mut sums = *x;
-        for (weight, line) in stencil.weights.iter().zip(last) {
+        let weights: &[f32; RUN] = stencil.weights.first_chunk().expect(IS_RUN);
+        for (weight, line) in weights.iter().zip(last) {
             (0..CHUNK).for_each(|lane| sums[lane] += weight * line[lane]);
         }
         let mut is_open = false;
@@ -286,9 +290,10 @@ fn one_count(rule: Rule<'_>, x: f32, neighbours: impl Iterator<Item = f32> + Clo
 
 #[inline(always)]
 fn are_possible(lines: [&[f32]; RUN], x: &[f32], stencil: &Stencil) -> bool {
+    let weights: &[f32; RUN] = stencil.weights.first_chunk().expect(IS_RUN);
     let mut is_possible = true;
     for at in 0..x.len() {
-        let sum = (0..RUN).fold(x[at], |sum, row| sum + stencil.weights[row] * lines[row][at]);
+        let sum = (0..RUN).fold(x[at], |sum, row| sum + weights[row] * lines[row][at]);
         is_possible &= (sum >= stencil.least) & (sum <= stencil.greatest);
     }
     is_possible
