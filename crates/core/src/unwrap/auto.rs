@@ -128,7 +128,7 @@ impl Auto {
         Ok(Self { needs_offset: false, few_outliers: 0.0, outliers: 0.0, ..Self::new(options)? })
     }
 
-    /// Decodes the image, if the lens is one behind which that proves counts; returns whether all of them are proved. Where the lens hides no
+    /// Decodes the image, if the lens is one behind which that proves counts; returns whether all of them are proved, but for some around defects. Where the lens hides no
     /// edge, `lines` is faster, and its results are trusted.
     fn prove(&mut self, y: &Frame, scene: &Scene, out: &mut Recovered) -> Result<bool, UnwrapError> {
         let range = scene.range;
@@ -142,9 +142,10 @@ impl Auto {
         }
         out.prepare(y.dim(), PROOF);
         let (_, k) = out.buffers();
-        if self.proof.decode(codes, y.dim(), range, k) > 0 {
-            return Ok(false);
-        }
+        let Some(left_out) = self.proof.decode(codes, y.dim(), k, &mut self.budget) else { return Ok(false) };
+        let defects = left_out.len() as f32 / samples(y) as f32;
+        out.report.quality = Some(QualityMetrics { defects, ..QualityMetrics::default() });
+        out.defects = left_out;
         out.report.trust = Trust::Trusted;
         out.report.offset = Some(OffsetEvidence::OpticalBlack);
         out.leave_out();
