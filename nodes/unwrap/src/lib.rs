@@ -50,9 +50,9 @@ const UNDESCRIBED: &str = "no sensor description has come on the topic sensor_in
 modulo_runtime::parameters! {
     /// The parameters of the `unwrap` node.
     pub struct UnwrapParameters {
-        /// Unwrapping method. auto tries lines, gradient_tree, a tree on smoothed codes, and growth of what is known (spud where noise hides
-        /// all), until a result does not contradict itself. Images of a sensor with two gains (see gains) have a
-        /// method of their own.
+        /// Unwrapping method. auto decodes by proof where the lens and the noise are described; else it tries lines, gradient_tree, a tree
+        /// on smoothed codes, and growth of what is known (spud where noise hides all), until a result does not contradict itself.
+        /// Images of a sensor with two gains (see gains) have a method of their own.
         method: Method = Method::Auto => Method::ALL,
         /// Number of threads that unwrapping may use. The result does not depend on it.
         threads: usize = 1 => 1..=MAX_THREADS,

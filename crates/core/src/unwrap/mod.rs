@@ -43,6 +43,7 @@ pub use itoh::Itoh;
 pub use lines::Lines;
 pub use offset::OffsetEvidence;
 pub use poisson::ThresholdOn;
+pub use proof::proved_up_to;
 pub use spud::{LeastSquares, Spud};
 pub use tree::Tree;
 

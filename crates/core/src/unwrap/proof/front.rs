@@ -92,10 +92,10 @@ fn slot(step: isize) -> usize {
     step.cast_unsigned() % STEPS
 }
 
-/// Returns the samples beside those of the block by so many rows.
+/// Returns the samples that lie so many rows below those of the block, or above them.
 #[inline(always)]
 fn lanes<T, const C: usize>(step: &[T; BREADTH], row: isize) -> &[T; LANES] {
-    step[lane::<C>(row)..].first_chunk().expect("the rows above lie before those of the block")
+    step[lane::<C>(row)..].first_chunk().expect("a step has place for the rows above a block")
 }
 
 impl Steps {
@@ -190,7 +190,7 @@ impl Block {
     }
 }
 
-/// Proves open samples of a step by a family, and returns whether there are any; `None` if one has no count that is possible.
+/// Proves open samples of a step by a family.
 #[inline(always)]
 fn prove<const C: usize>(
     steps: &mut Steps,
@@ -201,18 +201,29 @@ fn prove<const C: usize>(
 ) -> Found {
     let mut ready = *open;
     for line in &family.lines {
-        let runs: &[u8; LANES] =
-            lanes::<_, C>(&steps.runs[slot(step + line.last() + LAG * line.row)], line.row);
+        let last = &steps.runs[slot(step + line.last() + LAG * line.row)];
+        let runs: &[u8; LANES] = lanes::<_, C>(last, line.row);
         (0..LANES).for_each(|at| ready[at] &= u8::from(runs[at] >= line.count as u8));
     }
     if ready == [0; LANES] {
         return Found::default();
     }
-    let mut code = [0.0; LANES];
-    for at in 0..LANES {
-        code[at] = steps.x[slot(step)][FIRST + at].abs();
-    }
-    let (mut least, mut greatest) = ([0.0_f32; LANES], [most; LANES]);
+    let counts = counts::<C>(steps, step, family, &ready, most);
+    take(&mut steps.x[slot(step)], &ready, counts, open)
+}
+
+/// Returns the least and the greatest count that is possible for each sample of a step. Only those for the samples that are `ready` mean something.
+#[inline(always)]
+fn counts<const C: usize>(
+    steps: &Steps,
+    step: isize,
+    family: &Family,
+    ready: &Open,
+    most: f32,
+) -> [[f32; LANES]; 2] {
+    let mut code: [f32; LANES] = *lanes::<_, C>(&steps.x[slot(step)], 0);
+    code.iter_mut().for_each(|code| *code = code.abs());
+    let [mut least, mut greatest] = [[0.0_f32; LANES], [most; LANES]];
     for stencil in &family.stencils {
         let mut sums = code;
         for (&[row, column], weight) in family.places.iter().zip(&stencil.weights) {
@@ -229,20 +240,28 @@ fn prove<const C: usize>(
             break;
         }
     }
-    let x = &mut steps.x[slot(step)];
-    let (mut impossible, mut is_impossible, mut is_new) = ([0; LANES], 0_u8, 0_u8);
+    [least, greatest]
+}
+
+/// Takes the counts of which only one is possible. A sample for which none is possible is left out.
+#[inline(always)]
+fn take(
+    x: &mut [f32; BREADTH],
+    ready: &Open,
+    [least, greatest]: [[f32; LANES]; 2],
+    open: &mut Open,
+) -> Found {
+    let (mut proved, mut impossible) = ([0_u8; LANES], [0_u8; LANES]);
     for at in 0..LANES {
-        let is_proved = ready[at] & u8::from(least[at] == greatest[at]);
+        proved[at] = ready[at] & u8::from(least[at] == greatest[at]);
         impossible[at] = ready[at] & u8::from(least[at] > greatest[at]);
-        is_impossible += impossible[at];
-        is_new += is_proved;
-        open[at] &= !(is_proved | impossible[at]);
-        ready[at] = is_proved;
+        open[at] &= !(proved[at] | impossible[at]);
     }
     for at in 0..LANES {
         let own = x[FIRST + at];
         let own = if impossible[at] != 0 { f32::NAN } else { own };
-        x[FIRST + at] = if ready[at] != 0 { code[at] + least[at] } else { own };
+        x[FIRST + at] = if proved[at] != 0 { own.abs() + least[at] } else { own };
     }
-    Found { proved: is_new.into(), impossible: is_impossible.into() }
+    let count = |of: [u8; LANES]| of.iter().sum::<u8>().into();
+    Found { proved: count(proved), impossible: count(impossible) }
 }

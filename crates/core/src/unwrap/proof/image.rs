@@ -21,6 +21,10 @@ const MOST: usize = 3000;
 const CONTRADICTIONS: usize = 10;
 const DOUBTED: usize = 100;
 
+/// Samples above this share of the range, and so many standard deviations of the noise, lie at its end. Pictures reach 0.97 of it.
+const END: f64 = 63.0 / 64.0;
+const SIGMAS_OF_ONE: f64 = 5.0;
+
 /// The number of times that samples are left out.
 const TRIES: usize = 3;
 
@@ -77,10 +81,22 @@ impl<'a> Image<'a> {
         } else if self.plane.unknown() > self.most() {
             return None;
         }
-        let left_out: Vec<usize> =
-            if self.plane.are_all_known() { Vec::new() } else { self.plane.left().collect() };
+        let left_out = self.left_out();
         let is_proved = left_out.len() <= self.most() && self.are_apart(&left_out);
         is_proved.then(|| self.guess(&left_out)).map(|()| left_out)
+    }
+
+    /// Returns the samples that are not proved, and those around the ends of the range, in ascending order: light above the range may lie there, for which the
+    /// bounds do not hold.
+    fn left_out(&self) -> Vec<usize> {
+        let end = END * self.sensor.range.limit() + SIGMAS_OF_ONE * self.sensor.noise;
+        let end = end as f32 / self.sensor.range.peak();
+        if self.plane.known_up_to(end) == self.samples() {
+            return Vec::new();
+        }
+        let left = (0..self.samples()).filter(|&at| !self.plane.is_known(at));
+        let at_end: Vec<usize> = (0..self.samples()).filter(|&at| self.plane.x[at] > end).collect();
+        sorted(left.chain(around(self.plane, &at_end, AROUND)).collect())
     }
 
     /// Proves what was left out, where all else is right, but for what contradicts it. Returns `None` if that is not possible.
@@ -144,7 +160,9 @@ impl<'a> Image<'a> {
         let mut wrong = self.contradictions(impossible > 0 || !left_out.is_empty());
         if impossible > 0 {
             let left_out: HashSet<usize> = left_out.iter().copied().collect();
-            wrong.extend(self.plane.left().filter(|at| self.plane.x[*at].is_nan() && !left_out.contains(at)));
+            wrong.extend(
+                (0..self.samples()).filter(|at| self.plane.x[*at].is_nan() && !left_out.contains(at)),
+            );
         }
         (wrong.len() <= CONTRADICTIONS * self.most()).then_some(wrong)
     }

@@ -16,7 +16,7 @@ mod stencil;
 use self::agreement::hole;
 use self::image::Image;
 use self::plane::Plane;
-use self::stencil::{Family, RUN, corner, run};
+use self::stencil::{Family, Line, RUN, corner, run};
 use super::budget::Budget;
 use super::{Integers, Scene};
 use crate::frame::Frame;
@@ -80,6 +80,24 @@ impl Proof {
         self.plane.write(k);
         Some(left_out)
     }
+}
+
+/// The alphas between which limits are sought.
+const ALPHAS: (f64, f64) = (0.1, 128.0);
+
+/// Returns the largest alpha up to which each scene has one set of counts, whatever it shows, and the one up to which most pictures are proved as a whole: behind
+/// this lens, for a sensor of so many bits (1 to 16) with black columns and noise of this standard deviation in code units.
+pub fn proved_up_to(lens: Psf, bits: u8, noise: f64) -> [f64; 2] {
+    let up_to = |lines: fn() -> Vec<Line>, least: f32| {
+        let (mut proved, mut not) = ALPHAS;
+        while not > 1.02 * proved {
+            let alpha = (proved * not).sqrt();
+            let is_wide = |range| Family::half_width_of(lines(), lens, range, noise) > least;
+            if Range::new(bits, alpha).is_ok_and(is_wide) { proved = alpha } else { not = alpha }
+        }
+        (10.0 * proved).floor() / 10.0
+    };
+    [up_to(run, 0.5), up_to(corner, LEAST_HALF_WIDTH)]
 }
 
 /// Returns the number of the black columns at the border whose radiance is below one peak beside any scene.
@@ -160,7 +178,7 @@ mod tests {
             let (stated, alpha) = [(0.8, 2.0), (1.0, 3.0), (1.4, 4.0), (1.4, 8.0)][seed % 4];
             let light = Array3::from_shape_fn((60, 120, 1), |(i, j, _)| {
                 let (u, v) = (i as f32 / (4.0 + seed as f32), j as f32 / 9.0);
-                (0.5 + 0.3 * u.sin() * v.cos() + 0.2 * f32::from(u8::from((i + j) / 17 % 2 == 0)))
+                (0.4 + 0.3 * u.sin() * v.cos() + 0.2 * f32::from(u8::from((i + j) / 17 % 2 == 0)))
                     .clamp(0.0, 1.0)
             });
             let psf = Psf::of_sigma(stated * [0.981, 1.0, 1.019][seed % 3]);
@@ -186,10 +204,36 @@ mod tests {
         assert!(proved > 30, "{proved}");
     }
 
+    /// What is brighter before the lens than the range, such as the sun, is not in the bounds.
+    #[test]
+    fn nothing_is_proved_at_the_end_of_the_range() {
+        let psf = Psf::of_sigma(1.4);
+        for (size, is_proved) in [(0, true), (8, false)] {
+            let light = Array3::from_shape_fn((60, 120, 1), |(i, j, _)| {
+                if i.abs_diff(30) < size && j.abs_diff(80) < size { 1.0 } else { 0.5 }
+            });
+            let config =
+                SensorConfig { alpha: 4.0, psf, optical_black: 32, headroom: 1.0, ..SensorConfig::default() };
+            let exposure = Camera::new(config).expect("a sensor").expose(light.view(), 0).expect("an image");
+            assert_eq!(decoded(&exposure, psf).1.is_some(), is_proved);
+        }
+    }
+
+    #[test]
+    fn a_softer_lens_proves_up_to_a_larger_alpha() {
+        let limits = [0.5, 0.8, 1.0, 1.4].map(|sigma| proved_up_to(Psf::of_sigma(sigma), 8, 0.0));
+        assert!(limits.iter().all(|[every, most]| every < most), "{limits:?}");
+        assert!(limits.is_sorted_by(|some, others| some[0] < others[0] && some[1] < others[1]), "{limits:?}");
+        let [_, [every, most], ..] = limits;
+        assert!((1.5..1.7).contains(&every) && (2.4..3.0).contains(&most), "{limits:?}");
+        let noisy = proved_up_to(Psf::of_sigma(0.8), 8, 3.0);
+        assert!(noisy[0] < every && noisy[1] < most, "{noisy:?}");
+    }
+
     #[test]
     fn a_smooth_scene_is_proved_as_a_whole() {
         let light = Array3::from_shape_fn((40, 120, 3), |(i, j, c)| {
-            0.5 + 0.49 * ((i as f32 / 7.0).sin() * (j as f32 / 9.0 + c as f32).cos())
+            0.5 + 0.46 * ((i as f32 / 7.0).sin() * (j as f32 / 9.0 + c as f32).cos())
         });
         for (sigma, alpha, bits) in [(0.8, 2.0, 8), (1.0, 4.0, 8), (1.4, 8.0, 8), (2.0, 16.0, 12)] {
             let psf = Psf::of_sigma(sigma);

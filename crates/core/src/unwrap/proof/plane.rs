@@ -67,15 +67,9 @@ impl Plane {
         self.x[at] > 0.0
     }
 
-    /// Returns whether all counts are proved.
-    pub fn are_all_known(&self) -> bool {
-        let known = widest!(self.x.iter().fold(0_u32, |sum, &x| sum + u32::from(x > 0.0)));
-        known as usize == self.x.len() - 1
-    }
-
-    /// Returns the samples whose counts are not proved, in ascending order.
-    pub fn left(&self) -> impl Iterator<Item = usize> {
-        (0..self.x.len() - 1).filter(|&at| !self.is_known(at))
+    /// Returns the number of the counts that are proved, of radiance up to `end` peaks.
+    pub fn known_up_to(&self, end: f32) -> usize {
+        widest!(self.x.iter().fold(0_u32, |sum, &x| sum + u32::from(x > 0.0 && x <= end))) as usize
     }
 
     /// Returns the number of rows and of columns in a view.

@@ -83,11 +83,11 @@ struct Bounds {
 impl Family {
     /// Returns the stencils of a sensor whose noise has at most this standard deviation, in code units. The one for the middle of the range comes first.
     pub fn new(lines: Vec<Line>, lens: Psf, range: Range, noise: f64) -> Self {
-        Self::within(LENS_ERROR, lines, lens, range, noise)
+        Self::within(LENS_ERROR, &LEVELS, lines, lens, range, noise)
     }
 
-    /// Returns those for lenses whose width differs by at most a share of `error`.
-    fn within(error: f64, lines: Vec<Line>, lens: Psf, range: Range, noise: f64) -> Self {
+    /// Returns those for these levels, and for lenses whose width differs by at most a share of `error`.
+    fn within(error: f64, levels: &[f64], lines: Vec<Line>, lens: Psf, range: Range, noise: f64) -> Self {
         let per_peak = f64::from(range.peak()).recip();
         let (top, rounding, noise) =
             (range.limit() * per_peak, ROUNDING * per_peak, SIGMAS * noise * per_peak);
@@ -97,8 +97,13 @@ impl Family {
         };
         let places: Vec<_> = lines.iter().flat_map(of_line).collect();
         let seen = lenses(lens, error).map(|taps| seen(&places, &taps));
-        let stencils = LEVELS.map(|level| Stencil::new(&weights(&seen[0], bounds, level), &seen, bounds));
-        Self { lines, places, stencils: stencils.into() }
+        let of_level = |&level: &f64| Stencil::new(&weights(&seen[0], bounds, level), &seen, bounds);
+        Self { lines, places, stencils: levels.iter().map(of_level).collect() }
+    }
+
+    /// Returns the [`half_width`](Self::half_width) of such a family.
+    pub fn half_width_of(lines: Vec<Line>, lens: Psf, range: Range, noise: f64) -> f32 {
+        Self::within(LENS_ERROR, &LEVELS[..1], lines, lens, range, noise).half_width()
     }
 
     /// Returns half of the interval of residuals that prove a count, in peaks, for the middle of the range: above 1/2, each scene has one count; below 0,
@@ -241,7 +246,8 @@ mod tests {
             (1.4, 8.0, 0.44),
             (2.0, 8.0, 0.80),
         ] {
-            let found = Family::within(0.0, run(), Psf::of_sigma(sigma), range(alpha), 0.0).half_width();
+            let found =
+                Family::within(0.0, &LEVELS, run(), Psf::of_sigma(sigma), range(alpha), 0.0).half_width();
             assert!((found - expected).abs() < 0.011, "{sigma} px, alpha {alpha}: {found}");
         }
     }
@@ -249,7 +255,8 @@ mod tests {
     #[test]
     fn a_corner_proves_more() {
         for (sigma, alpha, expected) in [(1.0, 4.0, 0.51), (0.8, 2.0, 0.61), (1.4, 8.0, 0.73)] {
-            let found = Family::within(0.0, corner(), Psf::of_sigma(sigma), range(alpha), 0.0).half_width();
+            let found =
+                Family::within(0.0, &LEVELS, corner(), Psf::of_sigma(sigma), range(alpha), 0.0).half_width();
             assert!((found - expected).abs() < 0.015, "{sigma} px, alpha {alpha}: {found}");
         }
     }
@@ -260,7 +267,7 @@ mod tests {
         for (sigma, alpha) in [(0.5, 2.0), (0.8, 2.0), (1.4, 8.0), (2.0, 4.0)] {
             let (psf, range) = (Psf::of_sigma(sigma), range(alpha));
             let (taps, top) = (psf.taps(), range.limit() / 256.0);
-            for stencil in Family::within(0.0, run(), psf, range, 0.0).stencils {
+            for stencil in Family::within(0.0, &LEVELS, run(), psf, range, 0.0).stencils {
                 let weights = || stencil.weights.iter().chain([&1.0]).map(|&f| f64::from(f));
                 let mut seen = vec![0.0; RUN + taps.len()];
                 for (at, weight) in weights().enumerate() {
