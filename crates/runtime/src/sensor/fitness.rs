@@ -26,16 +26,14 @@ impl SensorModel {
     /// Returns the limits of [`proved_up_to`]; `None` where nothing is proved: without black columns, behind an unknown lens, on a mosaic and of two gains.
     pub fn proved_up_to(&self) -> Option<[f64; 2]> {
         /// The limits of the last sensor: nodes ask for them each second.
-        static LAST: Mutex<Option<(Psf, u8, f64, [f64; 2])>> = Mutex::new(None);
-        let known = self.lens().zip(self.noise());
-        let (psf, noise) =
-            known.filter(|_| self.optical_black > 0 && !self.gains && self.mosaic.is_none())?;
+        static LAST: Mutex<Option<Proved>> = Mutex::new(None);
+        let is_proved = self.optical_black > 0 && !self.gains && self.mosaic.is_none();
+        let (psf, noise) = self.lens().zip(self.noise()).filter(|_| is_proved)?;
+        let sensor = (psf, self.bits, noise);
         let mut last = LAST.lock().unwrap_or_else(PoisonError::into_inner);
-        let limits = match *last {
-            Some((of, bits, at, limits)) if (of, bits, at) == (psf, self.bits, noise) => limits,
-            _ => proved_up_to(psf, self.bits, noise),
-        };
-        *last = Some((psf, self.bits, noise, limits));
+        let limits = last.filter(|last| last.sensor == sensor).map(|last| last.limits);
+        let limits = limits.unwrap_or_else(|| proved_up_to(psf, self.bits, noise));
+        *last = Some(Proved { sensor, limits });
         Some(limits)
     }
 
