@@ -12,7 +12,7 @@ use crate::warning::warn_once;
 #[derive(Clone, Copy)]
 struct Proved {
     sensor: (Psf, u8, f64),
-    limits: [f64; 2],
+    limits: Option<[f64; 2]>,
 }
 
 impl SensorModel {
@@ -23,18 +23,19 @@ impl SensorModel {
         Some(self.proved_up_to().map_or(measured, |[_, most]| most.max(measured)))
     }
 
-    /// Returns the limits of [`proved_up_to`]; `None` where nothing is proved: without black columns, behind an unknown lens, on a mosaic and of two gains.
+    /// Returns the limits of [`proved_up_to`]; `None` where nothing is proved: without black columns, behind an unknown or sharp lens, on a mosaic and of two gains.
     pub fn proved_up_to(&self) -> Option<[f64; 2]> {
         /// The limits of the last sensor: nodes ask for them each second.
         static LAST: Mutex<Option<Proved>> = Mutex::new(None);
-        let is_proved = self.optical_black > 0 && !self.gains && self.mosaic.is_none();
+        let is_black = self.range().is_ok_and(|range| range.black() > 0);
+        let is_proved = is_black && !self.gains && self.mosaic.is_none();
         let (psf, noise) = self.lens().zip(self.noise()).filter(|_| is_proved)?;
         let sensor = (psf, self.bits, noise);
         let mut last = LAST.lock().unwrap_or_else(PoisonError::into_inner);
         let limits = last.filter(|last| last.sensor == sensor).map(|last| last.limits);
         let limits = limits.unwrap_or_else(|| proved_up_to(psf, self.bits, noise));
         *last = Some(Proved { sensor, limits });
-        Some(limits)
+        limits
     }
 
     /// Returns the blur of the lens; `None` where it is not known.

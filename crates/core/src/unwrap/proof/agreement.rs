@@ -1,8 +1,4 @@
-//! Samples that contradict those around them, such as hot ones.
-//!
-//! Beside a sample that does not show the radiance, others are proved that are wrong, and so are those behind them. Then somewhere a sample has no count that
-//! is possible, or one that those on all sides of it exclude. It is not known which sample of them is wrong. So the image is proved again without the samples
-//! around these places, then what was left out but for the one that deviates most at each place.
+//! Whether samples agree with those around them: [`contradictions`], and the [`counts`] that all sides of a sample allow.
 
 use super::plane::{Plane, View};
 use super::stencil::{Family, Line, Stencil};
@@ -12,7 +8,7 @@ use crate::simd::widest;
 const RADIUS: usize = 2;
 
 /// The samples that are checked at once.
-const CHUNK: usize = 64;
+pub(super) const CHUNK: usize = 64;
 
 /// Returns the samples around one on all sides.
 pub(super) fn hole() -> Vec<Line> {
@@ -38,24 +34,23 @@ pub(super) fn around(plane: &Plane, samples: &[usize], away: isize) -> Vec<usize
     samples.iter().flat_map(of_one).collect()
 }
 
-/// Returns the samples whose counts are excluded by those at `places` around them, in ascending order. Beyond the border on the left and on the right, nothing is
-/// looked at.
+/// Returns the samples whose counts are excluded by those at `places` around them, in ascending order. Near the border on the left and on the right, nothing is
+/// looked at; the lines have at least [`CHUNK`] samples between.
 pub(super) fn contradictions(plane: &Plane, places: &[[isize; 2]], stencil: &Stencil) -> Vec<usize> {
     let (line, channels) = (plane.width * plane.channels, plane.channels.cast_signed());
     let reach = |sign: isize| {
         places.iter().map(|[_, column]| sign * column).max().unwrap_or(0).max(0).cast_unsigned()
     };
-    let (first, last) = (reach(-1) * plane.channels, line.saturating_sub(reach(1) * plane.channels));
-    let chunks = last.saturating_sub(first) / CHUNK;
+    let (first, last) = (reach(-1) * plane.channels, line - reach(1) * plane.channels);
     let mut found = Vec::new();
     let mut around = vec![0; places.len()];
     for row in 0..plane.height {
         for (start, [down, right]) in around.iter_mut().zip(places) {
             *start = plane.place(View::PLAIN, row.cast_signed() + down, 0).cast_signed() + right * channels;
         }
-        // The last chunk begins so early that it fits.
-        let starts = (0..chunks).map(|chunk| first + chunk * CHUNK).chain((chunks > 0).then(|| last - CHUNK));
-        for start in starts {
+        for start in (first..last).step_by(CHUNK) {
+            // The last chunk begins so early that it fits.
+            let start = start.min(last - CHUNK);
             let own = row * line + start;
             let excluded = widest!(excluded(&plane.x, own, start.cast_signed(), &around, stencil));
             let is_known = |at: usize| {

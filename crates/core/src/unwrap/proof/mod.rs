@@ -13,10 +13,10 @@ mod image;
 mod plane;
 mod stencil;
 
-use self::agreement::hole;
+use self::agreement::{CHUNK, hole};
 use self::image::Image;
 use self::plane::Plane;
-use self::stencil::{Family, Line, RUN, corner, run};
+use self::stencil::{Family, LENS_ERROR, Line, RUN, SIGMAS, corner, lenses, run};
 use super::budget::Budget;
 use super::{Integers, Scene};
 use crate::frame::Frame;
@@ -25,6 +25,13 @@ use crate::range::Range;
 
 /// The least half width of the stencils behind which most images are proved as a whole. Behind a narrower one hardly any is.
 const LEAST_HALF_WIDTH: f32 = 0.4;
+
+/// The greatest bend of a lens, see [`Psf::bend`]: that of 0.7 px. Behind a sharper one, an edge of one peak bends by half a peak and more if the lens is a fifth
+/// sharper than it was described, and then leaves no trace.
+const MOST_BEND: f64 = 0.37;
+
+/// The least width of an image, beyond the runs at both borders.
+const LEAST_WIDTH: usize = CHUNK + 2 * RUN;
 
 /// The stencils of the last sensor, and buffers.
 #[derive(Default)]
@@ -50,20 +57,24 @@ impl Proof {
     /// Returns whether this is a sensor whose images are proved: it has one gain for all pixels, no mosaic, black columns, noise that is known, and a lens that
     /// is known and soft enough for its range.
     pub fn reaches(&mut self, scene: &Scene, y: &Frame) -> bool {
-        let known = scene.lens.zip(scene.noise).filter(|_| y.mosaic().is_none() && scene.range.black() > 0);
+        let known = scene.lens.filter(is_soft).zip(scene.noise);
+        let known = known.filter(|_| y.mosaic().is_none() && scene.range.black() > 0);
         let Some((lens, noise)) = known else { return false };
         let range = scene.range;
         let is_last = |last: &Sensor| (last.lens, last.range, last.noise) == (lens, range, noise);
         if !self.sensor.as_ref().is_some_and(is_last) {
             let [run, corner, hole] =
                 [run(), corner(), hole()].map(|lines| Family::new(lines, lens, range, noise));
-            self.sensor = Some(Sensor { lens, range, noise, run, corner, hole, seeds: seeds(lens, range) });
+            self.sensor =
+                Some(Sensor { lens, range, noise, run, corner, hole, seeds: seeds(lens, range, noise) });
         }
         let sensor = self.sensor.as_ref().expect("it was made");
         // Half codes up to the end of the range are exact in f32.
         let is_exact = range.limit() < f64::from(1 << (f32::MANTISSA_DIGITS - 1));
-        let has_seeds = 2 * sensor.seeds >= RUN && y.width() > sensor.seeds;
-        sensor.corner.half_width() > LEAST_HALF_WIDTH && has_seeds && is_exact
+        sensor.corner.half_width() > LEAST_HALF_WIDTH
+            && 2 * sensor.seeds >= RUN
+            && y.width() >= LEAST_WIDTH
+            && is_exact
     }
 
     /// Writes the counts of `y`, an image of the sensor that [`reaches`](Self::reaches) was asked for, to `k`. Returns the samples that are not proved, in
@@ -86,8 +97,9 @@ impl Proof {
 const ALPHAS: (f64, f64) = (0.1, 128.0);
 
 /// Returns the largest alpha up to which each scene has one set of counts, whatever it shows, and the one up to which most pictures are proved as a whole: behind
-/// this lens, for a sensor of so many bits (1 to 16) with black columns and noise of this standard deviation in code units.
-pub fn proved_up_to(lens: Psf, bits: u8, noise: f64) -> [f64; 2] {
+/// this lens, for a sensor of so many bits (1 to 16) with black columns and noise of this standard deviation in code units. `None`: behind so sharp a lens, nothing is
+/// proved.
+pub fn proved_up_to(lens: Psf, bits: u8, noise: f64) -> Option<[f64; 2]> {
     let up_to = |lines: fn() -> Vec<Line>, least: f32| {
         let (mut proved, mut not) = ALPHAS;
         while not > 1.02 * proved {
@@ -97,16 +109,22 @@ pub fn proved_up_to(lens: Psf, bits: u8, noise: f64) -> [f64; 2] {
         }
         (10.0 * proved).floor() / 10.0
     };
-    [up_to(run, 0.5), up_to(corner, LEAST_HALF_WIDTH)]
+    is_soft(&lens).then(|| [up_to(run, 0.5), up_to(corner, LEAST_HALF_WIDTH)])
+}
+
+/// Returns whether a lens is soft enough for proofs.
+fn is_soft(lens: &Psf) -> bool {
+    lens.bend() < MOST_BEND
 }
 
 /// Returns the number of the black columns at the border whose radiance is below one peak beside any scene.
-fn seeds(lens: Psf, range: Range) -> usize {
-    let taps = lens.taps();
-    let top = (range.limit() as f32 + 1.0) / range.peak();
+fn seeds(lens: Psf, range: Range, noise: f64) -> usize {
+    let [.., taps] = lenses(lens, LENS_ERROR);
+    // The light, half a code that the converter may round up, and the noise.
+    let [top, code] = [range.limit(), 1.0 + SIGMAS * noise].map(|codes| codes / f64::from(range.peak()));
     // A column so far from the light gets what these taps let through.
-    let leak = |away: usize| taps[..(taps.len() / 2 + 1).saturating_sub(away)].iter().sum::<f32>();
-    (1..=range.black()).rev().take_while(|&away| top * leak(away) + range.peak().recip() < 1.0).count()
+    let leak = |away: usize| taps[..(taps.len() / 2 + 1).saturating_sub(away)].iter().sum::<f64>();
+    (1..=range.black()).rev().take_while(|&away| top * leak(away) + code < 1.0).count()
 }
 
 #[cfg(test)]
@@ -221,12 +239,14 @@ mod tests {
 
     #[test]
     fn a_softer_lens_proves_up_to_a_larger_alpha() {
-        let limits = [0.5, 0.8, 1.0, 1.4].map(|sigma| proved_up_to(Psf::of_sigma(sigma), 8, 0.0));
+        assert_eq!(proved_up_to(Psf::of_sigma(0.5), 8, 0.0), None);
+        let up_to = |sigma, noise| proved_up_to(Psf::of_sigma(sigma), 8, noise).expect("soft");
+        let limits = [0.7, 0.8, 1.0, 1.4].map(|sigma| up_to(sigma, 0.0));
         assert!(limits.iter().all(|[every, most]| every < most), "{limits:?}");
         assert!(limits.is_sorted_by(|some, others| some[0] < others[0] && some[1] < others[1]), "{limits:?}");
         let [_, [every, most], ..] = limits;
         assert!((1.5..1.7).contains(&every) && (2.4..3.0).contains(&most), "{limits:?}");
-        let noisy = proved_up_to(Psf::of_sigma(0.8), 8, 3.0);
+        let noisy = up_to(0.8, 3.0);
         assert!(noisy[0] < every && noisy[1] < most, "{noisy:?}");
     }
 

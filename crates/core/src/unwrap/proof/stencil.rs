@@ -22,7 +22,7 @@ const LEAST_RESIDUAL: f64 = 1e-4;
 const ROUNDING: f64 = 0.51;
 
 /// The standard deviations by which noise may move a sum. In a frame of a million samples, a sum is beyond by a chance of 4e-4, also for the worst scene.
-const SIGMAS: f64 = 7.0;
+pub(super) const SIGMAS: f64 = 7.0;
 
 /// How much of the noise of the samples a sum of them has, about.
 const NOISE_OF_SUM: f64 = 0.45;
@@ -34,7 +34,7 @@ pub(super) const RADIUS: isize = 3;
 pub(super) const ROWS: isize = 3;
 
 /// The relative error of the width of a lens with which a proof holds.
-const LENS_ERROR: f64 = 0.02;
+pub(super) const LENS_ERROR: f64 = 0.02;
 
 /// The relative error of a sum in `f32`.
 const OF_FLOAT: f64 = 1e-6;
@@ -149,7 +149,7 @@ pub(super) fn corner() -> Vec<Line> {
 }
 
 /// Returns the taps of a lens, and of those whose width is as much smaller or larger as it may be.
-fn lenses(lens: Psf, error: f64) -> [Vec<f64>; 3] {
+pub(super) fn lenses(lens: Psf, error: f64) -> [Vec<f64>; 3] {
     [0.0, -error, error].map(|error| {
         let lens = match lens {
             Psf::Gaussian { sigma } => Psf::Gaussian { sigma: (1.0 + error) * sigma },
