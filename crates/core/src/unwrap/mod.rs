@@ -252,7 +252,7 @@ impl Trust {
 /// The name for a result of `auto` in which all k are 0.
 pub const PASS_THROUGH: &str = "pass_through";
 
-/// The name for a result of `auto` of which every count is proved: behind this lens, with this noise and from these black columns, no scene within the
+/// The name for a result of `auto` of which every count is proved, but for the samples that are left out as defects: behind this lens, with this noise and from these black columns, no scene within the
 /// range has these codes with other counts.
 pub const PROOF: &str = "proof";
 

@@ -30,7 +30,8 @@ const LEAST_HALF_WIDTH: f32 = 0.4;
 /// sharper than it was described, and then leaves no trace.
 const MOST_BEND: f64 = 0.37;
 
-/// The least width of an image, beyond the runs at both borders.
+/// The least width of an image: that of the samples that are checked at once, and the runs at both borders. The least height is that of a run, which the mirrored
+/// border continues right only so far.
 const LEAST_WIDTH: usize = CHUNK + 2 * RUN;
 
 /// The stencils of the last sensor, and buffers.
@@ -74,6 +75,7 @@ impl Proof {
         sensor.corner.half_width() > LEAST_HALF_WIDTH
             && 2 * sensor.seeds >= RUN
             && y.width() >= LEAST_WIDTH
+            && y.height() >= RUN
             && is_exact
     }
 
