@@ -2,6 +2,7 @@
 //! Nothing is started here; the same file and arguments give the same plan.
 
 mod arguments;
+mod circle;
 mod process;
 mod resolve;
 mod scope;
@@ -20,6 +21,7 @@ use crate::package::SUITE;
 
 pub use crate::action::DeclaredArgument;
 pub use arguments::declared_arguments;
+pub use circle::circle_of;
 pub use resolve::{check, resolve};
 pub use scope::ParameterText;
 

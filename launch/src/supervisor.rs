@@ -14,7 +14,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
+use modulo_runtime::launcher;
 use modulo_runtime::stop::is_hangup_ignored;
+use nix::sys::signal::kill;
+use nix::unistd::Pid;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::watch;
 use tokio::task::JoinSet;
@@ -204,9 +207,19 @@ pub async fn run(plan: Plan, how: &Supervision) -> Result<Outcome, LaunchError> 
             _ = interrupt.recv() => {}
             _ = terminate.recv() => {}
             Some(_) = async { hangup.as_mut()?.recv().await } => {}
+            () = orphaned() => {}
         }
     };
     run_until(plan, how, stop).await
+}
+
+/// Ends when the program of the suite that has started this launcher for itself is gone, which cannot end it then.
+async fn orphaned() {
+    let starter = std::env::var(launcher::PID).ok().and_then(|pid| pid.parse().ok());
+    let Some(starter) = starter.map(Pid::from_raw) else { return std::future::pending().await };
+    while kill(starter, None).is_ok() {
+        tokio::time::sleep(GLANCE).await;
+    }
 }
 
 /// Runs `plan` as [`run`] does, until `stop` completes in place of the signals.

@@ -41,7 +41,7 @@ pub fn unwrap<'py>(
         None => options.method().map_err(value_error)?,
     };
     // Nothing waits for a single image, so that the work has no limit.
-    let scene = Scene { lens: sensor.lens(), ..Scene::from(range) };
+    let scene = Scene { lens: sensor.lens(), noise: sensor.noise(), ..Scene::from(range) };
     let Image { pixels, is_flat } = Image::new("codes", codes)?;
     let mut frame = pixels.to_frame().map_err(value_error)?;
     if let Some(mosaic) = mosaic {

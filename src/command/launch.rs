@@ -7,12 +7,13 @@ use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use clap::Args;
-use modulo_launch::plan::NodeParameter;
+use modulo_launch::plan::{NodeParameter, circle_of};
 use modulo_launch::supervisor::{MAX_RESTARTS, ProcessEnd, Watch};
 use modulo_launch::{
     ComposedNode, Ending, NodePlan, Outcome, Plan, SUMMARY_BEGIN, Summary, Supervision, TRACE_BEGIN,
     launch_file, launch_files, reports_so_far,
 };
+use modulo_middleware::driver::CommonParameters;
 use modulo_middleware::driver::composed::{self, Member};
 use modulo_middleware::driver::live::NodeSetup;
 use modulo_middleware::process::node_files::ReportFile;
@@ -208,7 +209,7 @@ fn check(path: &Path, arguments: &[String]) -> Result<Ended, Failure> {
     let file = path.display();
     let mistakes = match modulo_launch::check(path, &pairs(arguments)?) {
         Ok(plan) => {
-            let mistakes: Vec<String> = plan.nodes.iter().flat_map(refusals).collect();
+            let mistakes = mistakes(&plan);
             if mistakes.is_empty() {
                 let (nodes, executables) = (plan.nodes.len(), plan.executables.len());
                 say!("{file}: ok, {}, {}", counted(nodes, "node"), counted(executables, "executable"));
@@ -230,8 +231,45 @@ fn counted(count: usize, noun: &str) -> String {
 /// Refuses a plan with a parameter that its node would refuse. Such a node would end its own process, and the reason would be
 /// lost in a failed run.
 pub(super) fn refuse(plan: &Plan) -> Result<(), Failure> {
-    let refused: Vec<String> = plan.nodes.iter().flat_map(refusals).collect();
+    let refused = mistakes(plan);
     if refused.is_empty() { Ok(()) } else { Err(usage(anyhow!(refused.join("; ")))) }
+}
+
+/// Returns what is wrong with the parameters of the plan.
+fn mistakes(plan: &Plan) -> Vec<String> {
+    plan.nodes.iter().flat_map(refusals).chain(circle(plan)).collect()
+}
+
+/// Refuses nodes of the suite that wait for each other, or for themselves: they would do so in silence, and then fail.
+fn circle(plan: &Plan) -> Option<String> {
+    let waits = |node: &NodePlan| {
+        let (node_name, declared, mut settings) = settings(node).ok()?;
+        settings.retain(|(name, _)| name == "wait_for");
+        let CommonParameters { wait_for, .. } = (&declared.with_text(&settings).ok()?).into();
+        let others = wait_for.iter().filter_map(|name| node_name.resolve(name).ok());
+        Some((node_name.fully_qualified(), others.collect()))
+    };
+    let of_suite = plan.nodes.iter().filter(|node| node.package == modulo_launch::SUITE);
+    let waits = of_suite.filter_map(waits).collect();
+    let circle = circle_of(&waits)?.join(" -> ");
+    Some(format!(
+        "wait_for goes in a circle ({circle}), so that none of these nodes would ever be ready: take one name out"
+    ))
+}
+
+/// What is set of the parameters of a node as text, in order.
+type SetParameters = Vec<(String, String)>;
+
+/// Returns the name of a node, its parameters as declared, and what is set of them.
+fn settings(node: &NodePlan) -> anyhow::Result<(NodeName, Parameters, SetParameters)> {
+    let kind = kind_of(&node.executable)?;
+    let (ros, _) = RosArgs::parse(&modulo_launch::ros_arguments(node))?;
+    let node_name = ros.node_name(kind.name)?;
+    let declared = kind.parameters_of(&node_name)?;
+    let settings = ros.parameters_for(&node_name)?;
+    let ignored = ignored(node, &node_name, &declared)?;
+    let settings = settings.into_iter().filter(|(name, _)| !ignored.contains(name)).collect();
+    Ok((node_name, declared, settings))
 }
 
 /// Returns the parameters that a node of the suite would refuse, and those that the launch file writes at this node although
@@ -242,17 +280,8 @@ fn refusals(node: &NodePlan) -> Vec<String> {
     }
     let (file, line) = &node.declared_at;
     let at = |why: anyhow::Error| format!("{}:{line}: {why:#}", file.display());
-    let settings = || -> anyhow::Result<_> {
-        let kind = kind_of(&node.executable)?;
-        let (ros, _) = RosArgs::parse(&modulo_launch::ros_arguments(node))?;
-        let node_name = ros.node_name(kind.name)?;
-        let declared = kind.parameters_of(&node_name)?;
-        let settings = ros.parameters_for(&node_name)?;
-        let ignored = ignored(node, &node_name, &declared)?;
-        Ok((declared, settings.into_iter().filter(|(name, _)| !ignored.contains(name)).collect::<Vec<_>>()))
-    };
-    match settings() {
-        Ok((declared, settings)) => {
+    match settings(node) {
+        Ok((_, declared, settings)) => {
             // Each setting is tried by itself, so that one refusal does not hide the next one.
             let refused = settings.iter().filter_map(|s| declared.with_text(std::slice::from_ref(s)).err());
             refused.map(|why| at(why.into())).collect()

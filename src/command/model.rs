@@ -20,7 +20,7 @@ use modulo_eval::score::words;
 use modulo_middleware::transport::zenoh::meeting_port;
 use modulo_models::{FetchError, FetchRequest, Fetched, LICENCE, Wheel, fetch, official};
 use modulo_runtime::output::prepare_folder;
-use modulo_runtime::{Clock as _, SystemClock};
+use modulo_runtime::{Clock as _, SensorModel, SystemClock};
 use modulo_unwrap::UnwrapParameters;
 use ndarray::Array3;
 use serde_json::json;
@@ -195,7 +195,7 @@ const ZENOH_VARIABLES: [&str; 2] = ["ZENOH_SESSION_CONFIG_URI", "ZENOH_CONFIG_OV
 pub fn doctor(sensor: Option<&Path>, json: bool) -> Result<Ended, Failure> {
     let sensor = sensor.map(CameraParameters::read_sensor).transpose().map_err(usage)?;
     if json {
-        say!("{}", findings(sensor.and_then(|sensor| sensor.fit_up_to())));
+        say!("{}", findings(sensor.as_ref()));
         return Ok(Ended::Done);
     }
     let (os, arch) = (std::env::consts::OS, std::env::consts::ARCH);
@@ -208,18 +208,24 @@ pub fn doctor(sensor: Option<&Path>, json: bool) -> Result<Ended, Failure> {
     engine();
     video();
     transport();
-    match sensor.map(|sensor| sensor.fit_up_to()) {
-        None => {}
-        Some(None) => say!("sensor   of an unknown lens: nothing is measured up to which alpha it is fit"),
-        Some(Some(alpha)) => say!(
-            "sensor   fit up to alpha {alpha}: at least 99.5 % of the counts of 20 KITTI frames were exact, without noise"
-        ),
+    if let Some(sensor) = sensor {
+        match sensor.fit_up_to() {
+            None => say!("sensor   of an unknown lens: nothing is known of the alpha up to which it is fit"),
+            Some(alpha) => {
+                say!("sensor   fit up to alpha {alpha}: nearly all counts of real pictures are found")
+            }
+        }
+        if let Some([every, most]) = sensor.proved_up_to() {
+            say!(
+                "proof    every scene is decoded up to alpha {every}, and most pictures are up to alpha {most}"
+            );
+        }
     }
     Ok(Ended::Done)
 }
 
-/// Returns what doctor finds, for JSON; `fit` is the largest alpha for which the sensor is fit.
-fn findings(fit: Option<f64>) -> serde_json::Value {
+/// Returns what doctor finds, for JSON.
+fn findings(sensor: Option<&SensorModel>) -> serde_json::Value {
     let library = onnxruntime_library().ok();
     let domain = domain().ok();
     let port = domain.map(meeting_port);
@@ -235,7 +241,8 @@ fn findings(fit: Option<f64>) -> serde_json::Value {
         "domain": domain,
         "meeting_port": port,
         "meeting_port_is_free": port.map(|port| TcpListener::bind(("127.0.0.1", port)).is_ok()),
-        "fit_up_to_alpha": fit,
+        "fit_up_to_alpha": sensor.and_then(SensorModel::fit_up_to),
+        "proved_up_to_alpha": sensor.and_then(SensorModel::proved_up_to),
     })
 }
 

@@ -8,6 +8,7 @@ use std::process::{Child, Command, Stdio};
 use anyhow::Context as _;
 use clap::Args;
 use modulo_bags::bag::BagReader;
+use modulo_runtime::launcher;
 use modulo_runtime::output::prepare_file;
 use modulo_viewer::{RECORDING_BEGIN, ViewAddresses, ViewOptions};
 use nix::sys::signal::{Signal, kill};
@@ -96,6 +97,8 @@ pub struct Running(Child);
 impl Running {
     /// Starts `command`. Ctrl-C reaches this process alone, which then ends the other one.
     pub fn start(command: &mut Command) -> Result<Self, Failure> {
+        // It watches this process, which may be killed.
+        command.env(launcher::PID, std::process::id().to_string());
         Ok(Self(command.process_group(0).spawn().with_context(|| format!("{command:?}"))?))
     }
 

@@ -10,9 +10,9 @@ use std::time::{Duration, Instant, SystemTime};
 use modulo_middleware::transport::zenoh::{RawPublisher, RawService, ZenohTransport};
 use modulo_middleware::transport::{Guard, Publisher as _, RawSample, Transport};
 use modulo_runtime::wire::keys::{self, Endpoint, EntityKind, Hashes, Token};
-use modulo_runtime::{NodeName, Qos, SystemClock};
+use modulo_runtime::{MessageKind, NodeName, Qos, SystemClock};
 
-use crate::harness::{Background, Bench, assert_has, in_shell, signal, text, wait_until};
+use crate::harness::{Background, Bench, Peer, assert_has, in_shell, signal, text, wait_until};
 use modulo_bags::bag::{BagReader, BagTopic, BagWriter, Compression, Selection};
 use modulo_msgs::builtin::Time;
 use modulo_msgs::rosbag2_interfaces as player;
@@ -568,4 +568,26 @@ fn a_topic_that_nobody_publishes_is_a_loss_of_the_recording() {
     let bench = Bench::new();
     let recorder = bench.record(&bench.path("typo"), &["/recoverd"]);
     assert_eq!(recorder.end("INT").0, Some(3));
+}
+
+/// The tokens of a node come and go in any order: a recorder asks for a compressed variant only where the image itself is not recorded.
+#[test]
+fn a_recorder_asks_for_files_only_where_there_is_no_image() {
+    let bench = Bench::new();
+    let peer = Peer::new(&bench);
+    let early = peer.advertise("/early/compressed", MessageKind::CompressedImage);
+    let alone = peer.advertise("/alone/compressed", MessageKind::CompressedImage);
+    let bag = bench.path("bag");
+    let recording = bench.record(&bag, &[]);
+    sleep(Duration::from_millis(120));
+    let image = peer.advertise("/early", MessageKind::Image);
+    wait_until("the image and the file without an image", || image.wanted() && alone.wanted());
+    drop(image);
+    // Longer than the recorder waits for an image.
+    sleep(Duration::from_millis(500));
+    assert!(!early.wanted(), "the images were recorded");
+    assert_eq!(recording.interrupt(), Some(0));
+    let topics = BagReader::open(&bag).expect("a whole bag").topics();
+    let names: Vec<&str> = topics.iter().map(|topic| topic.topic.name.as_str()).collect();
+    assert!(names.contains(&"/alone/compressed") && !names.contains(&"/early/compressed"), "{names:?}");
 }

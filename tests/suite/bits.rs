@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use modulo_bags::bag::{BagReader, Selection};
 use serde_json::Value;
 
 use crate::harness::{Bench, cell, classes, evaluated_classes};
@@ -97,5 +98,76 @@ fn live_compressed_and_replayed_streams_are_read_as_in_lockstep() {
         );
         write(&bench, "replay.launch.yaml", &(detectors.concat() + &player));
         check(&bench, "@/replay.launch.yaml", &expected);
+    }
+}
+
+/// All streams for a detector.
+const ALL: [&str; 6] = ["modulo", "recovered", "metered", "saturated", "auto_exposed", "ideal"];
+
+/// Returns the topics of all streams; the names of remapped ones end with that of another stream.
+fn topics(is_remapped: bool) -> [String; 6] {
+    std::array::from_fn(|at| {
+        if is_remapped { format!("/x/{}", ALL[(at + 1) % 6]) } else { format!("/{}", ALL[at]) }
+    })
+}
+
+/// Writes a launch file with a detector for the declared name of each stream, and with one for its topic.
+fn write_remapped(bench: &Bench, is_remapped: bool) {
+    let share = Path::new(env!("CARGO_MANIFEST_DIR")).display();
+    let mut actions = String::new();
+    for (stream, topic) in ALL.iter().zip(topics(is_remapped)) {
+        actions += &format!("  - set_remap: {{ from: {stream}, to: {topic} }}\n");
+    }
+    let detectors: Vec<_> = ALL.iter().map(|stream| format!("of_{stream}, at_{stream}")).collect();
+    let argument = |name, value: &str| format!("{{ name: {name}, value: \"{value}\" }}");
+    let of_sensor = [
+        argument("source", "scene://glare?seed=4&frames=2&width=480&height=192"),
+        argument("alpha", "2.0"),
+        argument("bits", "6"),
+        argument("detectors", &format!("[{}]", detectors.join(", "))),
+    ];
+    let include = |file: &str, arguments: &[String]| {
+        format!("  - include: {{ file: {share}/launch/{file}, arg: [{}] }}\n", arguments.join(", "))
+    };
+    actions += &include("sensor.launch.yaml", &of_sensor);
+    for (stream, topic) in ALL.iter().zip(topics(is_remapped)) {
+        for (name, input) in [(format!("of_{stream}"), *stream), (format!("at_{stream}"), &*topic)] {
+            let engine = [argument("engine", "rten"), argument("input_size", "480x192")];
+            let own = [argument("detector", &name), argument("input", input)];
+            actions += &include("detector.launch.yaml", &[own, engine].concat());
+        }
+    }
+    write(bench, "remapped.launch.yaml", &actions);
+}
+
+/// The name of a topic says nothing of its samples: boxes and annotated images are those of the declared names, and so is what the bag says.
+#[test]
+fn remapped_streams_are_read_as_their_samples_are_meant() {
+    let bench = Bench::new();
+    let outputs = ALL.iter().flat_map(|stream| {
+        ["of", "at"].iter().flat_map(move |kind| {
+            ["detections", "annotated"].map(|output| format!("/{kind}_{stream}/{output}"))
+        })
+    });
+    let outputs: Vec<String> = outputs.collect();
+    let messages = [false, true].map(|is_remapped| {
+        write_remapped(&bench, is_remapped);
+        let (out, recorded) = (format!("out{is_remapped}"), topics(is_remapped).join(" "));
+        let more = "/sensor_info /recovered/sensor_info";
+        let bag = format!("--bag @/bag{is_remapped} --topics {} {recorded} {more}", outputs.join(" "));
+        bench.says(0, &format!("eval @/remapped.launch.yaml -o @/{out} {bag}"));
+        let bag = BagReader::open(&bench.path(&format!("bag{is_remapped}"))).expect("a bag");
+        let of = |topic: &String| -> Vec<Vec<u8>> {
+            let messages = bag.messages(&Selection::of([topic.clone()]));
+            messages.map(|message| message.expect("readable").data.to_vec()).collect()
+        };
+        outputs.iter().map(of).collect::<Vec<_>>()
+    });
+    let [expected, remapped] = messages;
+    for (at, topic) in outputs.iter().enumerate() {
+        assert_eq!(expected[at].len(), 2, "{topic}");
+        assert!(expected[at] == remapped[at], "{topic} differs where its input is remapped");
+        // That of the declared name.
+        assert!(expected[at] == expected[at / 4 * 4 + at % 2], "{topic} differs where its input is a topic");
     }
 }

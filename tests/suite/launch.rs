@@ -446,6 +446,31 @@ fn the_sample_is_made_by_its_command() {
     }
 }
 
+/// They would wait for a minute without a word.
+#[test]
+fn nodes_that_wait_for_each_other_are_refused() {
+    let bench = Bench::new();
+    for (of_first, of_second, circle) in [
+        ("first", "elsewhere", Some("/first -> /first")),
+        ("/second", "first", Some("/first -> /second -> /first")),
+        ("second, elsewhere", "elsewhere", None),
+    ] {
+        let node = |name: &str, others: &str| {
+            format!(
+                "  - node:\n      pkg: modulo\n      exec: unwrap\n      name: {name}\n      param: [{{ name: wait_for, value: [{others}] \
+                 }}]\n"
+            )
+        };
+        let file = format!("launch:\n{}{}", node("first", of_first), node("second", of_second));
+        std::fs::write(bench.path("waits.launch.yaml"), file).expect("writable");
+        let checked = bench.says(i32::from(circle.is_some()), "launch @/waits.launch.yaml --check");
+        if let Some(circle) = circle {
+            assert_has(&checked, &[circle, "take one name out"]);
+            assert_has(&bench.says(2, "launch @/waits.launch.yaml"), &[circle]);
+        }
+    }
+}
+
 #[test]
 fn two_gains_and_a_mosaic_are_recovered_by_the_suite() {
     let bench = Bench::new();

@@ -122,6 +122,29 @@ fn step(notice: &Value) -> String {
     notice["step"].as_str().map_or_else(|| body().clone(), str::to_owned)
 }
 
+/// An image is shown by what its description says of it, whatever the name of its topic.
+#[test]
+fn a_page_is_told_what_the_samples_of_remapped_streams_mean() {
+    let bench = Bench::new();
+    bench.images(4);
+    let share = env!("CARGO_MANIFEST_DIR");
+    let file = format!(
+        "launch:\n  - set_remap: {{ from: modulo, to: /x/recovered }}\n  - set_remap: {{ from: recovered, to: /x/modulo }}\n  - include: \
+         {{ file: {share}/launch/recovered.launch.yaml }}\n"
+    );
+    std::fs::write(bench.path("remapped.launch.yaml"), file).expect("writable");
+    let fixed = "source:=@/images model:=% engine:=rten rate:=5.0 loop:=true alpha:=2.0 headroom:=1.0";
+    let _suite = bench.starts(&format!("launch @/remapped.launch.yaml {fixed}"));
+    let (_viewer, address) = viewer(&bench);
+    let mut page = Page::open(&address);
+    page.ask(&json!({ "watch": ["/x/recovered", "/x/modulo"] }));
+    for (topic, stream, peaks) in [("/x/recovered", "modulo", 1.0), ("/x/modulo", "recovered", 2.0)] {
+        // Until the description has come, nobody knows the radiance.
+        let image = page.event("image", |image| image["topic"] == topic && !image["peaks"].is_null());
+        assert_eq!((&image["stream"], &image["peaks"]), (&json!(stream), &json!(peaks)), "{topic}");
+    }
+}
+
 #[test]
 fn a_page_shows_images_with_their_boxes_and_sets_parameters() {
     let bench = Bench::new();
@@ -454,4 +477,18 @@ fn the_demo_is_a_page_with_both_images() {
     assert!(matches!(&launch[..], [(_, line)] if line.contains("launch demo.launch.yaml")), "{launch:?}");
     assert_eq!(demo.interrupt(), Some(0));
     assert_eq!(command_line(launch[0].0), "", "the suite has ended, too");
+}
+
+/// A demonstration that is killed cannot end its suite.
+#[test]
+fn the_suite_of_a_killed_demo_ends_by_itself() {
+    let bench = Bench::new();
+    let mut child = bench.modulo(&["demo", "--port", "0"]).stdout(Stdio::piped()).spawn().expect("it starts");
+    // The address is told after the suite was started.
+    let mut lines = BufReader::new(child.stdout.take().expect("piped")).lines();
+    let demo = Background(child);
+    assert!(lines.any(|line| line.expect("UTF-8").contains("http://")));
+    let [(launch, _)] = demo.children()[..] else { panic!("a launch alone") };
+    drop(demo);
+    wait_until("the suite has ended", || command_line(launch).is_empty());
 }

@@ -23,6 +23,9 @@ use crate::LiveError;
 const NODE: &str = "rosbag2_recorder";
 /// Interval at which the graph is searched for new topics.
 const GLANCE_NS: u64 = 50_000_000;
+/// A compressed variant is recorded when the image itself has not been found this long after it: the tokens of a node that is new
+/// come in any order.
+const ALONE_NS: u64 = 250_000_000;
 /// Samples that wait for the disk. As rosbag2's cache of 100 MiB, and bounded in number for topics of tiny messages.
 const WAITING: Limit = Limit { messages: 1 << 20, bytes: 100 << 20 };
 /// Most bytes of samples that wait for the definitions of their topics. Without room, a topic is recorded without definition.
@@ -61,7 +64,7 @@ pub fn capture(
     let _node = transport.announce(&node_name)?;
     let mut capture = CaptureLoop::new(transport, node_name, recorder, queue);
     while stop.urgency() == Urgency::None {
-        capture.subscribe_new(topics)?;
+        capture.subscribe_new(topics, clock.ticks_ns())?;
         capture.look_for_links();
         // New topics are looked for at intervals, as tokens may appear at any time.
         let look = clock.ticks_ns() + GLANCE_NS;
@@ -80,9 +83,8 @@ struct CaptureLoop<'a> {
     node_name: NodeName,
     recorder: BagWriter,
     queue: Arc<Queue<RawSample>>,
-    /// Compressed variants that a look at the graph has found: the tokens of a node that is new come in any order, so that its images may
-    /// be found later.
-    glimpsed: BTreeSet<String>,
+    /// Compressed variants that a look at the graph has found, with the time of the first look.
+    glimpsed: BTreeMap<String, u64>,
     /// Topic and type hash of each subscription, and of those that are refused.
     known: BTreeSet<(String, String)>,
     lanes: BTreeMap<Lane, BagTopic>,
@@ -116,7 +118,7 @@ impl<'a> CaptureLoop<'a> {
             node_name,
             recorder,
             queue,
-            glimpsed: BTreeSet::new(),
+            glimpsed: BTreeMap::new(),
             known: BTreeSet::new(),
             lanes: BTreeMap::new(),
             asked: BTreeMap::new(),
@@ -127,16 +129,19 @@ impl<'a> CaptureLoop<'a> {
         }
     }
 
-    fn subscribe_new(&mut self, topics: Option<&[String]>) -> Result<(), LiveError> {
+    fn subscribe_new(&mut self, topics: Option<&[String]>, now_ns: u64) -> Result<(), LiveError> {
         let graph = self.transport.graph();
         let publishers = graph.tokens().filter(|t| t.kind == EntityKind::Publisher);
         for endpoint in publishers.filter_map(|t| t.endpoint.as_ref()) {
             // As with `ros2 bag record --all`, hidden topics are only recorded by name. So are compressed variants of
             // images that are recorded anyway: they would be made for the recorder alone.
-            let glimpsed = &mut self.glimpsed;
+            // When a node ends, the token of its images may go first.
+            let (glimpsed, known) = (&mut self.glimpsed, &self.known);
             let mut repeats = |raw: &str| {
-                let is_new = glimpsed.insert(endpoint.topic.clone());
-                is_new || graph.endpoints(EntityKind::Publisher, raw).next().is_some()
+                let since = *glimpsed.entry(endpoint.topic.clone()).or_insert(now_ns);
+                now_ns < since + ALONE_NS
+                    || known.iter().any(|(topic, _)| topic == raw)
+                    || graph.endpoints(EntityKind::Publisher, raw).next().is_some()
             };
             let raw = endpoint.topic.strip_suffix("/compressed");
             let usual = || !is_hidden(&endpoint.topic) && !raw.is_some_and(&mut repeats);

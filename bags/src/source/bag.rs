@@ -8,13 +8,14 @@ use std::sync::Arc;
 use modulo_core::Frame;
 use modulo_images::{ImageError, SampleDepth, White, decode, sample_depth};
 use modulo_msgs::cdr;
+use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_msgs::image::restore;
 use modulo_msgs::sensor_msgs::{CameraInfo, CompressedImage, Image};
 use modulo_msgs::std_msgs::Header;
 use modulo_msgs::vision_msgs::Detection2DArray;
-use modulo_runtime::sensor_info::{self, SensorHistory};
+use modulo_runtime::sensor_info::{self, Descriptions, SensorHistory};
 use modulo_runtime::topic::camera_info_topic;
-use modulo_runtime::{MessageKind, SensorModel, StreamScale};
+use modulo_runtime::{MessageKind, StreamScale};
 use serde::de::DeserializeOwned;
 
 use super::{GroundTruth, Source, SourceError, SourceFrame, SourceOptions, from_detections};
@@ -215,19 +216,27 @@ fn read_labels(
     Ok(labels)
 }
 
-/// Returns what the samples of the images mean, if the first description of a sensor beside them tells it: a sensor of 6 bits has no
+/// Returns what the samples of the images mean, if the first description that names their topic, or is beside them, tells it: a sensor of 6 bits has no
 /// code above 63.
 fn read_scale(bag: &BagReader, images: &TopicCount) -> Result<Option<StreamScale>, SourceError> {
-    // Of floats, as no encoding limits them. Pictures have no other full scale than that of their encoding.
-    let scale_of = |sensor: &SensorModel| StreamScale::of(stream(images), 32, Some(sensor), 0);
-    let topic = sensor_info::topic_beside(stream(images)).name;
-    if scale_of(&SensorModel::default()).is_none() {
-        return Ok(None);
+    let (stream, mut descriptions) = (stream(images), Descriptions::default());
+    let beside: Vec<String> = sensor_info::topics_for(stream).into_iter().map(|topic| topic.name).collect();
+    for TopicCount { topic, .. } in bag.topics().iter().filter(|t| sensor_info::is_topic(&t.topic.name)) {
+        let is_beside = beside.contains(&topic.name);
+        let described = match first::<DiagnosticArray>(bag, topic.name.clone(), MessageKind::Diagnostics) {
+            Err(_) if !is_beside => continue,
+            read => read?,
+        };
+        // Those of other cameras do not matter.
+        if let Some((message, info)) = described
+            && (is_beside || info.value(stream).is_some())
+        {
+            descriptions.note(&topic.name, &info).map_err(|e| bad(&message, e))?;
+        }
     }
-    let Some((message, info)) = first(bag, topic, MessageKind::Diagnostics)? else { return Ok(None) };
-    let mut sensors = SensorHistory::default();
-    sensors.note(&info).map_err(|e| bad(&message, e))?;
-    Ok(sensors.latest().and_then(scale_of))
+    let (kind, sensors) = descriptions.of(stream);
+    // Of floats, as no encoding limits them. Pictures have no other full scale than that of their encoding.
+    Ok(StreamScale::of(kind, 32, sensors.and_then(SensorHistory::latest), 0))
 }
 
 /// Reads the first message of a topic that seldom changes: a bag is not read as a whole for it.

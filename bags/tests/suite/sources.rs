@@ -13,7 +13,7 @@ use modulo_images::{Coding, save_png};
 use modulo_msgs::cdr;
 use modulo_msgs::sensor_msgs::{CameraInfo, CompressedImage, Image};
 use modulo_msgs::std_msgs::{Header, Time};
-use modulo_runtime::{SensorModel, sensor_info};
+use modulo_runtime::{SensorModel, StreamKind, sensor_info};
 use ndarray::Array3;
 use proptest::prelude::*;
 
@@ -641,7 +641,11 @@ fn recorded_codes_have_the_bits_of_the_sensor_beside_them() {
     let (mut topics, mut messages) = (Vec::new(), Vec::new());
     for (camera, bits) in [("/six", 6), ("/fourteen", 14)] {
         let sensor = SensorModel { bits, alpha: 2.0, headroom: 1.0, ..SensorModel::default() };
-        let info = sensor_info::message(&Header::default(), &sensor, camera).encode().expect("encodes");
+        // The rest is told by names, as in bags of earlier versions.
+        let odd = format!("/odd{camera}");
+        let streams = [(&*odd, StreamKind::Saturated)];
+        let info =
+            sensor_info::message(&Header::default(), &sensor, camera, streams).encode().expect("encodes");
         messages.push((format!("{camera}/sensor_info"), "diagnostic_msgs/msg/DiagnosticArray", info));
         for (stream, code) in
             [("saturated", 1u16 << (bits - 1)), ("hdr", 1 << bits), ("ideal", 128), ("image", 128)]
@@ -651,8 +655,11 @@ fn recorded_codes_have_the_bits_of_the_sensor_beside_them() {
             let frame =
                 if is_deep { Frame::from_u16(pixels) } else { Frame::from_u8(pixels.mapv(|v| v as u8)) };
             let image = Image::from_frame(Header::default(), &frame.expect("a frame"));
-            topics.push(format!("{camera}/{stream}"));
-            messages.push((format!("{camera}/{stream}"), IMAGE, cdr::to_vec(&image).expect("encodes")));
+            let names = [format!("{camera}/{stream}"), odd.clone()];
+            for topic in names.into_iter().take(if stream == "saturated" { 2 } else { 1 }) {
+                topics.push(topic.clone());
+                messages.push((topic, IMAGE, cdr::to_vec(&image).expect("encodes")));
+            }
         }
     }
     write_messages(&path, messages.iter().map(|(topic, name, data)| (&**topic, *name, 5, data.clone())));

@@ -83,6 +83,15 @@ impl SensorConfig {
     };
 }
 
+impl SensorConfig {
+    /// Returns the standard deviation of the noise at the end of the range, in code units, the fixed pattern of the gains included. Hot samples
+    /// are no noise.
+    pub fn noise(&self) -> f64 {
+        let most = self.alpha * f64::from(self.bits).exp2();
+        (self.read_noise.powi(2) + self.shot_noise * most + (self.prnu * most).powi(2)).sqrt()
+    }
+}
+
 impl Default for SensorConfig {
     /// Returns [`SensorConfig::PLAIN`].
     fn default() -> Self {
@@ -363,7 +372,8 @@ impl Exposure {
 
     /// Returns what a method that unwraps the modulo image is to know: the range and the lens.
     pub fn scene(&self) -> Scene {
-        Scene { lens: Some(self.config.psf), ..self.range.into() }
+        let noise = Some(self.config.noise());
+        Scene { lens: Some(self.config.psf), noise, ..self.range.into() }
     }
 
     /// Returns how the ideal and the saturated image show radiance.

@@ -51,7 +51,7 @@ pub use parameter::{Allowed, Descriptor, ParameterError, ParameterSet, Parameter
 pub use report::NodeReport;
 pub use sensor::info as sensor_info;
 pub use sensor::parameters::{SensorModel, SensorOverride};
-pub use sensor::scale::{LightScale, StreamScale};
+pub use sensor::scale::{LightScale, StreamKind, StreamScale};
 pub use stop::{Stop, Urgency};
 pub use topic::{Address, Qos, Topic};
 pub use warning::{RareWarnings, shown, warn_once};

@@ -180,7 +180,10 @@ impl<'a> Lockstep<'a> {
         let member = &mut self.members[index];
         let stream = stream_of(&*member.node, &trigger);
         let (frame, begin) = (trigger.frame(), clock.ticks_ns());
-        let mut cx = Context::new(&member.report.node, &clock, &wanted).of_stream(stream.as_deref());
+        let topics: Vec<&str> = member.outputs.iter().map(|address| &*address.topic).collect();
+        let mut cx = Context::new(&member.report.node, &clock, &wanted)
+            .with_topics(&topics)
+            .of_stream(stream.as_deref());
         let result = member.node.step(trigger, &mut cx);
         let output = cx.finish();
         if let Some(trace) = &member.trace {

@@ -187,6 +187,7 @@ pub fn change_parameters(
 /// The services that a driver offers to one step.
 pub struct Context<'a> {
     node: &'a str,
+    topics: &'a [&'a str],
     stream: Option<&'a str>,
     clock: &'a dyn Clock,
     wanted: &'a [bool],
@@ -197,7 +198,17 @@ impl<'a> Context<'a> {
     /// Creates the context of one step. `node` is the fully qualified name of the node, such as `/unwrap`; `wanted[i]`
     /// is whether `outputs()[i]` has a reader.
     pub fn new(node: &'a str, clock: &'a dyn Clock, wanted: &'a [bool]) -> Self {
-        Self { node, stream: None, clock, wanted, output: StepOutput::default() }
+        Self { node, topics: &[], stream: None, clock, wanted, output: StepOutput::default() }
+    }
+
+    /// Names the topics of the outputs, absolute and remapped.
+    pub fn with_topics(self, topics: &'a [&'a str]) -> Self {
+        Self { topics, ..self }
+    }
+
+    /// Returns the topic of output `output`, absolute and remapped, if the driver has named it.
+    pub fn topic(&self, output: usize) -> Option<&'a str> {
+        self.topics.get(output).copied()
     }
 
     /// Names the declared stream of the message that the step is about ([`stream_of`]), which may be one that the node is leaving.

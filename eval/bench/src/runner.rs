@@ -232,7 +232,7 @@ fn recover(
 ) -> Result<Row, BenchError> {
     let Capture { y, sensor, range, lens, truth, .. } = capture;
     let mut recovered = Recovered::default();
-    let scene = Scene { lens: *lens, ..Scene::from(*range) };
+    let scene = Scene { lens: *lens, noise: sensor.noise(), ..Scene::from(*range) };
     let ms = median_time(options.repeats, || method.unwrap(y, &scene, &mut recovered));
     let ms = ms.map_err(|why| match truth {
         Some(_) => why.into(),

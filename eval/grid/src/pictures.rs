@@ -6,7 +6,7 @@ use modulo_ap::difficulty::DONT_CARE;
 use modulo_bags::source::GroundTruth;
 use modulo_core::{BBox, Detection, Frame};
 use modulo_draw::{LabelledBox, Picture, class_colour, distinct};
-use modulo_runtime::{Clock, StreamScale};
+use modulo_runtime::{Clock, StreamKind, StreamScale};
 
 use crate::GridError;
 use crate::chain::Chain;
@@ -134,13 +134,13 @@ fn pictures_of(
 fn picture_of(frame: &Frame, point: &Point, truth: &[GroundTruth], found: &[&Detection]) -> Option<Picture> {
     let pixels = frame.as_u8()?;
     let (height, width, channels) = pixels.dim();
-    let stream = match point.stream.rsplit('.').next().unwrap_or_default() {
-        "modulo" => "modulo",
-        "saturated" | "auto_exposed" => "saturated",
+    let kind = match point.stream.rsplit('.').next().unwrap_or_default() {
+        "modulo" => StreamKind::Modulo,
+        "saturated" | "auto_exposed" => StreamKind::Saturated,
         // All others have the full range.
-        _ => "ideal",
+        _ => StreamKind::Ideal,
     };
-    let shown = StreamScale::of(stream, frame.depth(), Some(&point.sensor), 0)?.light?.shown();
+    let shown = StreamScale::of(Some(kind), frame.depth(), Some(&point.sensor), 0)?.light?.shown();
     let repeated = if channels == 1 { 3 } else { 1 };
     let rgb = pixels.iter().flat_map(|&code| std::iter::repeat_n(shown[usize::from(code)], repeated));
     let boxed = |b: BBox, colour, label| LabelledBox { corners: [b.x1, b.y1, b.x2, b.y2], colour, label };

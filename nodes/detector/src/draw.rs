@@ -33,7 +33,7 @@ pub fn annotated(frame: &Frame, scale: StreamScale, found: &[Detection]) -> Resu
 #[cfg(test)]
 mod tests {
     use modulo_core::BBox;
-    use modulo_runtime::SensorModel;
+    use modulo_runtime::{SensorModel, StreamKind};
     use proptest::prelude::*;
 
     use super::*;
@@ -45,7 +45,7 @@ mod tests {
     fn drawn(shape: (usize, usize, usize), bbox: BBox) -> Array3<u8> {
         let frame = Frame::from_u16(Array3::zeros(shape)).expect("a frame");
         let found = [Detection { bbox, score: 0.5, class: "car".into() }];
-        let scale = StreamScale::of("/image", 16, None, 0).expect("the encoding's");
+        let scale = StreamScale::of(None, 16, None, 0).expect("the encoding's");
         let drawn = annotated(&frame, scale, &found).expect("drawn");
         drawn.as_u8().expect("8 bits are for people").clone()
     }
@@ -70,13 +70,13 @@ mod tests {
     fn an_image_of_radiance_is_brighter_than_what_the_detector_reads() {
         let frame = Frame::from_u8(Array3::from_elem((8, 8, 3), 40)).expect("a frame");
         let sensor = SensorModel { alpha: 4.0, headroom: 1.0, ..SensorModel::default() };
-        let corner = |topic| {
-            let scale = StreamScale::of(topic, 8, Some(&sensor), 0).expect("integers");
+        let corner = |kind| {
+            let scale = StreamScale::of(kind, 8, Some(&sensor), 0).expect("integers");
             annotated(&frame, scale, &[]).expect("drawn").as_u8().expect("8 bits")[[0, 0, 0]]
         };
-        assert_eq!(corner("/image"), 40);
+        assert_eq!(corner(None), 40);
         // 0.627 of the peak: 255 * srgb(t^1.8) with t = (0.627 + 0.627^2 / 16) / 1.627.
-        assert_eq!(corner("/recovered"), 121);
+        assert_eq!(corner(Some(StreamKind::Recovered)), 121);
     }
 
     proptest! {

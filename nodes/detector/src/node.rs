@@ -1,6 +1,5 @@
 //! [`Detector`]: the node's step.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use modulo_core::{Detection, Frame, Letterbox};
@@ -8,7 +7,7 @@ use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_msgs::vision_msgs::{Detection2D, Detection2DArray, LabelInfo, VisionInfo};
 use modulo_runtime::sensor::recovery::Recovery;
-use modulo_runtime::sensor_info::{self, SensorHistory};
+use modulo_runtime::sensor_info::{self, Descriptions, SensorHistory};
 use modulo_runtime::topic::RECOVERY_TOPIC;
 use modulo_runtime::{
     Context, Flow, Job, Message, MessageKind, Node, ParameterError, Parameters, Part, PlannedInputs,
@@ -38,24 +37,6 @@ enum Role {
     Sensor,
     /// The statuses of the recovered frames.
     Recovery,
-}
-
-impl Role {
-    /// Returns the inputs of each camera where the parameters ask for `input`, in their order.
-    fn all(input: &StreamChoice) -> &'static [Self] {
-        match input {
-            StreamChoice::Stream(_) => &[Self::Image, Self::Sensor],
-            StreamChoice::Auto(_) => &[Self::Image, Self::Sensor, Self::Recovery],
-        }
-    }
-
-    fn topic(self, stream: &str) -> Topic {
-        match self {
-            Self::Image => Topic::new(stream, MessageKind::Image),
-            Self::Sensor => sensor_info::topic_beside(stream),
-            Self::Recovery => Topic::new(RECOVERY_TOPIC, MessageKind::Diagnostics),
-        }
-    }
 }
 
 /// Returns the indices of the boxes and of the annotated images of a camera; behind the last camera, those of the two outputs of
@@ -106,8 +87,8 @@ pub struct Detector {
 struct Camera {
     /// Its namespace, such as /front; `None` for that of the node.
     namespace: Option<String>,
-    /// The sensor descriptions by their topic, since the images of an absolute topic may be those of another camera.
-    described: BTreeMap<String, SensorHistory>,
+    /// The sensor descriptions, as the images of an absolute topic may be those of another camera.
+    described: Descriptions,
     /// The choice of `input: auto`.
     trust: TrustFollower,
     codes: CodeRange,
@@ -127,17 +108,17 @@ impl Camera {
     }
 
     /// Returns the topics to read for `stream`, where the parameters ask for `input`.
-    fn inputs(&self, input: &StreamChoice, stream: &str) -> impl Iterator<Item = Topic> {
-        Role::all(input).iter().map(move |role| self.topic(role.topic(stream)))
-    }
-
-    fn described(&self, stream: &str) -> Option<&SensorHistory> {
-        self.described.get(&self.topic(Role::Sensor.topic(stream)).name)
+    fn inputs(&self, input: &StreamChoice, stream: &str) -> impl Iterator<Item = (Role, Topic)> {
+        let sensors = sensor_info::topics_for(stream).into_iter().map(|topic| (Role::Sensor, topic));
+        let recovery = Topic::new(RECOVERY_TOPIC, MessageKind::Diagnostics);
+        let recovery = matches!(input, StreamChoice::Auto(_)).then_some((Role::Recovery, recovery));
+        let image = (Role::Image, Topic::new(stream, MessageKind::Image));
+        std::iter::once(image).chain(sensors).chain(recovery).map(|(role, topic)| (role, self.topic(topic)))
     }
 
     /// Returns the topic of the images to read now, where the parameters ask for `input`.
     fn image_topic(&self, input: &StreamChoice) -> String {
-        self.topic(Role::Image.topic(self.stream(input))).name
+        self.topic(Topic::new(self.stream(input), MessageKind::Image)).name
     }
 
     /// Returns the stream to read now, where the parameters ask for `input`.
@@ -148,10 +129,13 @@ impl Camera {
             StreamChoice::Auto(Some(stream)) => stream,
             // Measured (docs/research/trust.md): without blur an image that is not trusted is worse than the saturated one; with
             // blur it is better.
-            StreamChoice::Auto(None) => match self.described(TRUSTED).and_then(SensorHistory::latest) {
-                Some(sensor) if sensor.is_sharp() => SHARP_FALLBACK,
-                _ => TRUSTED,
-            },
+            StreamChoice::Auto(None) => {
+                let trusted = self.topic(Topic::new(TRUSTED, MessageKind::Image)).name;
+                match self.described.of(&trusted).1.and_then(SensorHistory::latest) {
+                    Some(sensor) if sensor.is_sharp() => SHARP_FALLBACK,
+                    _ => TRUSTED,
+                }
+            }
         }
     }
 }
@@ -309,10 +293,6 @@ impl Detector {
         if self.loaded.settings.input != input {
             for camera in &mut self.cameras {
                 (camera.trust, camera.codes) = Default::default();
-                // The last images of the stream before may still come.
-                let kept = [&input, &self.loaded.settings.input]
-                    .map(|input| camera.topic(Role::Sensor.topic(camera.stream(input))).name);
-                camera.described.retain(|topic, _| kept.contains(topic));
             }
         }
         if labels(&self.loaded) != before {
@@ -322,9 +302,10 @@ impl Detector {
     }
 
     fn source(&self, input: usize) -> Option<(usize, Role)> {
-        let roles = Role::all(&self.loaded.settings.input);
-        let sources =
-            (0..self.cameras.len()).flat_map(|camera| roles.iter().map(move |role| (camera, *role)));
+        let choice = &self.loaded.settings.input;
+        let sources = self.cameras.iter().enumerate().flat_map(|(at, camera)| {
+            camera.inputs(choice, camera.stream(choice)).map(move |(role, _)| (at, role))
+        });
         { sources }.nth(input)
     }
 
@@ -382,9 +363,9 @@ impl Detector {
         image: &StampedFrame,
     ) -> Result<StreamScale, String> {
         let (bits, camera) = (&self.loaded.settings.bits, &mut self.cameras[camera]);
-        let described = camera.described.get(&sensor_info::topic_beside(stream).name);
+        let (kind, described) = camera.described.of(stream);
         let sensor = described.and_then(|described| described.nearest(image.header.stamp));
-        let of = |bits| StreamScale::of(stream, image.frame.depth(), sensor, bits);
+        let of = |bits| StreamScale::of(kind, image.frame.depth(), sensor, bits);
         let scale = of(*bits).ok_or(
             "image has 32-bit float samples, of which no range is known: set `bits` to the sensor's",
         )?;
@@ -416,7 +397,7 @@ impl Detector {
             // A method without a claim is no reason to leave its image.
             camera.trust.note(Recovery::of(info).trusted != Some(false), now_ns);
         } else {
-            camera.described.entry(stream).or_default().note(info).map_err(|why| why.to_string())?;
+            camera.described.note(&stream, info).map_err(|why| why.to_string())?;
         }
         let stream = camera.image_topic(wanted);
         if camera.stream(wanted) == before {
@@ -470,7 +451,7 @@ pub fn topics(parameters: &DetectorParameters) -> Result<(Vec<Topic>, Vec<Topic>
     let (input, _) = parameters.streams()?;
     let cameras = cameras(parameters);
     let read = cameras.iter().flat_map(|camera| camera.inputs(&input, camera.stream(&input)));
-    Ok((read.collect(), outputs_of(&cameras)))
+    Ok((read.map(|(_, topic)| topic).collect(), outputs_of(&cameras)))
 }
 
 /// Returns the topics that a detector of one camera publishes.
@@ -492,13 +473,15 @@ fn outputs_of(cameras: &[Camera]) -> Vec<Topic> {
 impl Node for Detector {
     fn inputs(&self) -> Vec<Topic> {
         let input = &self.loaded.settings.input;
-        self.cameras.iter().flat_map(|camera| camera.inputs(input, camera.stream(input))).collect()
+        let inputs = self.cameras.iter().flat_map(|camera| camera.inputs(input, camera.stream(input)));
+        inputs.map(|(_, topic)| topic).collect()
     }
 
     fn inputs_with(&self, next: &Parameters) -> Result<PlannedInputs, ParameterError> {
         let (input, fallback) = DetectorParameters::from(next).streams()?;
         let all = |stream: &str| {
-            self.cameras.iter().flat_map(|camera| camera.inputs(&input, stream)).collect::<Vec<_>>()
+            let inputs = self.cameras.iter().flat_map(|camera| camera.inputs(&input, stream));
+            inputs.map(|(_, topic)| topic).collect::<Vec<_>>()
         };
         let first = match &input {
             same if *same == self.loaded.settings.input => self.inputs(),

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use modulo_runtime::input::in_home;
-use modulo_runtime::{NodeName, ParameterError, ParameterSet as _, StreamScale};
+use modulo_runtime::{NodeName, ParameterError, ParameterSet as _, StreamKind};
 
 use crate::classes::{ClassMap, Classes};
 use crate::engine::{EngineChoice, EngineOptions};
@@ -159,12 +159,13 @@ fn stream(parameter: &str, name: &str) -> Result<Option<String>, ParameterError>
     if name == AUTO {
         return Ok(None);
     }
-    if StreamScale::STREAMS.contains(&name)
+    let mut streams = StreamKind::for_detectors();
+    if streams.any(|stream| stream == name)
         || (name.starts_with('/') && NodeName::default().resolve(name).is_ok())
     {
         return Ok(Some(name.to_owned()));
     }
-    let streams = StreamScale::STREAMS.join(", ");
+    let streams = StreamKind::for_detectors().collect::<Vec<_>>().join(", ");
     let why = format!("must be one of {streams}, auto, or an absolute topic such as /camera/image_raw");
     Err(ParameterError::new(parameter, name, why))
 }

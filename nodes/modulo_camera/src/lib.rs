@@ -27,7 +27,8 @@ use modulo_runtime::sensor::recovery::Recovery;
 use modulo_runtime::topic::{ImageCompression, RECOVERY_TOPIC};
 use modulo_runtime::{
     Context, Flow, Job, Message, MessageKind, Node, NodeName, ParameterError, ParameterSet as _, Parameters,
-    Part, PlannedInputs, SensorModel, StampedFrame, StepError, SystemClock, Topic, Trigger, sensor_info,
+    Part, PlannedInputs, SensorModel, StampedFrame, StepError, StreamKind, SystemClock, Topic, Trigger,
+    sensor_info,
 };
 use modulo_video::{LiveCounts, LiveVideo, VideoAddress};
 use ndarray::{Array3, Axis};
@@ -43,6 +44,14 @@ const GROUND_TRUTH: usize = 3;
 const SENSOR_INFO: usize = 4;
 const CAMERA_INFO: usize = 5;
 const AUTO_EXPOSED: usize = 6;
+
+/// The images that the description of the sensor covers.
+const STREAMS: [(usize, StreamKind); 4] = [
+    (MODULO, StreamKind::Modulo),
+    (SATURATED, StreamKind::Saturated),
+    (IDEAL, StreamKind::Ideal),
+    (AUTO_EXPOSED, StreamKind::AutoExposed),
+];
 
 /// A step waits this long for a frame of a live camera. Between two steps the node answers requests.
 const LIVE_PATIENCE: Duration = Duration::from_millis(100);
@@ -163,7 +172,7 @@ impl ModuloCamera {
             control.exposed(header.stamp);
         }
         let sensor = self.model.of_channels(radiance.len_of(Axis(2)));
-        let info = sensor_info::message(header, &sensor, cx.node());
+        let info = sensor_info::message_of(header, &sensor, cx, &STREAMS);
         cx.emit(SENSOR_INFO, info);
         if !self.calibration.is_on_topic_of(cx.node()) && cx.wanted(CAMERA_INFO) {
             let side = |axis| u32::try_from(radiance.len_of(Axis(axis))).unwrap_or(u32::MAX);

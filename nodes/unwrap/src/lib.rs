@@ -27,7 +27,7 @@ use modulo_runtime::sensor_info::{self, SensorHistory};
 use modulo_runtime::topic::{self, ImageCompression, RECOVERY_TOPIC};
 use modulo_runtime::{
     Context, Flow, Message, MessageKind, Node, ParameterError, ParameterSet as _, Parameters, SensorModel,
-    StampedFrame, StepError, Topic, Trigger,
+    StampedFrame, StepError, StreamKind, Topic, Trigger,
 };
 
 /// Output indices, in the order of [`Node::outputs`].
@@ -37,6 +37,11 @@ const DIAGNOSTICS: usize = 2;
 const RECOVERY: usize = 3;
 const CONFIDENCE: usize = 4;
 const METERED: usize = 5;
+const SENSOR_INFO: usize = 6;
+
+/// The images that a description of the sensor covers.
+const STREAMS: [(usize, StreamKind); 3] =
+    [(RECOVERED, StreamKind::Recovered), (METERED, StreamKind::Metered), (HDR, StreamKind::Hdr)];
 
 /// Why a frame without a sensor description is skipped.
 const UNDESCRIBED: &str = "no sensor description has come on the topic sensor_info; start a camera or replay a bag that has this \
@@ -45,9 +50,9 @@ const UNDESCRIBED: &str = "no sensor description has come on the topic sensor_in
 modulo_runtime::parameters! {
     /// The parameters of the `unwrap` node.
     pub struct UnwrapParameters {
-        /// Unwrapping method. auto tries lines, gradient_tree, a tree on smoothed codes, and growth of what is known (spud where noise hides
-        /// all), until a result does not contradict itself. Images of a sensor with two gains (see gains) have a
-        /// method of their own.
+        /// Unwrapping method. auto decodes by proof where the lens and the noise are described; else it tries lines, gradient_tree, a tree
+        /// on smoothed codes, and growth of what is known (spud where noise hides all), until a result does not contradict itself.
+        /// Images of a sensor with two gains (see gains) have a method of their own.
         method: Method = Method::Auto => Method::ALL,
         /// Number of threads that unwrapping may use. The result does not depend on it.
         threads: usize = 1 => 1..=MAX_THREADS,
@@ -217,12 +222,15 @@ impl UnwrapNode {
         let skip = |why: String| StepError::Skip(why);
         let Prepared { model, range, of_gains, .. } = self.sensor.as_mut().expect("`prepare` comes before");
         let work = Some(self.parameters.budget).filter(|budget| *budget > 0.0).unwrap_or(f64::INFINITY);
-        let scene = Scene { range: *range, lens: model.lens(), work, radiance: false };
+        let scene = Scene { range: *range, lens: model.lens(), noise: model.noise(), work, radiance: false };
         let method = of_gains.as_mut().unwrap_or(&mut self.method);
         let out = &mut self.recovered;
         cx.stage("unwrap", || method.unwrap(&modulo.frame, &scene, out))
             .map_err(|why| skip(why.to_string()))?;
         self.counts.count(&self.recovered.report);
+        if cx.wanted(SENSOR_INFO) {
+            cx.emit(SENSOR_INFO, sensor_info::message_of(&modulo.header, model, cx, &STREAMS));
+        }
         let status = (cx.wanted(DIAGNOSTICS) | cx.wanted(RECOVERY)).then(|| {
             let report = &self.recovered.report;
             Message::Diagnostics(Arc::new(describe(cx.node(), &modulo.header, self.method.name(), report)))
@@ -312,6 +320,7 @@ pub fn outputs() -> Vec<Topic> {
         Topic::new(RECOVERY_TOPIC, MessageKind::Diagnostics),
         Topic::new("confidence", MessageKind::Image),
         Topic::new("metered", MessageKind::Image),
+        sensor_info::recovered_topic(),
     ]
 }
 

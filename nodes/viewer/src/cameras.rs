@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use modulo_runtime::StreamScale;
+use modulo_runtime::StreamKind;
 
 use crate::protocol::{DetectorView, GraphView};
 
@@ -56,17 +56,15 @@ fn camera_by_name(topic: &str, detectors: &[DetectorView]) -> String {
     detectors.iter().find_map(below).unwrap_or_else(|| namespace(topic).to_owned())
 }
 
-/// Returns the rank of an image topic among those of its camera: the streams of the suite come first.
+/// Returns the rank of an image topic among those of its camera: the names of streams of the suite come first.
 fn rank(topic: &str) -> usize {
     let name = topic.rsplit('/').next();
-    StreamScale::STREAMS.iter().position(|stream| Some(*stream) == name).unwrap_or(StreamScale::STREAMS.len())
+    StreamKind::for_detectors().position(|stream| Some(stream) == name).unwrap_or(usize::MAX)
 }
 
 /// Brings image topics into the order in which they are listed: the streams of the suite by camera, then the others.
 pub(crate) fn sort(images: &mut [String], cameras: &BTreeMap<String, String>) {
-    let key = |topic: &String| {
-        (rank(topic) == StreamScale::STREAMS.len(), cameras.get(topic), rank(topic), topic.clone())
-    };
+    let key = |topic: &String| (rank(topic) == usize::MAX, cameras.get(topic), rank(topic), topic.clone());
     images.sort_by(|a, b| key(a).cmp(&key(b)));
 }
 
@@ -81,7 +79,7 @@ impl FirstStreams {
     /// Returns the streams of the only camera, of each of several cameras the one that a detector reads, or any image where there are no
     /// streams.
     pub fn of(&mut self, graph: &GraphView) -> Vec<String> {
-        let streams = graph.images.iter().filter(|topic| rank(topic) < StreamScale::STREAMS.len());
+        let streams = graph.images.iter().filter(|topic| rank(topic) < usize::MAX);
         for topic in streams {
             if self.seen.len() < MOST_SEEN {
                 self.seen.insert(topic.clone());

@@ -11,7 +11,7 @@ use modulo_msgs::ros_name;
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::topic::{Durability, Profile, Reliability};
 use modulo_runtime::wire::keys::{Endpoint, EntityKind, Token};
-use modulo_runtime::{Clock, Message, MessageKind, NodeName, StreamScale};
+use modulo_runtime::{Clock, Message, MessageKind, NodeName, StreamKind};
 
 use crate::cameras;
 use crate::protocol::{DetectorView, GraphView, LinkView};
@@ -230,9 +230,9 @@ pub(crate) fn input_topic(node: &str, stream: &str) -> String {
 /// its short name, any other image by its topic, and `auto`. Annotated images and `/hdr` are left out: no detector was made for
 /// them.
 fn offers(node: &str, images: &[String]) -> Vec<String> {
-    let short = StreamScale::STREAMS.into_iter().filter(|stream| images.contains(&input_topic(node, stream)));
+    let short = StreamKind::for_detectors().filter(|stream| images.contains(&input_topic(node, stream)));
     let is_short =
-        |topic: &&String| StreamScale::STREAMS.iter().any(|stream| input_topic(node, stream) == **topic);
+        |topic: &&String| StreamKind::for_detectors().any(|stream| input_topic(node, stream) == **topic);
     let made = |topic: &&String| topic.ends_with("/annotated") || topic.ends_with("/hdr");
     let others = images.iter().filter(|topic| !is_short(topic) && !made(topic));
     short.map(str::to_owned).chain(others.cloned()).chain([AUTO.to_owned()]).collect()

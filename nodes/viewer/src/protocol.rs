@@ -215,6 +215,8 @@ pub struct MomentHeader {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ImageHeader {
     pub topic: String,
+    /// The word of its [`StreamKind`](modulo_runtime::StreamKind), if it has one.
+    pub stream: Option<&'static str>,
     /// Stamp of the image, seconds and nanoseconds.
     pub stamp: (i32, u32),
     /// Width and height in pixels.

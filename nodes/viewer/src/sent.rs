@@ -53,7 +53,7 @@ fn samples_at(frame: &Frame, v: usize, u: usize) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use modulo_msgs::std_msgs::Header;
-    use modulo_runtime::SensorModel;
+    use modulo_runtime::{SensorModel, StreamKind};
     use ndarray::Array3;
 
     use super::*;
@@ -62,7 +62,7 @@ mod tests {
     fn a_pixel_is_that_of_the_image_that_is_asked_for() {
         let mut sent = SentImages::default();
         let sensor = SensorModel { alpha: 4.0, headroom: 1.0, ..SensorModel::default() };
-        let scale = StreamScale::of("/recovered", 8, Some(&sensor), 0);
+        let scale = StreamScale::of(Some(StreamKind::Recovered), 8, Some(&sensor), 0);
         // A row more than a quarter of what is kept.
         let size = (1025, 4096, 1);
         for ns in 1..=4 {

@@ -101,34 +101,34 @@ fn stops(frame: &Frame, (most, light): (f64, LightScale)) -> Vec<f32> {
 
 #[cfg(test)]
 mod tests {
-    use modulo_runtime::SensorModel;
+    use modulo_runtime::{SensorModel, StreamKind};
     use ndarray::Array3;
 
     use super::*;
 
-    fn scale(topic: &str, depth: u8) -> Option<StreamScale> {
+    fn scale(kind: StreamKind, depth: u8) -> Option<StreamScale> {
         let sensor = SensorModel { alpha: 4.0, headroom: 1.0, ..SensorModel::default() };
-        StreamScale::of(topic, depth, Some(&sensor), 0)
+        StreamScale::of(Some(kind), depth, Some(&sensor), 0)
     }
 
     #[test]
     fn a_stop_has_its_bin_and_all_shares_are_one() {
         // Codes 63 and 64 of the recovered image, whose 255 are two stops above the peak, are about the peak.
         let frame = Frame::from_u8(Array3::from_elem((40, 30, 3), 64)).expect("a frame");
-        let shown = ShownImage::of(&frame, scale("recovered", 8), Audience::Page);
+        let shown = ShownImage::of(&frame, scale(StreamKind::Recovered, 8), Audience::Page);
         let peak = (-LEAST_STOP * BINS_OF_A_STOP) as usize;
         assert!(shown.stops[peak] > 0.9, "{:?}", shown.stops);
         assert!((shown.stops.iter().sum::<f32>() - 1.0).abs() < 1e-4);
         assert_eq!(shown.peaks, Some(4.0));
         let black = Frame::from_u8(Array3::from_elem((4, 3, 1), 0)).expect("a frame");
-        let stops = ShownImage::of(&black, scale("recovered", 8), Audience::Page).stops;
+        let stops = ShownImage::of(&black, scale(StreamKind::Recovered, 8), Audience::Page).stops;
         assert!((stops.iter().sum::<f32>() - 1.0).abs() < 1e-4 && stops[peak..].iter().all(|s| *s == 0.0));
     }
 
     #[test]
     fn an_image_of_16_bits_has_the_white_of_its_sensor_and_any_other_one_its_largest_sample() {
         let frame = Frame::from_u16(Array3::from_elem((4, 3, 1), 512)).expect("a frame");
-        let shown = ShownImage::of(&frame, scale("hdr", 16), Audience::Page);
+        let shown = ShownImage::of(&frame, scale(StreamKind::Hdr, 16), Audience::Page);
         assert_eq!((shown.peaks, shown.frame.to_f32()[[0, 0, 0]]), (Some(4.0), 188.0), "sRGB's half");
         let shown = ShownImage::of(&frame, None, Audience::Page);
         assert_eq!((shown.peaks, shown.frame.to_f32()[[0, 0, 0]]), (None, 255.0));

@@ -9,14 +9,14 @@ use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_msgs::std_msgs::Time;
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::sensor::recovery::Recovery;
-use modulo_runtime::sensor_info::{self, SensorHistory};
+use modulo_runtime::sensor_info::{self, Descriptions};
 use modulo_runtime::topic::RECOVERY_TOPIC;
-use modulo_runtime::{Message, MessageKind, SensorModel, StampedFrame, StreamScale};
+use modulo_runtime::{Message, MessageKind, SensorModel, StampedFrame, StreamKind, StreamScale};
 use tokio::sync::Notify;
 use tokio::task::{JoinHandle, spawn_blocking};
 
 use crate::cameras::{FirstStreams, namespace};
-use crate::feed::{Feed, Heard, MessageOrigin, Session, Statuses, has_room, state_topic};
+use crate::feed::{Feed, Heard, MessageOrigin, Session, Statuses, state_topic};
 use crate::protocol::{BoxView, Event, GraphView, ImageHeader, MomentHeader, Notice, Step, moment_message};
 use crate::shown::ShownImage;
 use crate::streams::{NextImage, Streams};
@@ -53,8 +53,7 @@ pub(crate) struct Inbox {
     notices: VecDeque<Notice>,
     lost_notices: usize,
     first: FirstStreams,
-    /// The sensors of the cameras, by their namespace.
-    sensors: BTreeMap<String, SensorHistory>,
+    sensors: Descriptions,
 }
 
 pub(crate) struct JpegImage {
@@ -159,16 +158,15 @@ impl Watch {
             let together = inbox.together;
             let next = inbox.streams.next(graph, together, now);
             let with_sensor = |image: NextImage| {
-                let described = inbox.sensors.get(namespace(&image.topic));
-                (described.and_then(|sensors| sensors.nearest(image.stamp)).cloned(), image)
+                let (kind, sensors) = inbox.sensors.of(&image.topic);
+                ((kind, sensors.and_then(|sensors| sensors.nearest(image.stamp)).cloned()), image)
             };
             (next.into_iter().map(with_sensor).collect::<Vec<_>>(), together)
         };
         let camera = graph.camera(&next.first()?.1.topic).to_owned();
         let audience = self.audience;
         let encode_all = move || -> Vec<_> {
-            let encode = |sensor: &Option<_>, image| encode(image, sensor.as_ref(), audience);
-            next.iter().map(|(sensor, image)| (image.topic.clone(), encode(sensor, image))).collect()
+            next.iter().map(|(of, image)| (image.topic.clone(), encode(image, of, audience))).collect()
         };
         let encoded = done(spawn_blocking(encode_all)).await;
         let (mut images, mut errors) = (Vec::new(), Vec::new());
@@ -214,11 +212,8 @@ impl Inbox {
         }
         let is_sensor = sensor_info::is_topic(&origin.topic);
         if is_sensor {
-            let camera = namespace(&origin.topic);
-            if has_room(&self.sensors, camera) {
-                // A description that cannot be read is counted by its readers in the suite.
-                let _ = self.sensors.entry(camera.to_owned()).or_default().note(array);
-            }
+            // A description that cannot be read is counted by its readers in the suite.
+            let _ = self.sensors.note(&origin.topic, array);
             self.note(watch, origin, array.header.stamp, Step::Sensed);
         } else if origin.topic.rsplit('/').next() == Some(RECOVERY_TOPIC) {
             let trusted = Recovery::of(array).trusted;
@@ -254,18 +249,23 @@ fn classes(boxes: &Detection2DArray) -> BTreeMap<String, usize> {
     classes
 }
 
-fn encode(next: &NextImage, sensor: Option<&SensorModel>, audience: Audience) -> Result<JpegImage, String> {
+fn encode(
+    next: &NextImage,
+    (kind, sensor): &(Option<StreamKind>, Option<SensorModel>),
+    audience: Audience,
+) -> Result<JpegImage, String> {
     let Message::Image(image) =
         Message::decode(MessageKind::Image, &next.payload).map_err(|why| why.to_string())?
     else {
         return Err("is no image".to_owned());
     };
-    let scale = StreamScale::of(&next.topic, image.frame.depth(), sensor, 0);
+    let scale = StreamScale::of(*kind, image.frame.depth(), sensor.as_ref(), 0);
     let shown = ShownImage::of(&image.frame, scale, audience);
     let jpeg = modulo_images::encode(&shown.frame, FileFormat::Jpeg).map_err(|why| why.to_string())?;
     let boxes = next.boxes.iter().map(|(detector, boxes)| (detector.clone(), BoxView::of(boxes)));
     let header = ImageHeader {
         topic: next.topic.clone(),
+        stream: kind.map(StreamKind::word),
         stamp: (image.header.stamp.sec, image.header.stamp.nanosec),
         width: image.frame.width(),
         height: image.frame.height(),

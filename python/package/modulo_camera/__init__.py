@@ -398,8 +398,9 @@ class Sensor:
         codes : array of uint8 or uint16, H x W, H x W x C or a batch
             The codes of the modulo sensor, below 2^bits. More than 8 bits need uint16.
         method : str, one of auto, spud, least_squares, itoh, lines, tree, gradient_tree
-            Unwrapping method. auto tries lines, gradient_tree, a tree on smoothed codes, and growth of what is known (spud where noise
-            hides all), until a result does not contradict itself. Images of a sensor with two gains (see gains) have a method of their own.
+            Unwrapping method. auto decodes by proof where the lens and the noise are described; else it tries lines, gradient_tree, a
+            tree on smoothed codes, and growth of what is known (spud where noise hides all), until a result does not contradict itself.
+            Images of a sensor with two gains (see gains) have a method of their own.
         confidence : bool
             Whether the reports shall have the confidence image. It takes longer than unwrapping by `lines`.
         options : mapping of str to int, float or str

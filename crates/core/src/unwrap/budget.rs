@@ -11,6 +11,9 @@ use crate::simd::widest;
 
 /// The work of `lines` per sample.
 pub(super) const LINES: f64 = 2.0;
+/// The work of a proof per sample, and where samples contradict others.
+pub(super) const PROOF: f64 = 15.0;
+pub(super) const DEFECTS: f64 = 80.0;
 /// The work of smoothing, and of SPUD, per sample.
 pub(super) const SMOOTHING: f64 = 8.0;
 pub(super) const SPUD: f64 = 10.0;

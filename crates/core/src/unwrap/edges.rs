@@ -23,7 +23,7 @@ use crate::frame::{Frame, in_order};
 use crate::simd::widest;
 
 /// The largest second difference, in peaks, of an edge that is read right.
-const SAFE: f64 = 0.5;
+pub(super) const SAFE: f64 = 0.5;
 
 /// The largest one, in peaks, of an edge that betrays itself where it is read wrong: modulo the peak, it is 3/16 of it.
 const READABLE: f64 = 13.0 / 16.0;

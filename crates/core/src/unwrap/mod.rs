@@ -23,6 +23,7 @@ mod mosaic_image;
 mod offset;
 mod other_colour;
 mod poisson;
+mod proof;
 mod smoothed_tree;
 mod smoothing;
 mod spud;
@@ -42,6 +43,7 @@ pub use itoh::Itoh;
 pub use lines::Lines;
 pub use offset::OffsetEvidence;
 pub use poisson::ThresholdOn;
+pub use proof::proved_up_to;
 pub use spud::{LeastSquares, Spud};
 pub use tree::Tree;
 
@@ -142,6 +144,8 @@ pub struct Scene {
     pub range: Range,
     /// The blur of the lens; `None`: it is not known. [`Psf::None`] is a perfect lens.
     pub lens: Option<Psf>,
+    /// The largest standard deviation of the noise of a sample, in code units; `None`: it is not known.
+    pub noise: Option<f64>,
     /// The work that `auto` may do, 0 or above: the time of its candidates in ms on one core of a server of 2023. It is counted
     /// beforehand and not measured, so that the result is the same on every machine. Infinite: no limit.
     pub work: f64,
@@ -151,7 +155,7 @@ pub struct Scene {
 
 impl From<Range> for Scene {
     fn from(range: Range) -> Self {
-        Self { range, lens: None, work: f64::INFINITY, radiance: true }
+        Self { range, lens: None, noise: None, work: f64::INFINITY, radiance: true }
     }
 }
 
@@ -176,7 +180,7 @@ pub struct Recovered {
 /// The report of a method on its own result.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Report {
-    /// The name of the method used, as in [`METHODS`], [`PASS_THROUGH`], [`SMOOTHED_TREE`], [`GROWTH`], [`GRADIENT_SUMS`] or
+    /// The name of the method used, as in [`METHODS`], [`PASS_THROUGH`], [`PROOF`], [`SMOOTHED_TREE`], [`GROWTH`], [`GRADIENT_SUMS`] or
     /// [`TwoGains::NAME`](crate::TwoGains::NAME); empty before the first image.
     pub method: &'static str,
     /// The quality metrics of y, if the method computes them.
@@ -247,6 +251,10 @@ impl Trust {
 
 /// The name for a result of `auto` in which all k are 0.
 pub const PASS_THROUGH: &str = "pass_through";
+
+/// The name for a result of `auto` of which every count is proved, but for the samples that are left out as defects: behind this lens, with this noise and from these black columns, no scene within the
+/// range has these codes with other counts.
+pub const PROOF: &str = "proof";
 
 /// The name for a result of `auto` by `gradient_tree` on a smoothed modulo image.
 pub const SMOOTHED_TREE: &str = "smoothed_tree";

@@ -2,39 +2,56 @@
 //!
 //! The camera publishes it on [`TOPIC`] before each frame, with the stamp of the frame, as a
 //! `diagnostic_msgs/msg/DiagnosticArray`, which every ROS 2 node can read: one status named `NODE: sensor`, whose values are
-//! the parameters of [`SensorModel`]. The topic is latched: a late reader gets the last one.
+//! the parameters of [`SensorModel`], and the [`StreamKind`] of each of its image topics by the name of the topic. `unwrap` does
+//! the same on [`RECOVERED_TOPIC`] before the images that it makes. The topics are latched: a late reader gets the last one.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
 
 use crate::message::{Message, MessageKind};
+use crate::node::Context;
 use crate::parameter::{ParameterError, ParameterSet as _};
 use crate::sensor::parameters::SensorModel;
-use crate::sensor::scale::StreamScale;
+use crate::sensor::scale::StreamKind;
 use crate::topic::{Qos, Topic};
 
 /// Name of the topic, relative to the namespace of the camera.
 pub const TOPIC: &str = "sensor_info";
+/// Name of the topic of the same description, as `unwrap` has used it, with the streams that it makes.
+pub const RECOVERED_TOPIC: &str = "recovered/sensor_info";
+/// Topics whose descriptions are kept.
+const MOST_TOPICS: usize = 256;
 /// Frames whose description is remembered; more than ever wait for a node.
 const REMEMBERED: usize = 64;
 
 /// Returns the topic, as cameras and their readers declare it.
 pub fn topic() -> Topic {
-    Topic { qos: Qos::Latched, ..Topic::new(TOPIC, MessageKind::Diagnostics) }
+    topic_of(TOPIC)
 }
 
-/// Returns the topic of the sensor that made the images of `stream`: that of the namespace of the reader, and beside an absolute topic whose
-/// name is that of a stream of the suite, such as `/front/modulo`.
-pub fn topic_beside(stream: &str) -> Topic {
-    match stream.rsplit_once('/') {
-        Some((namespace, name)) if StreamScale::covers(name) => {
-            Topic { name: format!("{namespace}/{TOPIC}"), ..topic() }
-        }
-        _ => topic(),
-    }
+/// Returns [`RECOVERED_TOPIC`], as `unwrap` declares it.
+pub fn recovered_topic() -> Topic {
+    topic_of(RECOVERED_TOPIC)
+}
+
+fn topic_of(name: impl Into<String>) -> Topic {
+    Topic { qos: Qos::Latched, ..Topic::new(name, MessageKind::Diagnostics) }
+}
+
+/// Returns the topics that a reader of the images of `stream` declares: that of its own namespace, and for an absolute topic, which any node
+/// may publish, all descriptions of this namespace and of that of the topic.
+pub fn topics_for(stream: &str) -> Vec<Topic> {
+    let Some((namespace, _)) = stream.rsplit_once('/') else { return vec![topic()] };
+    let beside = [TOPIC, RECOVERED_TOPIC].map(|name| topic_of(format!("{namespace}/{name}")));
+    [topic(), recovered_topic()].into_iter().chain(beside).collect()
+}
+
+/// Returns the kind that the name of a topic tells: a declared one, and one that no description covers, as in recordings of earlier versions.
+fn named(topic: &str) -> Option<StreamKind> {
+    StreamKind::of_word(topic.rsplit('/').next()?)
 }
 
 /// Returns whether `topic` is that of a sensor, in any namespace. Such a topic is latched, whatever a bag says of it: bags
@@ -43,13 +60,45 @@ pub fn is_topic(topic: &str) -> bool {
     topic.rsplit('/').next() == Some(TOPIC)
 }
 
-/// Returns the description of the frame with this `header` by the camera `node`, a fully qualified name.
-pub fn message(header: &Header, model: &SensorModel, node: &str) -> Message {
-    let values = KeyValue::all(model.to_text());
+/// Returns the description of the frame with this `header` by the node of `cx`, which sends these streams, each with its output.
+pub fn message_of(
+    header: &Header,
+    model: &SensorModel,
+    cx: &Context<'_>,
+    streams: &[(usize, StreamKind)],
+) -> Message {
+    let streams = streams.iter().filter_map(|&(output, kind)| Some((cx.topic(output)?, kind)));
+    message(header, model, cx.node(), streams)
+}
+
+/// Returns the description of the frame with this `header` by the node `node`, a fully qualified name, with the kinds of its image topics.
+pub fn message<'a>(
+    header: &Header,
+    model: &SensorModel,
+    node: &str,
+    streams: impl IntoIterator<Item = (&'a str, StreamKind)>,
+) -> Message {
+    let mut values = KeyValue::all(model.to_text());
+    values.extend(KeyValue::all(streams.into_iter().map(|(topic, kind)| (topic, kind.word().to_owned()))));
     // Tools show statuses by name, and each camera has its own sensor.
     let name = format!("{}: sensor", node.trim_start_matches('/'));
     let status = DiagnosticStatus { name, values, ..DiagnosticStatus::default() };
     Message::Diagnostics(Arc::new(DiagnosticArray { header: header.clone(), status: vec![status] }))
+}
+
+/// Reads the kinds of image topics, whose names are absolute and therefore no names of parameters.
+fn read_kinds(message: &DiagnosticArray) -> Result<BTreeMap<String, StreamKind>, ParameterError> {
+    let values = message.status.iter().flat_map(|status| &status.values);
+    let mut kinds = BTreeMap::new();
+    for KeyValue { key, value } in values.filter(|value| value.key.starts_with('/')) {
+        let why = match StreamKind::of_word(value) {
+            None => format!("must be one of {}", StreamKind::WORDS.map(|(word, _)| word).join(", ")),
+            Some(kind) if kinds.insert(key.clone(), kind).is_none_or(|other| other == kind) => continue,
+            Some(_) => "the topic is described as another stream as well".to_owned(),
+        };
+        return Err(ParameterError::new(key, value, why));
+    }
+    Ok(kinds)
 }
 
 fn read(message: &DiagnosticArray) -> Result<SensorModel, ParameterError> {
@@ -83,6 +132,42 @@ fn read(message: &DiagnosticArray) -> Result<SensorModel, ParameterError> {
 #[derive(Clone, Debug, Default)]
 pub struct SensorHistory {
     by_stamp: VecDeque<(Time, SensorModel)>,
+    /// What the last one says of image topics.
+    kinds: BTreeMap<String, StreamKind>,
+}
+
+/// The descriptions of all sensors that a reader hears of, by the topic on which they come.
+#[derive(Clone, Debug, Default)]
+pub struct Descriptions {
+    by_topic: BTreeMap<String, SensorHistory>,
+}
+
+impl Descriptions {
+    /// Takes a message of `topic`. Topics beyond the first 256 are left out.
+    ///
+    /// # Errors
+    /// As [`SensorHistory::note`].
+    pub fn note(&mut self, topic: &str, message: &DiagnosticArray) -> Result<(), ParameterError> {
+        if self.by_topic.len() == MOST_TOPICS && !self.by_topic.contains_key(topic) {
+            return Ok(());
+        }
+        self.by_topic.entry(topic.to_owned()).or_default().note(message)
+    }
+
+    /// Returns the kind of the images on `topic`, and the sensor behind them: those of the description that names the topic, else those that the
+    /// name tells.
+    pub fn of(&self, topic: &str) -> (Option<StreamKind>, Option<&SensorHistory>) {
+        let described = |history: &&SensorHistory| history.kinds.contains_key(topic);
+        match self.by_topic.values().find(described) {
+            Some(history) => (history.kinds.get(topic).copied(), Some(history)),
+            None => {
+                let kind = named(topic);
+                let beside = topic.rsplit_once('/').filter(|_| kind.is_some());
+                let beside = beside.map_or(TOPIC.to_owned(), |(namespace, _)| format!("{namespace}/{TOPIC}"));
+                (kind, self.by_topic.get(&beside))
+            }
+        }
+    }
 }
 
 impl SensorHistory {
@@ -92,6 +177,7 @@ impl SensorHistory {
     /// [`ParameterError`] of the value that describes no sensor.
     pub fn note(&mut self, message: &DiagnosticArray) -> Result<(), ParameterError> {
         let model = read(message)?;
+        self.kinds = read_kinds(message)?;
         if self.by_stamp.len() == REMEMBERED {
             self.by_stamp.pop_front();
         }
@@ -131,9 +217,12 @@ mod tests {
     }
 
     fn description(ns: u64, model: &SensorModel) -> DiagnosticArray {
-        let Message::Diagnostics(array) = message(&header(ns), model, "/front/modulo_camera") else {
-            unreachable!("a description is a DiagnosticArray")
-        };
+        described(ns, model, &[])
+    }
+
+    fn described(ns: u64, model: &SensorModel, streams: &[(&str, StreamKind)]) -> DiagnosticArray {
+        let message = message(&header(ns), model, "/front/modulo_camera", streams.iter().copied());
+        let Message::Diagnostics(array) = message else { unreachable!("a description is a DiagnosticArray") };
         DiagnosticArray::clone(&array)
     }
 
@@ -176,14 +265,51 @@ mod tests {
     #[test]
     fn the_status_of_each_camera_has_its_own_name() {
         assert_eq!(description(1, &SensorModel::default()).status[0].name, "front/modulo_camera: sensor");
-        for (stream, topic) in [
-            ("recovered", "sensor_info"),
-            ("/front/modulo", "/front/sensor_info"),
-            ("/modulo", "/sensor_info"),
-            ("/camera/image_raw", "sensor_info"),
+        for (stream, topics) in [
+            ("recovered", &["sensor_info"][..]),
+            ("/modulo", &["sensor_info", "recovered/sensor_info", "/sensor_info", "/recovered/sensor_info"]),
+            (
+                "/a/image",
+                &["sensor_info", "recovered/sensor_info", "/a/sensor_info", "/a/recovered/sensor_info"],
+            ),
         ] {
-            assert_eq!(topic_beside(stream).name, topic, "{stream}");
+            let names: Vec<String> = topics_for(stream).into_iter().map(|topic| topic.name).collect();
+            assert_eq!(names, topics, "{stream}");
         }
+    }
+
+    /// A stream is what its description says, whatever its name; a recording of an earlier version says nothing of it.
+    #[test]
+    fn a_remapped_stream_keeps_its_kind_and_its_sensor() {
+        let sensor = |bits| SensorModel { bits, ..SensorModel::default() };
+        let mut descriptions = Descriptions::default();
+        let streams = [("/x/anything", StreamKind::Modulo), ("/front/modulo", StreamKind::Ideal)];
+        descriptions.note("/rear/sensor_info", &described(1, &sensor(6), &streams)).expect("a sensor");
+        descriptions.note("/front/sensor_info", &description(1, &sensor(10))).expect("a sensor");
+        let of = |topic| {
+            let (kind, history) = descriptions.of(topic);
+            (kind, history.and_then(SensorHistory::latest).map(|sensor| sensor.bits))
+        };
+        assert_eq!(of("/x/anything"), (Some(StreamKind::Modulo), Some(6)));
+        assert_eq!(
+            of("/front/modulo"),
+            (Some(StreamKind::Ideal), Some(6)),
+            "its name is that of another stream"
+        );
+        assert_eq!(of("/front/saturated"), (Some(StreamKind::Saturated), Some(10)), "an earlier version");
+        assert_eq!(of("/x/saturated"), (Some(StreamKind::Saturated), None));
+        assert_eq!(of("/front/image"), (None, None));
+    }
+
+    #[test]
+    fn a_kind_that_is_unknown_or_has_two_values_is_refused() {
+        let streams = [("/image", StreamKind::Modulo), ("/image", StreamKind::Hdr)];
+        let mut array = described(1, &SensorModel::default(), &streams);
+        let why = SensorHistory::default().note(&array).expect_err("two kinds").to_string();
+        assert!(why.contains("'/image' = hdr") && why.contains("as another stream as well"), "{why}");
+        array.status[0].values.last_mut().expect("the kind").value = "modulp".into();
+        let why = SensorHistory::default().note(&array).expect_err("no such kind").to_string();
+        assert!(why.contains("'/image' = modulp") && why.contains("modulo, recovered, metered"), "{why}");
     }
 
     #[test]

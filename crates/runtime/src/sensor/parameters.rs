@@ -196,6 +196,11 @@ impl SensorModel {
         self.psf.of_sigma(self.psf_sigma)
     }
 
+    /// Returns the standard deviation of the noise at the end of the range, in code units.
+    pub fn noise(&self) -> Option<f64> {
+        self.config().ok().map(|config| config.noise())
+    }
+
     /// Returns whether the lens is known to have no blur.
     pub fn is_sharp(&self) -> bool {
         self.psf != BlurShape::Unknown && self.psf() == Psf::None

@@ -1,4 +1,4 @@
-//! [`StreamScale`]: what the samples of a stream mean.
+//! [`StreamScale`]: what the samples of a stream mean, which its [`StreamKind`] and the sensor tell.
 
 use modulo_core::{DisplayCurve, Transfer};
 
@@ -6,6 +6,54 @@ use crate::sensor::parameters::SensorModel;
 
 /// The bits of a sample of the pictures `recovered` and `ideal`, whatever the bits of the sensor.
 const PICTURE: u8 = 8;
+
+/// A stream whose samples a sensor description covers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StreamKind {
+    /// The wrapped codes of the sensor.
+    Modulo,
+    /// Pictures of the recovered radiance, whose white is the end of the range.
+    Recovered,
+    /// Pictures of the recovered radiance, exposed anew.
+    Metered,
+    /// The codes of a normal sensor of the same exposure.
+    Saturated,
+    /// The codes of a normal camera with automatic exposure.
+    AutoExposed,
+    /// Pictures of the radiance itself, whose white is the end of the range.
+    Ideal,
+    /// The counts of the sensor beyond its peak.
+    Hdr,
+}
+
+impl StreamKind {
+    /// Each kind with the word that stands for it in descriptions, which is also the name that its node declares. The last one is not made for
+    /// detectors.
+    pub const WORDS: [(&'static str, Self); 7] = [
+        ("modulo", Self::Modulo),
+        ("recovered", Self::Recovered),
+        ("metered", Self::Metered),
+        ("saturated", Self::Saturated),
+        ("auto_exposed", Self::AutoExposed),
+        ("ideal", Self::Ideal),
+        ("hdr", Self::Hdr),
+    ];
+
+    /// Returns the words of the streams for a detector, in the order in which they are listed.
+    pub fn for_detectors() -> impl Iterator<Item = &'static str> {
+        Self::WORDS.iter().filter(|(_, kind)| *kind != Self::Hdr).map(|(word, _)| *word)
+    }
+
+    /// Returns the kind that `word` stands for.
+    pub fn of_word(word: &str) -> Option<Self> {
+        Self::WORDS.iter().find(|(of_kind, _)| *of_kind == word).map(|(_, kind)| *kind)
+    }
+
+    /// Returns the word of this kind.
+    pub fn word(self) -> &'static str {
+        Self::WORDS.iter().find(|(_, kind)| *kind == self).expect("each kind has a word").0
+    }
+}
 
 /// What the samples of an image mean: which one is white, and the radiance that they stand for. It belongs to the stream of the image:
 /// the pictures of a sensor of 6 bits have 8.
@@ -26,38 +74,32 @@ pub struct LightScale {
 }
 
 impl StreamScale {
-    /// The last parts of the names of the topics of images for a detector, which a sensor description covers.
-    pub const STREAMS: [&str; 6] = ["modulo", "recovered", "metered", "saturated", "auto_exposed", "ideal"];
-
-    /// Returns whether a sensor description covers the samples of the topics whose names end so.
-    pub fn covers(name: &str) -> bool {
-        name == "hdr" || Self::STREAMS.contains(&name)
-    }
-
-    /// Returns the scale of an image of `depth` bits (8, 16, or 32 for floats) on `topic`, the last part of whose name tells the stream:
+    /// Returns the scale of an image of `depth` bits (8, 16, or 32 for floats) of the stream `kind`:
     ///
     /// - `recovered`, `metered` and `ideal` of 8 bits are pictures: their largest sample is 255. The exposure of `metered` is that of its frame, so
     ///   that nobody says which radiance its samples stand for.
     /// - `modulo`, `saturated` and `auto_exposed` have the codes of the converter, up to `2^bits - 1`, and `hdr` counts up to
     ///   `alpha * 2^bits` times the headroom. Nobody says which radiance the codes of a changing exposure stand for. `bits` are those of `sensor`, the description of its camera, unless they are given here (0: not given).
-    /// - An image of another name, or without a description, has the `bits` that are given, else the whole range of its encoding.
+    /// - An image of another kind (`None`), or without a description, has the `bits` that are given, else the whole range of its encoding.
     ///
     /// The samples stand for radiance where a sensor describes one of these streams. `None` for floats of unknown range.
-    pub fn of(topic: &str, depth: u8, sensor: Option<&SensorModel>, bits: u8) -> Option<Self> {
+    pub fn of(kind: Option<StreamKind>, depth: u8, sensor: Option<&SensorModel>, bits: u8) -> Option<Self> {
         let peak_of = |bits: u8| f64::from(1_u32 << bits);
         let given = Some(bits).filter(|&bits| bits > 0);
         let codes = given.or(sensor.map(|sensor| sensor.bits)).map(|bits| peak_of(bits) - 1.0);
         let encoding = Some(depth).filter(|&depth| depth <= 16).map(|depth| peak_of(depth) - 1.0);
         let light = |white: fn(&SensorModel) -> LightScale| sensor.map(white);
-        let (most, light) = match (topic.rsplit('/').next(), sensor) {
-            (Some("recovered" | "ideal"), _) if depth == PICTURE => {
+        let (most, light) = match (kind, sensor) {
+            (Some(StreamKind::Recovered | StreamKind::Ideal), _) if depth == PICTURE => {
                 (encoding, light(LightScale::of_pictures))
             }
-            (Some("metered"), _) if depth == PICTURE => (encoding, None),
-            (Some("modulo"), _) => (codes, light(|_| LightScale { transfer: Transfer::Linear, white: 1.0 })),
-            (Some("auto_exposed"), _) => (codes, None),
-            (Some("saturated"), _) => (codes, light(LightScale::of_saturated)),
-            (Some("hdr"), Some(sensor)) => {
+            (Some(StreamKind::Metered), _) if depth == PICTURE => (encoding, None),
+            (Some(StreamKind::Modulo), _) => {
+                (codes, light(|_| LightScale { transfer: Transfer::Linear, white: 1.0 }))
+            }
+            (Some(StreamKind::AutoExposed), _) => (codes, None),
+            (Some(StreamKind::Saturated), _) => (codes, light(LightScale::of_saturated)),
+            (Some(StreamKind::Hdr), Some(sensor)) => {
                 let light = LightScale { transfer: Transfer::Linear, ..LightScale::of_pictures(sensor) };
                 (codes.map(|most| (most + 1.0) * light.white), Some(light))
             }
@@ -104,8 +146,8 @@ impl LightScale {
 mod tests {
     use super::*;
 
-    fn light(topic: &str, sensor: &SensorModel) -> LightScale {
-        StreamScale::of(topic, 8, Some(sensor), 0)
+    fn light(kind: StreamKind, sensor: &SensorModel) -> LightScale {
+        StreamScale::of(Some(kind), 8, Some(sensor), 0)
             .and_then(|scale| scale.light)
             .expect("a stream of the camera")
     }
@@ -113,23 +155,23 @@ mod tests {
     #[test]
     fn the_same_radiance_has_the_same_scale_in_each_stream() {
         let sensor = SensorModel { bits: 10, alpha: 4.0, headroom: 0.97, ..SensorModel::default() };
-        let radiance = |topic: &str, depth, sample: f64| {
-            let scale = StreamScale::of(topic, depth, Some(&sensor), 0).expect("a scale");
+        let radiance = |kind, depth, sample: f64| {
+            let scale = StreamScale::of(kind, depth, Some(&sensor), 0).expect("a scale");
             Some(scale.light?.radiance(sample / scale.most))
         };
         // A quarter of the peak, as whole codes of each stream.
-        for (topic, depth, sample, tolerance) in [
-            ("/modulo", 16, 256.0, 1e-3),
-            ("/front/saturated", 16, 256.0, 1e-3),
-            ("/recovered", 8, 16.43, 1e-3),
-            ("ideal", 8, 16.43, 1e-3),
-            ("/hdr", 16, 256.0, 1e-9),
-            ("/hdr", 32, 256.0, 1e-9),
+        for (kind, depth, sample, tolerance) in [
+            (StreamKind::Modulo, 16, 256.0, 1e-3),
+            (StreamKind::Saturated, 16, 256.0, 1e-3),
+            (StreamKind::Recovered, 8, 16.43, 1e-3),
+            (StreamKind::Ideal, 8, 16.43, 1e-3),
+            (StreamKind::Hdr, 16, 256.0, 1e-9),
+            (StreamKind::Hdr, 32, 256.0, 1e-9),
         ] {
-            let got = radiance(topic, depth, sample).expect("a stream of the camera");
-            assert!((got - 0.25).abs() < tolerance, "{topic}: {got}");
+            let got = radiance(Some(kind), depth, sample).expect("a stream of the camera");
+            assert!((got - 0.25).abs() < tolerance, "{kind:?}: {got}");
         }
-        assert_eq!(radiance("/confidence", 8, 1.0), None);
+        assert_eq!(radiance(None, 8, 1.0), None);
     }
 
     /// The bits of a sensor are those of its codes alone, at any number of bits, and the parameter of a reader changes no more.
@@ -138,33 +180,33 @@ mod tests {
         for bits in 1..=16 {
             let sensor = SensorModel { bits, alpha: 4.0, headroom: 1.0, ..SensorModel::default() };
             let depth = if bits <= 8 { 8 } else { 16 };
-            let most = |topic, depth, sensor, given| {
-                StreamScale::of(topic, depth, sensor, given).map(|scale| (scale.most, scale.bits()))
+            let most = |kind, depth, sensor, given| {
+                StreamScale::of(kind, depth, sensor, given).map(|scale| (scale.most, scale.bits()))
             };
             let codes = Some((f64::from((1_u32 << bits) - 1), bits));
             let other = SensorModel::default();
             for (sensor, given) in [(Some(&sensor), 0), (None, bits), (Some(&other), bits)] {
-                assert_eq!(most("/recovered", 8, sensor, given), Some((255.0, 8)), "{bits}");
-                assert_eq!(most("front/ideal", 8, sensor, given), Some((255.0, 8)), "{bits}");
-                assert_eq!(most("modulo", depth, sensor, given), codes);
-                assert_eq!(most("/saturated", depth, sensor, given), codes);
+                assert_eq!(most(Some(StreamKind::Recovered), 8, sensor, given), Some((255.0, 8)), "{bits}");
+                assert_eq!(most(Some(StreamKind::Ideal), 8, sensor, given), Some((255.0, 8)), "{bits}");
+                assert_eq!(most(Some(StreamKind::Modulo), depth, sensor, given), codes);
+                assert_eq!(most(Some(StreamKind::Saturated), depth, sensor, given), codes);
             }
             let hdr = f64::from(4 << bits);
-            assert_eq!(most("/hdr", 32, Some(&sensor), 0), Some((hdr, bits + 3)));
+            assert_eq!(most(Some(StreamKind::Hdr), 32, Some(&sensor), 0), Some((hdr, bits + 3)));
             // Of another topic, a description says nothing: it may be what the camera has sensed.
-            assert_eq!(most("/camera/image_raw", depth, None, bits), codes);
-            assert_eq!(most("/camera/image_raw", 8, Some(&sensor), 0), Some((255.0, 8)));
-            assert_eq!(most("/camera/image_raw", 16, Some(&sensor), 0), Some((65535.0, 16)));
+            assert_eq!(most(None, depth, None, bits), codes);
+            assert_eq!(most(None, 8, Some(&sensor), 0), Some((255.0, 8)));
+            assert_eq!(most(None, 16, Some(&sensor), 0), Some((65535.0, 16)));
         }
-        assert_eq!(StreamScale::of("/image", 32, None, 0), None, "floats have no range of their own");
+        assert_eq!(StreamScale::of(None, 32, None, 0), None, "floats have no range of their own");
     }
 
     #[test]
     fn a_saturated_image_ends_in_white_and_a_recovered_one_goes_on() {
         let sensor = SensorModel { alpha: 4.0, headroom: 1.0, ..SensorModel::default() };
-        let shown = |topic| light(topic, &sensor).shown();
-        assert_eq!((shown("saturated")[255], shown("recovered")[255]), (255, 255));
-        let at_peak = shown("recovered")[64];
+        let shown = |kind| light(kind, &sensor).shown();
+        assert_eq!((shown(StreamKind::Saturated)[255], shown(StreamKind::Recovered)[255]), (255, 255));
+        let at_peak = shown(StreamKind::Recovered)[64];
         assert!((150..230).contains(&at_peak), "the peak is bright, but not white: {at_peak}");
     }
 }

@@ -176,11 +176,19 @@ fn the_next_inputs_are_known_before_a_change() {
     let mut node = detector("rows.onnx", &[]);
     let now = parameters(&data("rows.onnx"), &[]);
     let names = |topics: Vec<Topic>| topics.into_iter().map(|topic| topic.name).collect::<Vec<_>>();
+    let of_topic = [
+        "/rear/image",
+        "sensor_info",
+        "recovered/sensor_info",
+        "/rear/sensor_info",
+        "/rear/recovered/sensor_info",
+        "recovery",
+    ];
     for (changes, later) in [
         (&[("input", "modulo")][..], &["saturated", "sensor_info"][..]),
-        (&[("input", "auto"), ("fallback", "/rear/image")], &["/rear/image", "sensor_info", "recovery"]),
+        (&[("input", "auto"), ("fallback", "/rear/image")], &of_topic[..]),
         (&[("input", "auto")], &["saturated", "sensor_info", "recovery"]),
-        (&[("fallback", "/rear/image")], &["/rear/image", "sensor_info"]),
+        (&[("fallback", "/rear/image")], &of_topic[..5]),
     ] {
         let next = parameters(&data("rows.onnx"), changes);
         let planned = node.inputs_with(&next).expect("possible");
@@ -259,9 +267,13 @@ fn read_as(
     let (clock, wanted) = (ManualClock::at(0), [true, false]);
     let header = Header { stamp: Time { sec: stamp, nanosec: 8 }, frame_id: "camera".into() };
     let sensor = SensorModel { bits, ..SensorModel::default() };
-    let message = sensor_info::message(&header, &sensor, "/modulo_camera");
+    let message = sensor_info::message(&header, &sensor, "/modulo_camera", []);
     let mut cx = Context::new("/detector", &clock, &wanted);
-    node.step(Trigger::Message { input: 1, message }, &mut cx).expect("a description");
+    // That beside the images, where they have a topic of their own.
+    let beside =
+        |topic: &Topic| topic.name.strip_suffix("sensor_info").is_some_and(|of| !of.ends_with("recovered/"));
+    let input = node.inputs().iter().rposition(beside).expect("descriptions are read");
+    node.step(Trigger::Message { input, message }, &mut cx).expect("a description");
     let message = Message::Image(Arc::new(image(frame)));
     let mut cx = Context::new("/detector", &clock, &wanted).of_stream(stream);
     node.step(Trigger::Message { input: 0, message }, &mut cx).expect("a step");
@@ -561,7 +573,7 @@ fn answered(fallback: &str, psf_sigma: f64) -> Vec<&'static str> {
         let now = frame * 100_000_000;
         let mut image = image(grey(96, 160, 204));
         image.header.stamp = Time::from_ns(now);
-        let info = sensor_info::message(&image.header, &sensor, "/modulo_camera");
+        let info = sensor_info::message(&image.header, &sensor, "/modulo_camera", []);
         chain.feed("/sensor_info", info, now).expect("a step");
         let image = Message::Image(Arc::new(image));
         for stream in ["/saturated", "/metered"] {
@@ -603,8 +615,12 @@ fn one_detector_answers_several_cameras() {
         for (camera, output, bits) in [("/front", outputs[0], 8), ("/car/rear", outputs[1], 6)] {
             let mut image = image(grey(96, 160, 60));
             image.header.stamp = Time::from_ns(frame);
-            let info =
-                sensor_info::message(&image.header, &SensorModel { bits, ..SensorModel::default() }, camera);
+            let info = sensor_info::message(
+                &image.header,
+                &SensorModel { bits, ..SensorModel::default() },
+                camera,
+                [],
+            );
             chain.feed(&format!("{camera}/sensor_info"), info, frame).expect("a step");
             let answers = chain.feed(&format!("{camera}/modulo"), Message::Image(Arc::new(image)), frame);
             let topics: Vec<_> = answers.expect("a step").into_iter().map(|(topic, _)| topic).collect();
@@ -630,7 +646,7 @@ fn cameras_of_other_sizes_and_bits_have_one_state() {
         for (camera, namespace, bits, height) in [(0, "/front", 8, 96), (1, "/rear", 6, 200)] {
             let image = image(grey(height, 160, 60));
             let sensor = SensorModel { bits, ..SensorModel::default() };
-            let info = sensor_info::message(&image.header, &sensor, namespace);
+            let info = sensor_info::message(&image.header, &sensor, namespace, []);
             let mut send = |input, message| {
                 let mut cx = Context::new("/detector", &clock, &[true, false, true, false]);
                 node.step(Trigger::Message { input, message }, &mut cx).expect("a step");

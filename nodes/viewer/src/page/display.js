@@ -2,7 +2,6 @@
 
 import { CURVES } from "./curve.js";
 import { byId, fitted, labelled, make, offer, rounded, style, write } from "./dom.js";
-import { namespaceOf } from "./state.js";
 
 const LEAST_STOP = -8;
 const BINS_OF_A_STOP = 2;
@@ -104,9 +103,9 @@ export class Display {
     context.setLineDash([4, 3]);
     context.strokeRect(peakAt, -1, 0, PLOT + 2);
     const above = image.stops.slice(-LEAST_STOP * BINS_OF_A_STOP).reduce((sum, share) => sum + share, 0);
-    const told = isFolded(image.topic)
+    const told = image.stream === "modulo"
       ? "What is above the peak has wrapped to the dark side."
-      : isClipped(image.topic)
+      : image.stream === "saturated"
         ? "What is above the peak is lost: it is white."
         : `${(100 * above).toFixed(1)} % of the samples are above the sensor's peak (0 stops): an ordinary sensor would have clipped them.`;
     write(this.words, told);
@@ -114,16 +113,17 @@ export class Display {
   }
 
   // Of each image the codes, and below them what they stand for: wraps k, or radiance.
-  drawPixel({ pixel }) {
+  drawPixel({ pixel, shown }) {
     if (!pixel || pixel === this.pixel) return;
     this.pixel = pixel;
     const { u, v, samples: all } = pixel;
     const told = all.length ? "codes, and the radiance in peaks of the sensor or the wraps k" : "the viewer no longer keeps this frame";
     write(this.place, `Column ${u}, row ${v}: ${told}`);
+    const kept = ({ topic }) => shown?.moment.images.get(topic) ?? {};
     const text = (value) => (Number.isInteger(value) ? String(value) : value.toFixed(2));
     this.table.replaceChildren(
       ...all.map((image) => {
-        const below = wrapsOf(image, all) ?? image.radiance.map(rounded);
+        const below = wrapsOf(image, all, kept) ?? image.radiance.map(rounded);
         const cells = image.samples.map((code, channel) =>
           make("td", { colSpan: 3 / image.samples.length }, text(code), make("small", { textContent: below[channel] ?? "" })),
         );
@@ -134,13 +134,12 @@ export class Display {
   }
 }
 
-const isFolded = (topic) => topic.endsWith("/modulo");
-const isClipped = (topic) => topic.endsWith("/saturated");
-
 // k of x = y + k * 2^b: the radiance of an unwrapped image is that of the wrapped one and k peaks of the sensor.
-function wrapsOf({ topic, radiance }, all) {
-  const unwrapped = ["hdr", "recovered"].map((name) => all.find((image) => image.topic === `${namespaceOf(topic)}/${name}`));
-  const x = unwrapped.find((image) => image?.radiance.length === radiance.length);
-  if (!isFolded(topic) || !x || !radiance.length) return null;
+function wrapsOf(image, all, kept) {
+  const [{ radiance }, { stream, camera }] = [image, kept(image)];
+  const ofCamera = all.filter((other) => kept(other).camera === camera);
+  const unwrapped = ["hdr", "recovered"].map((kind) => ofCamera.find((other) => kept(other).stream === kind));
+  const x = unwrapped.find((other) => other?.radiance.length === radiance.length);
+  if (stream !== "modulo" || !x || !radiance.length) return null;
   return x.radiance.map((light, channel) => `k ${Math.round(light - radiance[channel])}`);
 }

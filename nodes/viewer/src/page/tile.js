@@ -133,7 +133,7 @@ export class Tile {
     const idealOf = ({ topic }) => moment.images.get(`${namespaceOf(topic)}/ideal`);
     const scores = answered.map((image) => scoreOf(image, idealOf(image), state.choice.score)).filter((score) => score);
     const behind = images[0] ? stampMs(moment.stamp) - stampMs(images[0].stamp) : 0;
-    const unwrapped = images.find((image) => /\/(recovered|metered|hdr)$/.test(image?.topic));
+    const unwrapped = images.find((image) => ["recovered", "metered", "hdr"].includes(image?.stream));
     const { trusted = null, message = "" } = (unwrapped && frame(unwrapped)?.trust[namespaceOf(unwrapped.topic)]) ?? {};
     const facts = [
       scores.join(" | "),

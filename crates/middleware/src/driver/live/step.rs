@@ -22,7 +22,9 @@ impl Live<'_> {
         frame: Option<Time>,
     ) -> Result<(Flow, Vec<(usize, Message)>), RunError> {
         let wanted: Vec<bool> = self.outputs.iter().map(LiveOutput::wanted).collect();
-        let mut cx = Context::new(self.telemetry.node(), &self.time, &wanted).of_stream(stream);
+        let topics: Vec<&str> = self.outputs.iter().map(|output| &*output.address.topic).collect();
+        let mut cx =
+            Context::new(self.telemetry.node(), &self.time, &wanted).with_topics(&topics).of_stream(stream);
         let begin = self.time.ticks_ns();
         let result = self.node.step(trigger, &mut cx);
         let mut output = cx.finish();

@@ -1,0 +1,243 @@
+//! [`Image`]: proves an image, without the samples that contradict others.
+//!
+//! Beside a sample that does not show the radiance, others are proved that are wrong, and so are those that lean on them: then some samples have no count that
+//! is possible, or one that those around them exclude. Which one is the cause is not known. So all around these places is left out, and the image is
+//! proved again. What was left out is then proved from outside to inside, where no error travels far.
+
+use std::cmp::Ordering;
+use std::collections::HashSet;
+
+use super::agreement::{around, contradictions, counts};
+use super::plane::{Plane, View};
+use super::stencil::Family;
+use super::{Sensor, front};
+use crate::unwrap::Integers;
+use crate::unwrap::budget::{self, Budget};
+
+/// One sample of so many may be left out. Where more contradict others, the lens, the range or the noise is not as it was told.
+const MOST: usize = 3000;
+
+/// The samples that may contradict others, and those around them, for each one that may be left out.
+const CONTRADICTIONS: usize = 10;
+const DOUBTED: usize = 100;
+
+/// Samples above this share of the range, and so many standard deviations of the noise, lie at its end. Pictures reach 0.97 of it.
+const END: f64 = 63.0 / 64.0;
+const SIGMAS_OF_ONE: f64 = 5.0;
+
+/// The number of times that samples are left out.
+const TRIES: usize = 3;
+
+/// The rows and columns around a contradiction that are left out.
+const AROUND: isize = 3;
+
+/// The most samples that are left out within as many rows and columns as `APART`. A line of them may divide what is right from what is not.
+const MOST_AT_ONE_PLACE: usize = 20;
+const APART: isize = 10;
+
+/// An image that is decoded.
+pub(super) struct Image<'a> {
+    sensor: &'a Sensor,
+    plane: &'a mut Plane,
+    y: Integers<'a>,
+    dim: (usize, usize, usize),
+}
+
+impl<'a> Image<'a> {
+    /// Reads `y` (H x W x C).
+    pub fn read(
+        sensor: &'a Sensor,
+        plane: &'a mut Plane,
+        y: Integers<'a>,
+        dim: (usize, usize, usize),
+    ) -> Self {
+        let mut image = Self { sensor, plane, y, dim };
+        image.begin();
+        image
+    }
+
+    /// Proves all samples but some defects and those beside them. Returns these in ascending order, or `None` if that is not possible, or its
+    /// work is not left.
+    pub fn prove_all(mut self, budget: &mut Budget) -> Option<Vec<usize>> {
+        let mut wrong = self.prove(&[])?;
+        if !wrong.is_empty() && !budget.take(budget::DEFECTS * self.samples() as f64) {
+            return None;
+        }
+        let mut doubted = Vec::new();
+        for _ in 0..TRIES {
+            if wrong.is_empty() {
+                break;
+            }
+            doubted.extend(around(self.plane, &wrong, AROUND));
+            self.begin();
+            self.leave_out(&doubted);
+            wrong = self.prove(&doubted)?;
+        }
+        if !wrong.is_empty() || doubted.len() > DOUBTED * self.most() {
+            return None;
+        }
+        if !doubted.is_empty() {
+            self.settle_all(sorted(doubted))?;
+        } else if self.plane.unknown() > self.most() {
+            return None;
+        }
+        let left_out = self.left_out();
+        let is_proved = left_out.len() <= self.most() && self.are_apart(&left_out);
+        is_proved.then(|| self.guess(&left_out)).map(|()| left_out)
+    }
+
+    /// Returns the samples that are not proved, and those around the ends of the range, in ascending order: light above the range may lie there, for which the
+    /// bounds do not hold.
+    fn left_out(&self) -> Vec<usize> {
+        let end = END * self.sensor.range.limit() + SIGMAS_OF_ONE * self.sensor.noise;
+        let end = end as f32 / self.sensor.range.peak();
+        if self.plane.known_up_to(end) == self.samples() {
+            return Vec::new();
+        }
+        let left = (0..self.samples()).filter(|&at| !self.plane.is_known(at));
+        let at_end: Vec<usize> = (0..self.samples()).filter(|&at| self.plane.x[at] > end).collect();
+        sorted(left.chain(around(self.plane, &at_end, AROUND)).collect())
+    }
+
+    /// Proves what was left out, where all else is right, but for what contradicts it. Returns `None` if that is not possible.
+    fn settle_all(&mut self, doubted: Vec<usize>) -> Option<()> {
+        let mut defects = self.settle(&doubted);
+        let mut beside = sorted(around(self.plane, &defects, AROUND));
+        beside.retain(|at| defects.binary_search(at).is_err());
+        self.leave_out(&defects);
+        let wrong = self.settle(&beside);
+        defects.extend(around(self.plane, &wrong, AROUND));
+        self.leave_out(&defects);
+        self.prove(&defects)?.is_empty().then_some(())
+    }
+
+    fn samples(&self) -> usize {
+        self.dim.0 * self.dim.1 * self.dim.2
+    }
+
+    /// Returns how many samples may be left out.
+    fn most(&self) -> usize {
+        self.samples() / MOST
+    }
+
+    /// Begins anew, with the seeds.
+    fn begin(&mut self) {
+        let (peak, seeds) = (self.sensor.range.peak(), self.sensor.seeds);
+        match self.y {
+            Integers::U8(y) => self.plane.read(y, self.dim, peak, seeds),
+            Integers::U16(y) => self.plane.read(y, self.dim, peak, seeds),
+        }
+    }
+
+    /// Makes samples neither proved nor open.
+    fn leave_out(&mut self, samples: &[usize]) {
+        samples.iter().for_each(|&at| self.plane.x[at] = f32::NAN);
+    }
+
+    /// Returns the families of stencils by which samples are proved, and the greatest count.
+    fn rule(&self) -> ([&'a Family; 2], f32) {
+        ([&self.sensor.corner, &self.sensor.run], self.sensor.range.max_wraps().into())
+    }
+
+    /// Sweeps in all views as long as that proves most of what is left. Returns the samples that contradict others, but for those `left_out`; `None` if
+    /// these are too many.
+    fn prove(&mut self, left_out: &[usize]) -> Option<Vec<usize>> {
+        let (families, greatest) = self.rule();
+        let (mut unknown, mut before, mut impossible) = (self.plane.unknown(), usize::MAX, 0);
+        while unknown > 0 && unknown <= before / 2 {
+            before = unknown;
+            for view in View::all() {
+                if unknown > 0 {
+                    let found = front::sweep(self.plane, view, &families, greatest);
+                    unknown -= found.proved + found.impossible;
+                    impossible += found.impossible;
+                }
+                if impossible > self.most() {
+                    return None;
+                }
+            }
+        }
+        let mut wrong = self.contradictions(impossible > 0 || !left_out.is_empty());
+        if impossible > 0 {
+            let left_out: HashSet<usize> = left_out.iter().copied().collect();
+            wrong.extend(
+                (0..self.samples()).filter(|at| self.plane.x[*at].is_nan() && !left_out.contains(at)),
+            );
+        }
+        (wrong.len() <= CONTRADICTIONS * self.most()).then_some(wrong)
+    }
+
+    /// Returns the samples that those before them in their row, those above them, or those on all sides exclude. What is wrong up to a line agrees with all that
+    /// is not on the other side of it, and what is wrong up to a corner, with the row above and the column before; so that all three look. Where nothing is
+    /// wrong, as `is_wrong` and the first two say, the third does not.
+    fn contradictions(&self, is_wrong: bool) -> Vec<usize> {
+        let Sensor { run, hole, .. } = self.sensor;
+        let above: Vec<_> = run.places.iter().map(|[row, column]| [*column, *row]).collect();
+        let of_one = |places, family: &Family| contradictions(self.plane, places, &family.stencils[0]);
+        let mut wrong = of_one(&run.places, run);
+        wrong.extend(of_one(&above, run));
+        if is_wrong || !wrong.is_empty() {
+            wrong.extend(of_one(&hole.places, hole));
+        }
+        wrong
+    }
+
+    /// Opens samples, and proves them by all around them, from outside to inside. Returns those that contradict others, in ascending order.
+    fn settle(&mut self, samples: &[usize]) -> Vec<usize> {
+        let (families, greatest) = self.rule();
+        for &at in samples {
+            self.plane.x[at] = -self.code(at);
+        }
+        let (mut open, mut before) = (samples.to_vec(), usize::MAX);
+        while open.len() < before {
+            before = open.len();
+            // All of a round are found before any is used.
+            let found: Vec<_> = open.iter().map(|&at| counts(self.plane, &families, at, greatest)).collect();
+            for (&at, (least, most)) in open.iter().zip(found) {
+                match least.total_cmp(&most) {
+                    Ordering::Less => {}
+                    Ordering::Equal => self.plane.x[at] = least - self.plane.x[at],
+                    Ordering::Greater => self.plane.x[at] = f32::NAN,
+                }
+            }
+            open.retain(|&at| self.plane.x[at] < 0.0);
+        }
+        let is_wrong = |&at: &usize| {
+            let (x, (least, most)) = (self.plane.x[at], counts(self.plane, &families, at, greatest));
+            x.is_nan() || x > 0.0 && !(least..=most).contains(&x.floor())
+        };
+        let wrong = samples.iter().copied().filter(is_wrong);
+        sorted(wrong.chain(self.contradictions(true)).collect())
+    }
+
+    /// Gives samples that are not proved the counts that bring them nearest to the mean of the proved ones around.
+    fn guess(&mut self, left_out: &[usize]) {
+        let guess = |&at: &usize| {
+            let known = around(self.plane, &[at], AROUND).into_iter().filter(|&at| self.plane.is_known(at));
+            let (sum, count) =
+                known.fold((0.0, 0.0), |(sum, count), at| (sum + self.plane.x[at], count + 1.0));
+            let code = self.code(at);
+            code + (sum / f32::max(count, 1.0) - code).round().clamp(0.0, self.rule().1)
+        };
+        let guesses: Vec<f32> = left_out.iter().map(guess).collect();
+        left_out.iter().zip(guesses).for_each(|(&at, x)| self.plane.x[at] = x);
+    }
+
+    /// Returns the middle of the code of a sample, in peaks.
+    fn code(&self, at: usize) -> f32 {
+        (f32::from(self.y.at(at)) + 0.5) / self.sensor.range.peak()
+    }
+
+    /// Returns whether what is left out lies apart.
+    fn are_apart(&self, left_out: &[usize]) -> bool {
+        let beside = |at| around(self.plane, &[at], APART).into_iter().filter(|&at| !self.plane.is_known(at));
+        left_out.iter().all(|&at| beside(at).count() <= MOST_AT_ONE_PLACE)
+    }
+}
+
+/// Returns samples in ascending order, each once.
+fn sorted(mut samples: Vec<usize>) -> Vec<usize> {
+    samples.sort_unstable();
+    samples.dedup();
+    samples
+}
