@@ -1,6 +1,5 @@
 //! `modulo eval`: every frame once through the nodes of a launch file, for each combination of what varies; and the report of it.
 
-use std::ffi::OsString;
 use std::ops::{ControlFlow, Range};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -366,22 +365,6 @@ impl Record {
 }
 
 impl LabelledFrames {
-    /// Returns the options of a command line that name these frames.
-    pub fn options(&self) -> Vec<OsString> {
-        let Self { kitti, list, sequence, yolo, coco, coco_images } = self;
-        let one = [
-            ("--kitti", kitti),
-            ("--list", list),
-            ("--yolo", yolo),
-            ("--coco", coco),
-            ("--coco-images", coco_images),
-        ];
-        let one = one.into_iter().filter_map(|(name, path)| Some((name, path.as_ref()?)));
-        one.chain(sequence.iter().map(|folder| ("--sequence", folder)))
-            .flat_map(|(name, path)| [name.into(), path.clone().into_os_string()])
-            .collect()
-    }
-
     /// Returns the frames that these options and `source` name; `None` for those of the cameras.
     fn data(&self, source: &[String]) -> Result<Option<Data>, Failure> {
         let list = match self.list.as_deref() {

@@ -1,11 +1,8 @@
 //! The unwrapping methods on image files, with their times: on pictures through a simulated sensor, and on modulo images. The
-//! stability suite, and the benchmarks of the whole pipeline and of the inference engines.
+//! stability suite.
 //!
-//! No crate of a node is used here: the methods are those of `modulo-core`, which the nodes use, and the benchmarks of the
-//! pipeline and of the engines run the program as a user does.
+//! No crate of a node is used here: the methods are those of `modulo-core`, which the nodes use.
 
-pub mod engines;
-pub mod pipeline;
 pub mod recover;
 pub mod runner;
 pub mod simulate;
@@ -21,7 +18,6 @@ use modulo_runtime::ParameterError;
 use modulo_runtime::output::{self, OutputError};
 use modulo_video::VideoError;
 use serde::Serialize;
-use serde::de::DeserializeOwned;
 
 /// Error of a simulation, benchmark or stability run. The message names the value and the possible ones.
 #[derive(Debug, thiserror::Error)]
@@ -56,9 +52,6 @@ pub enum BenchError {
     /// The method does not exist, or refuses the image.
     #[error(transparent)]
     Unwrap(#[from] UnwrapError),
-    /// A run of the pipeline, or of the network by itself, fails.
-    #[error("{0}")]
-    Run(String),
 }
 
 /// Name of the list of results in the folder of a command.
@@ -69,12 +62,6 @@ pub fn quantile(values: impl IntoIterator<Item = f64>, q: f64) -> f64 {
     let mut values: Vec<f64> = values.into_iter().collect();
     values.sort_by(f64::total_cmp);
     metric::quantile(&values, q).expect("there is a value")
-}
-
-impl BenchError {
-    fn number(what: &str, value: usize, possible: &str) -> Self {
-        Self::Request(format!("{what} is {value}, but must be {possible}"))
-    }
 }
 
 /// Progress of a command.
@@ -148,9 +135,4 @@ fn write_json(path: &Path, value: &impl Serialize) -> Result<(), BenchError> {
 /// Replaces the content of `path`, as [`output::replace`] does.
 fn write(path: &Path, bytes: &[u8]) -> Result<(), BenchError> {
     output::replace(path, bytes).map_err(|why| BenchError::Io(path.to_owned(), why))
-}
-
-fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, BenchError> {
-    let text = fs::read(path).map_err(|source| BenchError::Io(path.to_owned(), source))?;
-    serde_json::from_slice(&text).map_err(|why| BenchError::Io(path.to_owned(), why.into()))
 }

@@ -105,10 +105,6 @@ impl GridError {
         Self::Request(format!("{what} is {value}, but must be {possible}"))
     }
 
-    fn empty(list: &str) -> Self {
-        Self::Request(format!("{list} is empty; at least one entry is needed"))
-    }
-
     fn of_file(path: &Path, why: impl Display) -> Self {
         Self::Request(format!("{}: {why}", path.display()))
     }

@@ -126,6 +126,41 @@ fn a_cell_has_what_decides_its_boxes() {
     assert_eq!(named, ["50"; 4], "recovered and metered with two seeds; the default has no name");
 }
 
+/// A default and a short form overrode what `--vary` named, without a word.
+#[test]
+fn what_varies_has_no_default_and_is_given_once() {
+    let points = |options: &str, varied: &str| {
+        let varied = varied.split_whitespace().map(|text| text.parse().expect("a name with values"));
+        let variants = axes(options).variants(&nodes, &varied.collect::<Vec<Varied>>(), true)?;
+        Ok::<_, GridError>(cells(&variants)?.into_iter().map(|cell| cell.point).collect::<Vec<_>>())
+    };
+    let varied = "modulo_camera.alpha=6 unwrap.method=lines unwrap.deblur=false detector.model=a.onnx,b.onnx \
+                  detector_recovered.input_size=96x64";
+    let own = points("--stream recovered", varied).expect("possible");
+    let words = |point: &modulo_eval::results::Point| {
+        (
+            point.sensor.alpha,
+            point.method.clone().expect("recovered"),
+            point.model.clone(),
+            point.input.clone(),
+        )
+    };
+    let expected = ["a", "b"].map(|model| (6.0, "lines".to_owned(), model.to_owned(), "96x64".to_owned()));
+    assert_eq!(own.iter().map(words).collect::<Vec<_>>(), expected);
+    let specific = points("--stream recovered,ideal --input 64x64", "detector_ideal.input_size=96x64")
+        .expect("possible");
+    assert!(specific.iter().all(|point| (point.input == "96x64") == point.is("ideal")), "{specific:?}");
+    for (options, varied, names) in [
+        ("--alpha 2", "alpha=4", ["modulo_camera.alpha", "alpha"]),
+        ("--model a.onnx", "detector.model=b.onnx", ["detector.model", "short form"]),
+        ("--psf-sigma 1", "modulo_camera.psf_sigma=2", ["modulo_camera.psf_sigma", "--vary"]),
+        ("", "unwrap.method=auto unwrap.method=spud", ["unwrap.method", "once"]),
+    ] {
+        let why = points(options, varied).expect_err(varied).to_string();
+        assert!(names.iter().all(|name| why.contains(name)), "{why}");
+    }
+}
+
 #[test]
 fn the_paper_has_four_streams_two_forms_of_spud_and_640() {
     let paper = points("--protocol paper").expect("possible");
