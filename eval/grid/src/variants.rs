@@ -1,4 +1,4 @@
-//! [`variants`]: the nodes of a launch file for each combination of what varies.
+//! [`Axes`]: the nodes of a launch file for each combination of what varies.
 
 use std::path::PathBuf;
 use std::str::FromStr;
