@@ -16,14 +16,15 @@ struct Proved {
 }
 
 impl SensorModel {
-    /// Returns the largest alpha up to which such a sensor is fit, since most pictures are proved as a whole or by measurement, see [`proved_up_to`] and
-    /// [`fit_up_to`]; `None` if its lens is unknown.
+    /// Returns the largest alpha up to which such a sensor is fit, since most pictures are proved as a whole or by
+    /// measurement, see [`proved_up_to`] and [`fit_up_to`]; `None` if its lens is unknown.
     pub fn fit_up_to(&self) -> Option<f64> {
         let measured = self.lens().map(|psf| fit_up_to(psf, self.mosaic.is_some(), self.gains))?;
         Some(self.proved_up_to().map_or(measured, |[_, most]| most.max(measured)))
     }
 
-    /// Returns the limits of [`proved_up_to`]; `None` where nothing is proved: without black columns, behind an unknown or sharp lens, on a mosaic and of two gains.
+    /// Returns the limits of [`proved_up_to`]; `None` where nothing is proved: without black columns, behind an unknown
+    /// or sharp lens, on a mosaic and of two gains.
     pub fn proved_up_to(&self) -> Option<[f64; 2]> {
         /// The limits of the last sensor: nodes ask for them each second.
         static LAST: Mutex<Option<Proved>> = Mutex::new(None);

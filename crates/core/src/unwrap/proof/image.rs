@@ -1,8 +1,9 @@
 //! [`Image`]: proves an image, without the samples that contradict others.
 //!
-//! Beside a sample that does not show the radiance, others are proved that are wrong, and so are those that lean on them: then some samples have no count that
-//! is possible, or one that those around them exclude. Which one is the cause is not known. So all around these places is left out, and the image is
-//! proved again. What was left out is then proved from outside to inside, where no error travels far.
+//! Beside a sample that does not show the radiance, others are proved that are wrong, and so are those that lean on
+//! them: then some samples have no count that is possible, or one that those around them exclude. Which one is the
+//! cause is not known. So all around these places is left out, and the image is proved again. What was left out is then
+//! proved from outside to inside, where no error travels far.
 
 use std::cmp::Ordering;
 use std::collections::HashSet;
@@ -14,14 +15,14 @@ use super::{Sensor, front};
 use crate::unwrap::Integers;
 use crate::unwrap::budget::{self, Budget};
 
-/// One sample of so many may be left out. Where more contradict others, the lens, the range or the noise is not as it was told.
+/// One sample of so many may be left out. Where more contradict others, the lens, range or noise is not as described.
 const MOST: usize = 3000;
 
 /// The samples that may contradict others, and those around them, for each one that may be left out.
 const CONTRADICTIONS: usize = 10;
 const DOUBTED: usize = 100;
 
-/// Samples above this share of the range, and so many standard deviations of the noise, lie at its end. Pictures reach 0.97 of it.
+/// Samples above this share of the range and so many standard deviations of noise lie at its end. Pictures reach 0.97.
 const END: f64 = 63.0 / 64.0;
 const SIGMAS_OF_ONE: f64 = 5.0;
 
@@ -31,7 +32,8 @@ const TRIES: usize = 3;
 /// The rows and columns around a contradiction that are left out.
 const AROUND: isize = 3;
 
-/// The most samples that are left out within as many rows and columns as `APART`. A line of them may divide what is right from what is not.
+/// The most samples that are left out within as many rows and columns as `APART`. A line of them may divide what is
+/// right from what is not.
 const MOST_AT_ONE_PLACE: usize = 20;
 const APART: isize = 10;
 
@@ -56,8 +58,8 @@ impl<'a> Image<'a> {
         image
     }
 
-    /// Proves all samples but some defects and those beside them. Returns these in ascending order, or `None` if that is not possible, or its
-    /// work is not left.
+    /// Proves all samples but some defects and those beside them. Returns these in ascending order, or `None` if that
+    /// is not possible, or its work is not left.
     pub fn prove_all(mut self, budget: &mut Budget) -> Option<Vec<usize>> {
         let mut wrong = self.prove(&[])?;
         if !wrong.is_empty() && !budget.take(budget::DEFECTS * self.samples() as f64) {
@@ -86,8 +88,8 @@ impl<'a> Image<'a> {
         is_proved.then(|| self.guess(&left_out)).map(|()| left_out)
     }
 
-    /// Returns the samples that are not proved, and those around the ends of the range, in ascending order: light above the range may lie there, for which the
-    /// bounds do not hold.
+    /// Returns the samples that are not proved, and those around the ends of the range, in ascending order: light above
+    /// the range may lie there, for which the bounds do not hold.
     fn left_out(&self) -> Vec<usize> {
         let end = END * self.sensor.range.limit() + SIGMAS_OF_ONE * self.sensor.noise;
         let end = end as f32 / self.sensor.range.peak();
@@ -99,7 +101,7 @@ impl<'a> Image<'a> {
         sorted(left.chain(around(self.plane, &at_end, AROUND)).collect())
     }
 
-    /// Proves what was left out, where all else is right, but for what contradicts it. Returns `None` if that is not possible.
+    /// Proves samples that were left out, where all others are right. Returns `None` if too many contradict these.
     fn settle_all(&mut self, doubted: Vec<usize>) -> Option<()> {
         let mut defects = self.settle(&doubted);
         let mut beside = sorted(around(self.plane, &defects, AROUND));
@@ -139,8 +141,8 @@ impl<'a> Image<'a> {
         ([&self.sensor.corner, &self.sensor.run], self.sensor.range.max_wraps().into())
     }
 
-    /// Sweeps in all views as long as that proves most of what is left. Returns the samples that contradict others, but for those `left_out`; `None` if
-    /// these are too many.
+    /// Sweeps in all views as long as that proves most of what is left. Returns the samples that contradict others, but
+    /// for those `left_out`; `None` if these are too many.
     fn prove(&mut self, left_out: &[usize]) -> Option<Vec<usize>> {
         let (families, greatest) = self.rule();
         let (mut unknown, mut before, mut impossible) = (self.plane.unknown(), usize::MAX, 0);
@@ -167,9 +169,10 @@ impl<'a> Image<'a> {
         (wrong.len() <= CONTRADICTIONS * self.most()).then_some(wrong)
     }
 
-    /// Returns the samples that those before them in their row, those above them, or those on all sides exclude. What is wrong up to a line agrees with all that
-    /// is not on the other side of it, and what is wrong up to a corner, with the row above and the column before; so that all three look. Where nothing is
-    /// wrong, as `is_wrong` and the first two say, the third does not.
+    /// Returns the samples that those before them in their row, those above them, or those on all sides exclude. What
+    /// is wrong up to a line agrees with all that is not on the other side of it, and what is wrong up to a corner,
+    /// with the row above and the column before; so that all three look. Where nothing is wrong, as `is_wrong` and the
+    /// first two say, the third does not.
     fn contradictions(&self, is_wrong: bool) -> Vec<usize> {
         let Sensor { run, hole, .. } = self.sensor;
         let above: Vec<_> = run.places.iter().map(|[row, column]| [*column, *row]).collect();
@@ -182,7 +185,7 @@ impl<'a> Image<'a> {
         wrong
     }
 
-    /// Opens samples, and proves them by all around them, from outside to inside. Returns those that contradict others, in ascending order.
+    /// Proves samples anew by all around them, from outside to inside. Returns those that contradict others, in order.
     fn settle(&mut self, samples: &[usize]) -> Vec<usize> {
         let (families, greatest) = self.rule();
         for &at in samples {

@@ -1,11 +1,13 @@
 //! Proof: counts of which no scene in the range of the sensor allows others, behind a lens that is known.
 //!
-//! The samples behind the black columns have the count 0, since even a white scene beside them stays below one peak there. From there the image is
-//! decoded: all counts but one of the next sample would need a scene outside the range ([`stencil`]). Nothing leans on a count that is not proved, so that
-//! no error can travel, whatever the picture. Most images are decoded in one sweep ([`front`]).
+//! The samples behind the black columns have the count 0, since even a white scene beside them stays below one peak
+//! there. From there the image is decoded: all counts but one of the next sample would need a scene outside the range
+//! ([`stencil`]). Nothing leans on a count that is not proved, so that no error can travel, whatever the picture. Most
+//! images are decoded in one sweep ([`front`]).
 //!
-//! A sample that does not show the radiance, such as a hot one, voids the proof around it and of all that leans on that. So each sample must also agree
-//! with those on all sides of it ([`agreement`]); where some do not, the image is proved without them ([`image`]).
+//! A sample that does not show the radiance, such as a hot one, voids the proof around it and of all that leans on
+//! that. So each sample must also agree with those on all sides of it ([`agreement`]); where some do not, the image is
+//! proved without them ([`image`]).
 
 mod agreement;
 mod front;
@@ -23,15 +25,15 @@ use crate::frame::Frame;
 use crate::optics::Psf;
 use crate::range::Range;
 
-/// The least half width of the stencils behind which most images are proved as a whole. Behind a narrower one hardly any is.
+/// The least half width of the stencils with which most images are proved as a whole. With a narrower one, few are.
 const LEAST_HALF_WIDTH: f32 = 0.4;
 
-/// The greatest bend of a lens, see [`Psf::bend`]: that of 0.7 px. Behind a sharper one, an edge of one peak bends by half a peak and more if the lens is a fifth
-/// sharper than it was described, and then leaves no trace.
+/// The greatest bend of a lens, see [`Psf::bend`]: that of 0.7 px. Behind a sharper one, an edge of one peak bends by
+/// half a peak and more if the lens is a fifth sharper than it was described, and then leaves no trace.
 const MOST_BEND: f64 = 0.37;
 
-/// The least width of an image: that of the samples that are checked at once, and the runs at both borders. The least height is that of a run, which the mirrored
-/// border continues right only so far.
+/// The least width of an image: that of the samples that are checked at once, and the runs at both borders. The least
+/// height is that of a run, which the mirrored border continues right only so far.
 const LEAST_WIDTH: usize = CHUNK + 2 * RUN;
 
 /// The stencils of the last sensor, and buffers.
@@ -55,8 +57,8 @@ struct Sensor {
 }
 
 impl Proof {
-    /// Returns whether this is a sensor whose images are proved: it has one gain for all pixels, no mosaic, black columns, noise that is known, and a lens that
-    /// is known and soft enough for its range.
+    /// Returns whether this is a sensor whose images are proved: it has one gain for all pixels, no mosaic, black
+    /// columns, noise that is known, and a lens that is known and soft enough for its range.
     pub fn reaches(&mut self, scene: &Scene, y: &Frame) -> bool {
         let known = scene.lens.filter(is_soft).zip(scene.noise);
         let known = known.filter(|_| y.mosaic().is_none() && scene.range.black() > 0);
@@ -79,8 +81,8 @@ impl Proof {
             && is_exact
     }
 
-    /// Writes the counts of `y`, an image of the sensor that [`reaches`](Self::reaches) was asked for, to `k`. Returns the samples that are not proved, in
-    /// ascending order, or `None` if these are not only a few around defects.
+    /// Writes the counts of `y`, an image of the sensor that [`reaches`](Self::reaches) was asked for, to `k`. Returns
+    /// the samples that are not proved, in ascending order, or `None` if these are not only a few around defects.
     pub fn decode(
         &mut self,
         y: Integers<'_>,
@@ -98,9 +100,9 @@ impl Proof {
 /// The alphas between which limits are sought.
 const ALPHAS: (f64, f64) = (0.1, 128.0);
 
-/// Returns the largest alpha up to which each scene has one set of counts, whatever it shows, and the one up to which most pictures are proved as a whole: behind
-/// this lens, for a sensor of so many bits (1 to 16) with black columns and noise of this standard deviation in code units. `None`: behind so sharp a lens, nothing is
-/// proved.
+/// Returns the largest alpha up to which each scene has one set of counts, whatever it shows, and the one up to which
+/// most pictures are proved as a whole: behind this lens, for a sensor of so many bits (1 to 16) with black columns and
+/// noise of this standard deviation in code units. `None`: behind so sharp a lens, nothing is proved.
 pub fn proved_up_to(lens: Psf, bits: u8, noise: f64) -> Option<[f64; 2]> {
     let up_to = |lines: fn() -> Vec<Line>, least: f32| {
         let (mut proved, mut not) = ALPHAS;
@@ -137,7 +139,7 @@ mod tests {
     use super::*;
     use crate::sensor::{Exposure, Sensor as Camera, SensorConfig};
 
-    /// Scenes that nothing but their range holds together: noise of black and white, blocks of both, random blocks, and walks.
+    /// Returns a scene of one of several kinds: noise of black and white, blocks of both, random blocks, or walks.
     fn scene(kind: usize, values: &[f32], (height, width): (usize, usize)) -> Array3<f32> {
         let value = |i: usize, j: usize| values[(i * 131 + j * 17) % values.len()];
         let mut walk = 0.5;
@@ -154,7 +156,7 @@ mod tests {
         })
     }
 
-    /// Returns the radiance in peaks of the samples that are proved, and below 0 or NaN for others, and what `decode` returns.
+    /// Returns the radiance in peaks of proved samples (below 0 or NaN for others), and the result of `decode`.
     fn decoded(exposure: &Exposure, lens: Psf) -> (Vec<f32>, Option<Vec<usize>>) {
         let (y, mut proof) = (exposure.modulo(), Proof::default());
         let mut k = vec![0; y.to_f32().len()];
@@ -172,20 +174,22 @@ mod tests {
         fn no_count_that_is_proved_is_wrong(
             kind in 0usize..7,
             values in prop::collection::vec(0.0f32..1.0, 200..400),
-            (psf, alpha) in prop::sample::select(vec![(0.8, 2.0), (0.8, 3.0), (1.0, 3.0), (1.0, 4.0), (1.0, 8.0), (1.4, 4.0), (1.4, 8.0), (2.0, 8.0), (0.5, 2.0)]),
-            read_noise in prop::sample::select(vec![0.0, 0.0, 1.0, 3.0]),
+            (psf, alpha) in prop::sample::select(vec![
+                (0.8, 2.0), (0.8, 3.0), (1.0, 3.0), (1.0, 4.0), (1.0, 8.0), (1.4, 4.0), (1.4, 8.0), (2.0, 8.0), (0.5, 2.0),
+            ]),
+            (read_noise, prnu) in prop::sample::select(vec![(0.0, 0.0), (0.0, 0.0), (1.0, 0.0), (3.0, 0.0), (0.0, 0.005)]),
             seed in any::<u64>(),
         ) {
             let psf = Psf::of_sigma(psf);
             let config = SensorConfig {
-                alpha, psf, read_noise, optical_black: 32, ..SensorConfig::default()
+                alpha, psf, read_noise, prnu, optical_black: 32, ..SensorConfig::default()
             };
             let light = scene(kind, &values, (24, 80));
             let exposure = Camera::new(config).expect("a sensor").expose(light.view(), seed).expect("an image");
             let (x, left_out) = decoded(&exposure, psf);
             prop_assert!(left_out.is_none_or(|left_out| left_out.is_empty()), "nothing is a defect");
             for (x, truth) in x.iter().zip(&exposure.wraps()) {
-                prop_assert!(x.is_nan() || *x < 0.0 || *x as u8 == *truth, "{kind} {psf:?} {alpha} {read_noise}");
+                prop_assert!(x.is_nan() || *x < 0.0 || *x as u8 == *truth, "{kind} {psf:?} {alpha} {read_noise} {prnu}");
             }
         }
     }
@@ -224,7 +228,7 @@ mod tests {
         assert!(proved > 30, "{proved}");
     }
 
-    /// What is brighter before the lens than the range, such as the sun, is not in the bounds.
+    /// The bounds do not hold for light that is brighter before the lens than the range, such as the sun.
     #[test]
     fn nothing_is_proved_at_the_end_of_the_range() {
         let psf = Psf::of_sigma(1.4);
