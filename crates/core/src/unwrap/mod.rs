@@ -81,8 +81,9 @@ macro_rules! methods {
                 let make: fn(&Options) -> Result<Box<dyn Unwrap>, UnwrapError> = match self {
                     $(Self::$method => $make,)*
                 };
-                let method = MosaicUnwrap::new(make(options)?, self == Self::Auto, options)?;
-                Ok(Box::new(Judged::of_one_gain(Box::new(method), options.successive)))
+                let is_auto = self == Self::Auto;
+                let method = MosaicUnwrap::new(make(options)?, is_auto, options)?;
+                Ok(Box::new(Judged::of_one_gain(Box::new(method), is_auto, options.successive)))
             }
         }
     };
@@ -173,6 +174,8 @@ pub struct Recovered {
     pub report: Report,
     /// The number of second differences of x above [`edges::NEAR_HALF`] along rows and columns, where the method has counted them.
     pub(crate) near_half: Option<u64>,
+    /// The [confidence](Recovered::confidence) of the pixels where a part of the counts is proved, else empty.
+    pub(crate) proved: Vec<u8>,
     /// The memory of x where it is left out.
     spare: Array3<f32>,
 }
@@ -381,6 +384,7 @@ impl Recovered {
             self.k = Array3::zeros(dim);
         }
         self.defects.clear();
+        self.proved.clear();
         self.near_half = None;
         self.report = Report { method, ..Report::default() };
     }

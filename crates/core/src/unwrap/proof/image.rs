@@ -37,6 +37,14 @@ const AROUND: isize = 3;
 const MOST_AT_ONE_PLACE: usize = 20;
 const APART: isize = 10;
 
+/// Which counts of an image are proved.
+#[derive(Debug, PartialEq)]
+pub(in crate::unwrap) enum Proved {
+    /// All but those of these samples, in ascending order: defects, and some beside them.
+    Whole(Vec<usize>),
+    Part,
+}
+
 /// An image that is decoded.
 pub(super) struct Image<'a> {
     sensor: &'a Sensor,
@@ -58,9 +66,30 @@ impl<'a> Image<'a> {
         image
     }
 
-    /// Proves all samples but some defects and those beside them. Returns these in ascending order, or `None` if that
-    /// is not possible, or its work is not left.
-    pub fn prove_all(mut self, budget: &mut Budget) -> Option<Vec<usize>> {
+    /// Proves all samples but some defects and those beside them, or a part of them. Returns `None` if these contradict
+    /// each other, or the work is not left.
+    pub fn prove_all(mut self, budget: &mut Budget) -> Option<Proved> {
+        let doubted = self.doubted(budget)?;
+        let has_defects = !doubted.is_empty();
+        if has_defects {
+            if doubted.len() > DOUBTED * self.most() {
+                return None;
+            }
+            self.settle_all(sorted(doubted))?;
+        }
+        let at_end = self.at_end();
+        if let Some(left_out) = self.left_out(&at_end) {
+            self.guess(&left_out);
+            return Some(Proved::Whole(left_out));
+        }
+        // Where some samples contradicted others, all that are not at the end of the range must have been settled.
+        let is_sound = !has_defects || self.left_out(&[]).is_some();
+        self.leave_out_around(&at_end);
+        (is_sound && self.contradictions(true).is_empty()).then_some(Proved::Part)
+    }
+
+    /// Proves samples until none contradict others, without the ones around those that do. Returns these.
+    fn doubted(&mut self, budget: &mut Budget) -> Option<Vec<usize>> {
         let mut wrong = self.prove(&[])?;
         if !wrong.is_empty() && !budget.take(budget::DEFECTS * self.samples() as f64) {
             return None;
@@ -75,30 +104,29 @@ impl<'a> Image<'a> {
             self.leave_out(&doubted);
             wrong = self.prove(&doubted)?;
         }
-        if !wrong.is_empty() || doubted.len() > DOUBTED * self.most() {
-            return None;
-        }
-        if !doubted.is_empty() {
-            self.settle_all(sorted(doubted))?;
-        } else if self.plane.unknown() > self.most() {
-            return None;
-        }
-        let left_out = self.left_out();
-        let is_proved = left_out.len() <= self.most() && self.are_apart(&left_out);
-        is_proved.then(|| self.guess(&left_out)).map(|()| left_out)
+        wrong.is_empty().then_some(doubted)
     }
 
-    /// Returns the samples that are not proved, and those around the ends of the range, in ascending order: light above
-    /// the range may lie there, for which the bounds do not hold.
-    fn left_out(&self) -> Vec<usize> {
+    /// Returns the samples at the end of the range, around which light above it may lie, for which the bounds do not hold.
+    fn at_end(&self) -> Vec<usize> {
         let end = END * self.sensor.range.limit() + SIGMAS_OF_ONE * self.sensor.noise;
         let end = end as f32 / self.sensor.range.peak();
-        if self.plane.known_up_to(end) == self.samples() {
-            return Vec::new();
+        match self.plane.known_up_to(end) == self.samples() {
+            true => Vec::new(),
+            false => (0..self.samples()).filter(|&at| self.plane.x[at] > end).collect(),
         }
-        let left = (0..self.samples()).filter(|&at| !self.plane.is_known(at));
-        let at_end: Vec<usize> = (0..self.samples()).filter(|&at| self.plane.x[at] > end).collect();
-        sorted(left.chain(around(self.plane, &at_end, AROUND)).collect())
+    }
+
+    /// Returns the samples that are not proved, and those around the end of the range, in ascending order, if they are
+    /// a few that lie apart.
+    fn left_out(&self, at_end: &[usize]) -> Option<Vec<usize>> {
+        let few = self.samples() - self.plane.known_up_to(f32::INFINITY) + at_end.len();
+        if few == 0 || few > self.most() {
+            return (few == 0).then(Vec::new);
+        }
+        let open = (0..self.samples()).filter(|&at| !self.plane.is_known(at));
+        let left_out = sorted(open.chain(around(self.plane, at_end, AROUND)).collect());
+        (left_out.len() <= self.most() && self.are_apart(&left_out)).then_some(left_out)
     }
 
     /// Proves samples that were left out, where all others are right. Returns `None` if too many contradict these.
@@ -134,6 +162,21 @@ impl<'a> Image<'a> {
     /// Makes samples neither proved nor open.
     fn leave_out(&mut self, samples: &[usize]) {
         samples.iter().for_each(|&at| self.plane.x[at] = f32::NAN);
+    }
+
+    /// Makes samples in ascending order neither proved nor open, and all channels around them.
+    fn leave_out_around(&mut self, samples: &[usize]) {
+        let away = AROUND * self.plane.channels.cast_signed();
+        // Neighbours are left out together. In a bright sky, one by one would take long.
+        for run in samples.chunk_by(|at, next| at + 1 == *next) {
+            for row in -AROUND..=AROUND {
+                let down = row * (self.plane.width * self.plane.channels).cast_signed();
+                let place =
+                    |at: usize, right: isize| at.saturating_add_signed(down + right).min(self.samples());
+                let (first, end) = (place(run[0], -away), place(run[run.len() - 1], away + 1));
+                self.plane.x[first..end].fill(f32::NAN);
+            }
+        }
     }
 
     /// Returns the families of stencils by which samples are proved, and the greatest count.
