@@ -39,8 +39,8 @@ impl Judged {
         Self { method, proof: None, offset: None }
     }
 
-    /// Proves counts, if the lens is one behind which that is possible. Where it hides no edge, `lines` is faster, and its
-    /// results are trusted.
+    /// Proves counts, if the lens is one behind which that is possible. Where it hides no edge, `lines` is faster, and
+    /// its results are trusted.
     fn prove(
         &mut self,
         y: &Frame,

@@ -427,6 +427,17 @@ pub(crate) enum Integers<'a> {
     U16(&'a [u16]),
 }
 
+/// Evaluates an expression for the samples of [`Integers`], whatever their width.
+macro_rules! of_width {
+    ($integers:expr, $samples:ident => $result:expr) => {
+        match $integers {
+            Integers::U8($samples) => $result,
+            Integers::U16($samples) => $result,
+        }
+    };
+}
+use of_width;
+
 impl<'a> Integers<'a> {
     /// Returns the samples of `y`, of any value.
     fn of(y: &'a Frame, range: Range) -> Result<Self, UnwrapError> {
@@ -448,11 +459,10 @@ impl<'a> Integers<'a> {
             Self::U8(y) => widest!(y.iter().fold(0, |largest, &y| y.max(largest))).into(),
             Self::U16(y) => widest!(y.iter().fold(0, |largest, &y| y.max(largest))),
         };
-        match samples {
-            _ if f32::from(largest) <= most => Ok(samples),
-            Self::U8(codes) => check_codes(codes, y.dim(), range, most).map(|()| samples),
-            Self::U16(codes) => check_codes(codes, y.dim(), range, most).map(|()| samples),
+        if f32::from(largest) > most {
+            of_width!(samples, codes => check_codes(codes, y.dim(), range, most)?);
         }
+        Ok(samples)
     }
 
     /// Returns the sample at `index`.
@@ -474,18 +484,12 @@ impl<'a> Integers<'a> {
 
     /// Writes the radiance of `out` from its counts.
     fn write_radiance(self, range: Range, out: &mut Recovered) {
-        match self {
-            Self::U8(y) => write_radiance(y, range, out),
-            Self::U16(y) => write_radiance(y, range, out),
-        }
+        of_width!(self, y => write_radiance(y, range, out));
     }
 
     /// Copies one of `channels` into `plane`, row-major.
     fn take(self, channels: usize, channel: usize, plane: &mut Vec<f32>) {
-        match self {
-            Self::U8(samples) => copy_channel(samples, channels, channel, plane),
-            Self::U16(samples) => copy_channel(samples, channels, channel, plane),
-        }
+        of_width!(self, samples => copy_channel(samples, channels, channel, plane));
     }
 }
 

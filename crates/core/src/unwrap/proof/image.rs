@@ -12,8 +12,8 @@ use super::agreement::{around, contradictions, counts};
 use super::plane::{Plane, View};
 use super::stencil::Family;
 use super::{Sensor, front};
-use crate::unwrap::Integers;
 use crate::unwrap::budget::{self, Budget};
+use crate::unwrap::{Integers, of_width};
 
 /// One sample of so many may be left out. Where more contradict others, the lens, range or noise is not as described.
 const MOST: usize = 3000;
@@ -107,7 +107,7 @@ impl<'a> Image<'a> {
         wrong.is_empty().then_some(doubted)
     }
 
-    /// Returns the samples at the end of the range, around which light above it may lie, for which the bounds do not hold.
+    /// Returns the samples at the end of the range. Around them may lie light above it, for which no bound holds.
     fn at_end(&self) -> Vec<usize> {
         let end = END * self.sensor.range.limit() + SIGMAS_OF_ONE * self.sensor.noise;
         let end = end as f32 / self.sensor.range.peak();
@@ -153,10 +153,7 @@ impl<'a> Image<'a> {
     /// Begins anew, with the seeds.
     fn begin(&mut self) {
         let (peak, seeds) = (self.sensor.range.peak(), self.sensor.seeds);
-        match self.y {
-            Integers::U8(y) => self.plane.read(y, self.dim, peak, seeds),
-            Integers::U16(y) => self.plane.read(y, self.dim, peak, seeds),
-        }
+        of_width!(self.y, y => self.plane.read(y, self.dim, peak, seeds));
     }
 
     /// Makes samples neither proved nor open.

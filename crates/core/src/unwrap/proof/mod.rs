@@ -99,7 +99,7 @@ impl Proof {
         self.plane.write(k);
     }
 
-    /// Takes the counts that are proved of an image that was [decoded](Self::decode) in part into another result for it.
+    /// Takes the proved counts of an image that was [decoded](Self::decode) in part into another result for it.
     pub fn repair(&self, range: Range, out: &mut Recovered) {
         let samples = &self.plane.x[..out.k.len()];
         let are_known = |pixel: &[f32]| if pixel.iter().all(|x| *x > 0.0) { u8::MAX } else { 0 };
