@@ -54,11 +54,6 @@ impl Workers {
         Ok(Self { pool: Some(pool) })
     }
 
-    /// Uses only the caller's own thread.
-    pub fn current_thread() -> Self {
-        Self { pool: None }
-    }
-
     /// Calls `work` with every item and its index, in parallel if there are threads.
     pub fn each<T: Send>(&self, items: &mut [T], work: impl Fn(usize, &mut T) + Sync) {
         match &self.pool {

@@ -68,6 +68,8 @@ pub struct ModuloCamera {
     auto_exposure: AutoExposure,
     /// The sensor of the next frame, which is described to the nodes that read it: that of the parameters, but for its exposure.
     model: SensorModel,
+    /// The largest alpha up to which this sensor is fit.
+    fit: Option<f64>,
     control: Option<TrustedExposure>,
     parameters: CameraParameters,
     /// Frames taken from this source since the launch, those that could not be read included.
@@ -101,6 +103,7 @@ impl ModuloCamera {
             calibration: input.calibration(),
             input,
             sensor: model.simulated()?,
+            fit: model.fit_up_to(),
             model,
             control,
             auto_exposure: parameters.sensor.auto_exposure()?,
@@ -130,7 +133,7 @@ impl ModuloCamera {
             None => auto_exposure.go_on_from(&self.auto_exposure),
         }
         (self.sensor, self.auto_exposure) = (sensor, auto_exposure);
-        (self.model, self.control) = (model, control);
+        (self.fit, self.model, self.control) = (model.fit_up_to(), model, control);
         self.parameters = parameters;
         Ok(())
     }
@@ -201,7 +204,7 @@ impl ModuloCamera {
         if control.note(recovery.header.stamp, Recovery::of(recovery).trusted == Some(true)) {
             let model = self.parameters.model(Some(control));
             self.sensor = model.simulated().map_err(|why| StepError::Fatal(why.to_string()))?;
-            self.model = model;
+            (self.fit, self.model) = (model.fit_up_to(), model);
         }
         Ok(())
     }
@@ -362,7 +365,7 @@ impl Node for ModuloCamera {
         let mut status = vec![("role", "source".into()), ("frames", self.sensed.to_string())];
         status.extend(self.auto_exposure.exposure().map(|exposure| ("auto_exposure", exposure.to_string())));
         status.extend(self.control.as_ref().map(|control| ("alpha", control.alpha.to_string())));
-        status.extend(self.model.fit_up_to().map(|fit| ("fit_up_to_alpha", fit.to_string())));
+        status.extend(self.fit.map(|fit| ("fit_up_to_alpha", fit.to_string())));
         if let CameraInput::Live(video, _) = &self.input {
             let LiveCounts { arrived, replaced, connections } = video.counts();
             let counts = format!("{arrived} frames arrived, {replaced} replaced, {connections} connections");

@@ -19,14 +19,12 @@ use super::budget::{self, Budget};
 use super::congruence::{FEW_OUTLIERS, OUTLIERS};
 use super::defects::Defects;
 use super::lines::Scanned;
-use super::proof::Proof;
 use super::smoothed_tree::SmoothedTree;
 use super::{
-    GradientTree, Integers, Lines, OffsetEvidence, Options, PASS_THROUGH, PROOF, QualityMetrics, Range,
-    Recovered, SMOOTHED_TREE, Scene, Spud, Trust, Unwrap, UnwrapError, edges, jumps, offset,
+    GradientTree, Integers, Lines, Options, PASS_THROUGH, QualityMetrics, Range, Recovered, SMOOTHED_TREE,
+    Scene, Spud, Trust, Unwrap, UnwrapError, jumps, offset,
 };
 use crate::frame::Frame;
-use crate::optics::Psf;
 
 /// The limits at which `auto` rejects the result of a method.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,7 +82,6 @@ pub struct Auto {
     other: Recovered,
     /// Whether a tree has a result for this image.
     growable: bool,
-    proof: Proof,
 }
 
 /// The candidates after `lines`, in order of cost.
@@ -115,7 +112,6 @@ impl Auto {
             spud: Spud::with_threads(options.tau, options.threshold_on, options.threads)?,
             other: Recovered::default(),
             growable: false,
-            proof: Proof::default(),
         })
     }
 
@@ -126,33 +122,6 @@ impl Auto {
     pub(super) fn of_differences(options: &Options) -> Result<Self, UnwrapError> {
         // Differences have either sign, so that the least one is no outlier.
         Ok(Self { needs_offset: false, few_outliers: 0.0, outliers: 0.0, ..Self::new(options)? })
-    }
-
-    /// Decodes the image, if the lens is one behind which that proves counts; returns whether all of them are proved, but for some around defects. Where the lens hides no
-    /// edge, `lines` is faster, and its results are trusted.
-    fn prove(&mut self, y: &Frame, scene: &Scene, out: &mut Recovered) -> Result<bool, UnwrapError> {
-        let range = scene.range;
-        let may_hide = |lens: Psf| range.alpha() * lens.bend() > edges::SAFE;
-        if !scene.lens.is_some_and(may_hide) || !self.proof.reaches(scene, y) {
-            return Ok(false);
-        }
-        let codes = Integers::checked(y, range)?;
-        if !self.budget.take(budget::PROOF * samples(y) as f64) {
-            return Ok(false);
-        }
-        out.prepare(y.dim(), PROOF);
-        let (_, k) = out.buffers();
-        let Some(left_out) = self.proof.decode(codes, y.dim(), k, &mut self.budget) else { return Ok(false) };
-        let defects = left_out.len() as f32 / samples(y) as f32;
-        out.report.quality = Some(QualityMetrics { defects, ..QualityMetrics::default() });
-        out.defects = left_out;
-        out.report.trust = Trust::Trusted;
-        out.report.offset = Some(OffsetEvidence::OpticalBlack);
-        out.leave_out();
-        if scene.radiance {
-            out.fill(y, range);
-        }
-        Ok(true)
     }
 
     /// Unwraps the image that `lines` has scanned, with the metrics that it has given.
@@ -350,9 +319,6 @@ impl Unwrap for Auto {
     fn unwrap(&mut self, y: &Frame, scene: &Scene, out: &mut Recovered) -> Result<(), UnwrapError> {
         let range = scene.range;
         self.budget = Budget::of_ms(scene.work);
-        if self.needs_offset && self.prove(y, scene, out)? {
-            return Ok(());
-        }
         self.lines.leaves_out_radiance = !scene.radiance;
         // A defect that matters makes loops steep: an image without steep loops is not searched.
         let rows = match self.lines.scan(0, y, range, None)? {

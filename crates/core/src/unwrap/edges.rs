@@ -1,7 +1,7 @@
 //! Whether an edge of the scene could be as wrong as by a multiple of the peak without a trace, so that no result is to be trusted.
 //!
-//! Where all second differences of the scene are below half a peak, only one result has this property. Behind a lens, those of an edge are
-//! at most those of its [`Sharpness`]:
+//! Where all second differences of the scene are below half a peak, only one result has this property. Behind a lens, those of
+//! an edge have an upper bound ([`sharpest`]):
 //!
 //! | edge | a result is trusted |
 //! |---|---|
@@ -60,28 +60,6 @@ const SHARP: f64 = 0.25;
 /// The least lone steps per sample, and the least second differences of the edges of an image.
 const FEWEST_STEPS: f64 = 2e-4;
 
-/// How sharp the edges of the images of a sensor may be, as far as its lens and its fitness say so.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-enum Sharpness {
-    /// The lens is not known.
-    #[default]
-    Unknown,
-    /// The second differences of an edge from black to the end of the range are at most so many peaks, see [`Psf::bend`].
-    UpTo(f64),
-    /// The counts of this sensor cannot be found in real pictures.
-    Unfit,
-}
-
-impl Sharpness {
-    /// Returns the sharpness of an image of `scene`. Above the largest alpha for which such a sensor is fit, see [`fit_up_to`], it is unfit.
-    fn of(scene: &Scene, y: &Frame, arrangement: Arrangement) -> Self {
-        let Some(psf) = scene.lens else { return Self::Unknown };
-        let alpha = scene.range.alpha();
-        let fit = fit_up_to(psf, y.mosaic().is_some(), arrangement == Arrangement::TwoGains);
-        if alpha > fit { Self::Unfit } else { Self::UpTo(alpha * psf.bend()) }
-    }
-}
-
 /// Where the next samples of the same gain and colour are.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Arrangement {
@@ -99,26 +77,34 @@ pub(super) fn withhold_trust(y: &Frame, out: &mut Recovered, arrangement: Arrang
     let is_trusted = [Trust::Trusted, Trust::Relative].contains(&out.report.trust);
     if is_trusted
         && range.max_wraps() > 0
-        && may_hide(y, out, arrangement, Sharpness::of(scene, y, arrangement), range)
+        && may_hide(y, out, arrangement, sharpest(scene, y, arrangement), range)
     {
         out.report.trust = Trust::Unobservable;
     }
+}
+
+/// Returns the largest second difference of an edge from black to the end of the range, in peaks. It is infinite above the
+/// largest alpha for which such a sensor is fit ([`fit_up_to`]), and `None` behind an unknown lens.
+fn sharpest(scene: &Scene, y: &Frame, arrangement: Arrangement) -> Option<f64> {
+    let (psf, alpha) = (scene.lens?, scene.range.alpha());
+    let fit = fit_up_to(psf, y.mosaic().is_some(), arrangement == Arrangement::TwoGains);
+    Some(if alpha > fit { f64::INFINITY } else { alpha * psf.bend() })
 }
 
 fn may_hide(
     y: &Frame,
     out: &mut Recovered,
     arrangement: Arrangement,
-    sharpness: Sharpness,
+    edge: Option<f64>,
     range: Range,
 ) -> bool {
-    let edge = match sharpness {
-        Sharpness::Unfit => return true,
-        Sharpness::UpTo(edge) => Some(edge),
-        Sharpness::Unknown => None,
-    };
-    // No radiance is needed where the method has counted second differences, and the lens is either safe or never trusted.
-    if out.near_half.is_none() || edge.is_none_or(|edge| edge > SAFE && edge <= READABLE) {
+    let has_two_gains = arrangement == Arrangement::TwoGains;
+    let is_too_sharp = edge.is_some_and(|edge| edge > if has_two_gains { OF_TWO_GAINS } else { READABLE });
+    if has_two_gains || is_too_sharp {
+        return is_too_sharp;
+    }
+    // No radiance is needed where the method has counted second differences, and the lens is safe.
+    if out.near_half.is_none() || edge.is_none_or(|edge| edge > SAFE) {
         out.fill(y, range);
     }
     let (x, limit) = (&out.x, f32::from(NEAR_HALF) / 8.0 * range.peak());
@@ -127,8 +113,6 @@ fn may_hide(
         None => jumps::share_above(x, limit),
     };
     match (arrangement, edge) {
-        (Arrangement::TwoGains, edge) => edge.is_some_and(|edge| edge > OF_TWO_GAINS),
-        (_, Some(edge)) if edge > READABLE => true,
         (Arrangement::Mosaic, _) => share_of_mosaic(x, limit) > MANY_IN_MOSAIC,
         (_, Some(edge)) if edge > SAFE => jumps::share_above(x, BENT * range.peak()) > FEW_BENT,
         (_, Some(_)) => near_half() > MANY_NEAR_HALF,
@@ -223,18 +207,18 @@ mod tests {
     #[test]
     fn edges_that_may_hide_a_peak_are_told_by_the_lens_and_without_it_by_their_sharpness() {
         let range = Range::new(8, 4.0).unwrap();
-        let hides = |height, sigma, sharpness| {
+        let hides = |height, sigma, edge_of_lens| {
             let mut out = Recovered { x: edge(height, sigma), ..Recovered::default() };
             let y = Frame::from_u8(out.x.mapv(|x| x as u8)).unwrap();
-            may_hide(&y, &mut out, Arrangement::Next, sharpness, range)
+            may_hide(&y, &mut out, Arrangement::Next, edge_of_lens, range)
         };
         for (height, sigma, hidden) in
             [(0.3, 0.0, true), (0.3, 0.3, true), (0.3, 0.8, false), (0.9, 1.4, false), (0.5, 0.0, true)]
         {
-            assert_eq!(hides(height, sigma, Sharpness::Unknown), hidden, "{height} peaks, {sigma} px");
+            assert_eq!(hides(height, sigma, None), hidden, "{height} peaks, {sigma} px");
         }
-        let behind = Sharpness::UpTo;
-        assert!(hides(0.0, 1.4, Sharpness::Unfit) && hides(0.0, 0.0, behind(4.0)));
+        let behind = Some;
+        assert!(hides(0.0, 1.4, behind(f64::INFINITY)) && hides(0.0, 0.0, behind(4.0)));
         assert!(!hides(1.0, 1.0, behind(0.75)) && hides(2.0, 1.0, behind(0.75)), "an edge near half a peak");
         assert!(!hides(2.9, 1.4, behind(0.47)) && hides(3.9, 1.4, behind(0.47)), "many are near half a peak");
     }

@@ -42,13 +42,6 @@ pub struct GradientTree {
     grown: bool,
 }
 
-impl Default for GradientTree {
-    /// Runs on the caller's own thread.
-    fn default() -> Self {
-        Self::on(Workers::current_thread())
-    }
-}
-
 impl GradientTree {
     /// The name of the method.
     pub(super) const NAME: &'static str = "gradient_tree";
@@ -58,19 +51,15 @@ impl GradientTree {
     /// # Errors
     /// [`WorkersError`] when the threads are not available.
     pub fn new(threads: usize) -> Result<Self, WorkersError> {
-        Ok(Self::on(Workers::new(threads)?))
-    }
-
-    fn on(workers: Workers) -> Self {
-        Self {
-            workers,
+        Ok(Self {
+            workers: Workers::new(threads)?,
             pixels: Pixels::default(),
             gradients: [EdgeDirection::Right, EdgeDirection::Down]
                 .map(|direction| DirectionalGradient { direction, ..Default::default() }),
             forest: Forest::default(),
             sums: DirectSums::default(),
             grown: false,
-        }
+        })
     }
 }
 

@@ -52,27 +52,24 @@ pub(super) struct Growth {
     predictors: [[Predictor; 3]; 3],
 }
 
-/// The pixels that may be next by their doubt, as one list a level; the last one of a level is its first.
+/// The pixels that may be next by their doubt; the last one of the least level comes first.
 #[derive(Default)]
 struct Queue {
-    /// The first pixel of each level.
-    heads: Vec<u32>,
-    /// The pixels before and after each pixel, and its level.
-    links: Vec<([u32; 2], u16)>,
+    /// The pixels of each level, and some that have left it.
+    levels: Vec<Vec<u32>>,
+    /// The level of each pixel; [`LEVELS`] outside of the queue.
+    of_pixels: Vec<u16>,
     /// No level below has a pixel.
     lowest: usize,
 }
 
-/// No pixel.
-const NONE: u32 = u32::MAX;
-
 impl Queue {
     /// Empties the queue, for so many pixels.
     fn start(&mut self, pixels: usize) {
-        self.heads.clear();
-        self.heads.resize(LEVELS, NONE);
-        self.links.clear();
-        self.links.resize(pixels, ([NONE; 2], u16::MAX));
+        self.levels.resize_with(LEVELS, Vec::new);
+        self.levels.iter_mut().for_each(Vec::clear);
+        self.of_pixels.clear();
+        self.of_pixels.resize(pixels, LEVELS as u16);
         self.lowest = LEVELS;
     }
 
@@ -80,40 +77,26 @@ impl Queue {
     #[inline(always)]
     fn push(&mut self, at: usize, doubt: f32) {
         let level = ((doubt * LEVELS_PER_DOUBT) as usize).min(LEVELS - 1);
-        if usize::from(self.links[at].1) == level {
-            return;
+        if usize::from(self.of_pixels[at]) != level {
+            self.of_pixels[at] = level as u16;
+            self.levels[level].push(at as u32);
+            self.lowest = self.lowest.min(level);
         }
-        self.remove(at);
-        let after = std::mem::replace(&mut self.heads[level], at as u32);
-        self.links[at] = ([NONE, after], level as u16);
-        if after != NONE {
-            self.links[after as usize].0[0] = at as u32;
-        }
-        self.lowest = self.lowest.min(level);
     }
 
     /// Takes a pixel of the least level out.
     fn pop(&mut self) -> Option<usize> {
-        self.lowest += self.heads.get(self.lowest..)?.iter().take_while(|&&head| head == NONE).count();
-        let at = *self.heads.get(self.lowest)? as usize;
-        self.remove(at);
-        Some(at)
-    }
-
-    /// Takes a pixel out, if it is in the queue.
-    #[inline(always)]
-    fn remove(&mut self, at: usize) {
-        let ([before, after], level) = std::mem::replace(&mut self.links[at], ([NONE; 2], u16::MAX));
-        if level == u16::MAX {
-            return;
+        while let Some(level) = self.levels.get_mut(self.lowest) {
+            match level.pop().map(|at| at as usize) {
+                Some(at) if usize::from(self.of_pixels[at]) == self.lowest => {
+                    self.of_pixels[at] = LEVELS as u16;
+                    return Some(at);
+                }
+                Some(_) => {}
+                None => self.lowest += 1,
+            }
         }
-        match self.links.get_mut(before as usize) {
-            Some(before) => before.0[1] = after,
-            None => self.heads[usize::from(level)] = after,
-        }
-        if let Some(after) = self.links.get_mut(after as usize) {
-            after.0[0] = before;
-        }
+        None
     }
 }
 

@@ -7,7 +7,7 @@ use std::ops::Range as Indices;
 
 use ndarray::Array3;
 
-use super::{Range, Recovered};
+use super::{PROOF, Range, Recovered};
 use crate::frame::{Frame, in_order};
 use crate::mosaic::Mosaic;
 use crate::simd::widest;
@@ -122,17 +122,28 @@ fn limited(before: &[f32], here: &[f32], after: &[f32], limit: f32) -> f64 {
 }
 
 impl Recovered {
-    /// Returns a confidence image, H x W x 1 of 8 bits: 255 where the counts are claimed to be right, 0 elsewhere. `mosaic` is that of the
-    /// modulo image.
+    /// Returns a confidence image, H x W x 1 of 8 bits: 255 where the counts are claimed to be right, 0 elsewhere.
+    /// `mosaic` is that of the modulo image.
     ///
-    /// The pixels at which no second difference is above 3/8 of the peak form regions; the counts of the largest one are claimed to be right if it has at
+    /// Where counts are proved, also those of a part of the image, the claim is that of the pixels of which all counts are.
+    /// Else the pixels at which no second difference is above 3/8 of the peak form regions; the counts of the largest one are claimed to be right if it has at
     /// least 85 % of the pixels. In a mosaic, 2 x 2 pixels count as one, with neighbours of the same colours. Behind a lens
     /// of 0.8 px and more, hardly a count in it is wrong (docs/research/trust.md); behind a sharper one an error may leave no trace.
     ///
     /// # Panics
     /// If the radiance is left out: [`Recovered::fill`] has to come before.
     pub fn confidence(&self, mosaic: Option<Mosaic>, range: Range) -> Frame {
-        let (height, width, _) = self.x.dim();
+        let (height, width, channels) = self.k.dim();
+        let mut proved = self.proved.clone();
+        if self.report.method == PROOF {
+            proved.resize(height * width, u8::MAX);
+            self.defects.iter().for_each(|at| proved[at / channels] = 0);
+        }
+        if !proved.is_empty() {
+            let confidence = Array3::from_shape_vec((height, width, 1), proved);
+            let confidence = confidence.expect("the claim is one of each pixel");
+            return Frame::from_u8(confidence).expect("the result has the shape of an image");
+        }
         let cell = if mosaic.is_some() { 2 } else { 1 };
         let (rows, columns) = (height.div_ceil(cell), width.div_ceil(cell));
         let mut regions = Regions::default();
@@ -280,6 +291,20 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+
+    #[test]
+    fn what_is_proved_is_claimed_and_nothing_else() {
+        let mut out = result((8, 8, 3), None);
+        (out.report.method, out.defects) = (PROOF, vec![5, 30]);
+        let claims = |out: &Recovered| -> Vec<u8> {
+            out.confidence(None, range()).to_f32().iter().map(|&claim| claim as u8).collect()
+        };
+        let expected: Vec<u8> = (0..64).map(|at| if [1, 10].contains(&at) { 0 } else { 255 }).collect();
+        assert_eq!(claims(&out), expected);
+        // A part that is proved replaces what second differences would claim.
+        out = Recovered { proved: expected.clone(), ..result((8, 8, 3), None) };
+        assert_eq!(claims(&out), expected);
+    }
 
     const RANGE: (u8, f64) = (8, 4.0);
 

@@ -81,8 +81,9 @@ macro_rules! methods {
                 let make: fn(&Options) -> Result<Box<dyn Unwrap>, UnwrapError> = match self {
                     $(Self::$method => $make,)*
                 };
-                let method = MosaicUnwrap::new(make(options)?, self == Self::Auto, options)?;
-                Ok(Box::new(Judged::of_one_gain(Box::new(method), options.successive)))
+                let is_auto = self == Self::Auto;
+                let method = MosaicUnwrap::new(make(options)?, is_auto, options)?;
+                Ok(Box::new(Judged::of_one_gain(Box::new(method), is_auto, options.successive)))
             }
         }
     };
@@ -173,6 +174,8 @@ pub struct Recovered {
     pub report: Report,
     /// The number of second differences of x above [`edges::NEAR_HALF`] along rows and columns, where the method has counted them.
     pub(crate) near_half: Option<u64>,
+    /// The [confidence](Recovered::confidence) of the pixels where a part of the counts is proved, else empty.
+    pub(crate) proved: Vec<u8>,
     /// The memory of x where it is left out.
     spare: Array3<f32>,
 }
@@ -381,6 +384,7 @@ impl Recovered {
             self.k = Array3::zeros(dim);
         }
         self.defects.clear();
+        self.proved.clear();
         self.near_half = None;
         self.report = Report { method, ..Report::default() };
     }
@@ -423,6 +427,17 @@ pub(crate) enum Integers<'a> {
     U16(&'a [u16]),
 }
 
+/// Evaluates an expression for the samples of [`Integers`], whatever their width.
+macro_rules! of_width {
+    ($integers:expr, $samples:ident => $result:expr) => {
+        match $integers {
+            Integers::U8($samples) => $result,
+            Integers::U16($samples) => $result,
+        }
+    };
+}
+use of_width;
+
 impl<'a> Integers<'a> {
     /// Returns the samples of `y`, of any value.
     fn of(y: &'a Frame, range: Range) -> Result<Self, UnwrapError> {
@@ -444,11 +459,10 @@ impl<'a> Integers<'a> {
             Self::U8(y) => widest!(y.iter().fold(0, |largest, &y| y.max(largest))).into(),
             Self::U16(y) => widest!(y.iter().fold(0, |largest, &y| y.max(largest))),
         };
-        match samples {
-            _ if f32::from(largest) <= most => Ok(samples),
-            Self::U8(codes) => check_codes(codes, y.dim(), range, most).map(|()| samples),
-            Self::U16(codes) => check_codes(codes, y.dim(), range, most).map(|()| samples),
+        if f32::from(largest) > most {
+            of_width!(samples, codes => check_codes(codes, y.dim(), range, most)?);
         }
+        Ok(samples)
     }
 
     /// Returns the sample at `index`.
@@ -470,18 +484,12 @@ impl<'a> Integers<'a> {
 
     /// Writes the radiance of `out` from its counts.
     fn write_radiance(self, range: Range, out: &mut Recovered) {
-        match self {
-            Self::U8(y) => write_radiance(y, range, out),
-            Self::U16(y) => write_radiance(y, range, out),
-        }
+        of_width!(self, y => write_radiance(y, range, out));
     }
 
     /// Copies one of `channels` into `plane`, row-major.
     fn take(self, channels: usize, channel: usize, plane: &mut Vec<f32>) {
-        match self {
-            Self::U8(samples) => copy_channel(samples, channels, channel, plane),
-            Self::U16(samples) => copy_channel(samples, channels, channel, plane),
-        }
+        of_width!(self, samples => copy_channel(samples, channels, channel, plane));
     }
 }
 

@@ -78,21 +78,37 @@ const UNCHANGED: usize = PARTS.0 * PARTS.1 * 3 / 4;
 /// One pixel of so many rows and columns is taken for a mean.
 const SAMPLED: isize = 5;
 
-/// Returns the trust in `out`, whose counts agree with each other, by its range alone.
-///
-/// It is trusted where in each channel more than [`BRIGHT`] of the pixels are at `alpha * 2^b / LEAST_ALPHA - 2^b` or above. An image with
-/// fewer than [`SHORTEST_SIDE`] rows or columns shows nothing at all, since no majority of lines can be wrong.
+/// Returns the trust in `out`, the result for `y` whose counts agree with each other, by the range of each channel alone.
 pub(super) fn trust(y: &Frame, out: &Recovered, range: Range) -> Trust {
-    let (height, width, channels) = out.k.dim();
+    by_range(out, range, |limit| is_reached(y, out, out.k.dim().2, limit, range))
+}
+
+/// Returns the same of the mosaic `out`, by the range of each of its colours.
+pub(super) fn trust_of_mosaic(out: &Recovered, range: Range) -> Trust {
+    by_range(out, range, |limit| {
+        groups(1, true).all(|group| {
+            let x = group.of(&out.x);
+            let most = BRIGHT * x.len() as f64;
+            x.iter().filter(|&&x| x >= limit).take(most as usize + 1).count() as f64 > most
+        })
+    })
+}
+
+/// Returns the trust in `out`: whether more than [`BRIGHT`] of the pixels reach `alpha * 2^b / LEAST_ALPHA - 2^b`, which
+/// `is_reached` tells, in each group. An image with fewer than [`SHORTEST_SIDE`] rows or columns shows nothing at all,
+/// since no majority of lines can be wrong.
+fn by_range(out: &Recovered, range: Range, is_reached: impl FnOnce(f32) -> bool) -> Trust {
+    let (height, width, _) = out.k.dim();
     // Where nothing can wrap, every count is 0.
     if range.max_wraps() == 0 {
-        return Trust::Trusted;
+        Trust::Trusted
+    } else if height.min(width) < SHORTEST_SIDE {
+        Trust::Unobservable
+    } else if is_reached((range.limit() / LEAST_ALPHA) as f32 - range.peak()) {
+        Trust::Trusted
+    } else {
+        Trust::Relative
     }
-    if height.min(width) < SHORTEST_SIDE {
-        return Trust::Unobservable;
-    }
-    let limit = (range.limit() / LEAST_ALPHA) as f32 - range.peak();
-    if is_reached(y, out, channels, limit, range) { Trust::Trusted } else { Trust::Relative }
 }
 
 /// Returns whether more than [`BRIGHT`] of the samples are at the end of the range or beyond.
@@ -101,24 +117,6 @@ fn leaves_range(y: &Frame, out: &Recovered, range: Range) -> bool {
     // The counts are read faster, and show in most images that no sample can be there.
     let most = out.k.iter().fold(0, |most, &k| most.max(k));
     (f32::from(most) + 1.0) * range.peak() > limit && is_reached(y, out, 1, limit, range)
-}
-
-/// Returns the trust in the mosaic `out`, whose counts agree with each other, by the range of each of its colours alone, as [`trust`] does.
-pub(super) fn trust_of_mosaic(out: &Recovered, range: Range) -> Trust {
-    let (height, width, _) = out.x.dim();
-    if range.max_wraps() == 0 {
-        return Trust::Trusted;
-    }
-    if height.min(width) < SHORTEST_SIDE {
-        return Trust::Unobservable;
-    }
-    let limit = (range.limit() / LEAST_ALPHA) as f32 - range.peak();
-    let is_evident = groups(1, true).all(|group| {
-        let x = group.of(&out.x);
-        let most = BRIGHT * x.len() as f64;
-        x.iter().filter(|&&x| x >= limit).take(most as usize + 1).count() as f64 > most
-    });
-    if is_evident { Trust::Trusted } else { Trust::Relative }
 }
 
 /// Finds evidence for results whose range shows none.

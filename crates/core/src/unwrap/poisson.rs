@@ -3,7 +3,7 @@
 
 use std::f64::consts::PI;
 
-use super::{Integers, Range, UnwrapError};
+use super::{Integers, Range, UnwrapError, of_width};
 use crate::dct::{ImageDct, LANES, SampleRun, SpectralFilter, load_run};
 use crate::frame::Frame;
 use crate::simd::widest;
@@ -96,10 +96,7 @@ impl Codes {
     /// [`UnwrapError`] when `y` has float samples, or a code that is out of `range`.
     pub fn read(&mut self, y: &Frame, range: Range) -> Result<(), UnwrapError> {
         (self.stride, self.channels) = (y.width() * y.channels(), y.channels());
-        let seen = match Integers::of(y, range)? {
-            Integers::U8(samples) => fill(&mut self.samples, samples, range),
-            Integers::U16(samples) => fill(&mut self.samples, samples, range),
-        };
+        let seen = of_width!(Integers::of(y, range)?, samples => fill(&mut self.samples, samples, range));
         // Bits that no code has come from a sample that has them.
         if u32::from(seen) >> range.bits() == 0 { Ok(()) } else { Integers::checked(y, range).map(|_| ()) }
     }

@@ -29,11 +29,8 @@ impl SmoothedTree {
     /// Those of [`Unwrap::unwrap`](super::Unwrap::unwrap).
     pub fn read(&mut self, y: &Frame, range: Range) -> Result<f32, UnwrapError> {
         let shift = 16 - range.bits();
-        self.codes.clear();
-        match Integers::checked(y, range)? {
-            Integers::U8(y) => self.codes.extend(y.iter().map(|&y| u16::from(y) << shift)),
-            Integers::U16(y) => self.codes.extend(y.iter().map(|&y| y << shift)),
-        }
+        Integers::checked(y, range)?.widen(&mut self.codes);
+        widest!(self.codes.iter_mut().for_each(|code| *code <<= shift));
         self.noise = noise(&self.codes, y.dim());
         Ok(self.noise / (u32::from(u16::MAX) + 1) as f32)
     }

@@ -1,41 +1,26 @@
 //! Warns of a sensor whose alpha is too large for its lens.
 
-use std::sync::{Mutex, PoisonError};
-
 use modulo_core::Psf;
 use modulo_core::unwrap::{fit_up_to, proved_up_to};
 
 use super::parameters::{BlurShape, SensorModel};
 use crate::warning::warn_once;
 
-/// The limits of [`proved_up_to`] for a lens, bits and noise.
-#[derive(Clone, Copy)]
-struct Proved {
-    sensor: (Psf, u8, f64),
-    limits: Option<[f64; 2]>,
-}
-
 impl SensorModel {
-    /// Returns the largest alpha up to which such a sensor is fit, since most pictures are proved as a whole or by measurement, see [`proved_up_to`] and
-    /// [`fit_up_to`]; `None` if its lens is unknown.
+    /// Returns the largest alpha up to which such a sensor is fit, which takes some ms: most pictures are proved as a
+    /// whole ([`proved_up_to`]) or were found to be right ([`fit_up_to`]). `None` if its lens is unknown.
     pub fn fit_up_to(&self) -> Option<f64> {
         let measured = self.lens().map(|psf| fit_up_to(psf, self.mosaic.is_some(), self.gains))?;
         Some(self.proved_up_to().map_or(measured, |[_, most]| most.max(measured)))
     }
 
-    /// Returns the limits of [`proved_up_to`]; `None` where nothing is proved: without black columns, behind an unknown or sharp lens, on a mosaic and of two gains.
+    /// Returns the limits of [`proved_up_to`]; `None` where nothing is proved: without black columns, behind an unknown
+    /// or sharp lens, on a mosaic and of two gains.
     pub fn proved_up_to(&self) -> Option<[f64; 2]> {
-        /// The limits of the last sensor: nodes ask for them each second.
-        static LAST: Mutex<Option<Proved>> = Mutex::new(None);
         let is_black = self.range().is_ok_and(|range| range.black() > 0);
         let is_proved = is_black && !self.gains && self.mosaic.is_none();
         let (psf, noise) = self.lens().zip(self.noise()).filter(|_| is_proved)?;
-        let sensor = (psf, self.bits, noise);
-        let mut last = LAST.lock().unwrap_or_else(PoisonError::into_inner);
-        let limits = last.filter(|last| last.sensor == sensor).map(|last| last.limits);
-        let limits = limits.unwrap_or_else(|| proved_up_to(psf, self.bits, noise));
-        *last = Some(Proved { sensor, limits });
-        limits
+        proved_up_to(psf, self.bits, noise)
     }
 
     /// Returns the blur of the lens; `None` where it is not known.

@@ -1,9 +1,10 @@
 //! The sensor description: each frame of a camera comes with the model of its sensor, which no node has to guess.
 //!
 //! The camera publishes it on [`TOPIC`] before each frame, with the stamp of the frame, as a
-//! `diagnostic_msgs/msg/DiagnosticArray`, which every ROS 2 node can read: one status named `NODE: sensor`, whose values are
-//! the parameters of [`SensorModel`], and the [`StreamKind`] of each of its image topics by the name of the topic. `unwrap` does
-//! the same on [`RECOVERED_TOPIC`] before the images that it makes. The topics are latched: a late reader gets the last one.
+//! `diagnostic_msgs/msg/DiagnosticArray`, which every ROS 2 node can read: one status named `NODE: sensor`, whose
+//! values are the parameters of [`SensorModel`], and the [`StreamKind`] of each of its image topics by the name of the
+//! topic. `unwrap` does the same on [`RECOVERED_TOPIC`] before the images that it makes. The topics are latched: a late
+//! reader gets the last one.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -41,26 +42,28 @@ fn topic_of(name: impl Into<String>) -> Topic {
     Topic { qos: Qos::Latched, ..Topic::new(name, MessageKind::Diagnostics) }
 }
 
-/// Returns the topics that a reader of the images of `stream` declares: that of its own namespace, and for an absolute topic, which any node
-/// may publish, all descriptions of this namespace and of that of the topic.
+/// Returns the topics that a reader of the images of `stream` declares: that of its own namespace, and for an absolute
+/// topic, which any node may publish, all descriptions of this namespace and of that of the topic.
 pub fn topics_for(stream: &str) -> Vec<Topic> {
     let Some((namespace, _)) = stream.rsplit_once('/') else { return vec![topic()] };
     let beside = [TOPIC, RECOVERED_TOPIC].map(|name| topic_of(format!("{namespace}/{name}")));
     [topic(), recovered_topic()].into_iter().chain(beside).collect()
 }
 
-/// Returns the kind that the name of a topic tells: a declared one, and one that no description covers, as in recordings of earlier versions.
+/// Returns the kind that the name of a topic tells: a declared one, and one that no description covers, as in
+/// recordings of earlier versions.
 fn named(topic: &str) -> Option<StreamKind> {
     StreamKind::of_word(topic.rsplit('/').next()?)
 }
 
-/// Returns whether `topic` is that of a sensor, in any namespace. Such a topic is latched, whatever a bag says of it: bags
-/// of other programs, and older ones of this suite, name the quality of service usual for its type.
+/// Returns whether `topic` is that of a sensor, in any namespace. Such a topic is latched, whatever a bag says of it:
+/// bags of other programs, and older ones of this suite, name the quality of service usual for its type.
 pub fn is_topic(topic: &str) -> bool {
     topic.rsplit('/').next() == Some(TOPIC)
 }
 
-/// Returns the description of the frame with this `header` by the node of `cx`, which sends these streams, each with its output.
+/// Returns the description of the frame with this `header` by the node of `cx`, which sends these streams, each with
+/// its output.
 pub fn message_of(
     header: &Header,
     model: &SensorModel,
@@ -71,7 +74,8 @@ pub fn message_of(
     message(header, model, cx.node(), streams)
 }
 
-/// Returns the description of the frame with this `header` by the node `node`, a fully qualified name, with the kinds of its image topics.
+/// Returns the description of the frame with this `header` by the node `node`, a fully qualified name, with the kinds
+/// of its image topics.
 pub fn message<'a>(
     header: &Header,
     model: &SensorModel,
@@ -122,7 +126,7 @@ fn read(message: &DiagnosticArray) -> Result<SensorModel, ParameterError> {
         (true, false) => pairs.retain(|pair| *pair != ("psf", "gaussian")),
         _ => {}
     }
-    // What a camera does not describe, such as that of an older bag, it does not have.
+    // A camera does not have what it does not describe, such as one of an older bag.
     let unknown = SensorModel { headroom: 1.0, ..SensorModel::unknown() }.to_text();
     pairs.splice(0..0, unknown.iter().map(|(name, text)| (*name, text.as_str())));
     SensorModel::from_text(&pairs)
@@ -132,7 +136,7 @@ fn read(message: &DiagnosticArray) -> Result<SensorModel, ParameterError> {
 #[derive(Clone, Debug, Default)]
 pub struct SensorHistory {
     by_stamp: VecDeque<(Time, SensorModel)>,
-    /// What the last one says of image topics.
+    /// The kinds of the image topics that the last description names.
     kinds: BTreeMap<String, StreamKind>,
 }
 
@@ -146,7 +150,7 @@ impl Descriptions {
     /// Takes a message of `topic`. Topics beyond the first 256 are left out.
     ///
     /// # Errors
-    /// As [`SensorHistory::note`].
+    /// Returns the [`ParameterError`] of the value that describes no sensor.
     pub fn note(&mut self, topic: &str, message: &DiagnosticArray) -> Result<(), ParameterError> {
         if self.by_topic.len() == MOST_TOPICS && !self.by_topic.contains_key(topic) {
             return Ok(());
@@ -154,8 +158,8 @@ impl Descriptions {
         self.by_topic.entry(topic.to_owned()).or_default().note(message)
     }
 
-    /// Returns the kind of the images on `topic`, and the sensor behind them: those of the description that names the topic, else those that the
-    /// name tells.
+    /// Returns the kind of the images on `topic`, and the sensor behind them: those of the description that names the
+    /// topic, else those that the name tells.
     pub fn of(&self, topic: &str) -> (Option<StreamKind>, Option<&SensorHistory>) {
         let described = |history: &&SensorHistory| history.kinds.contains_key(topic);
         match self.by_topic.values().find(described) {
@@ -191,8 +195,8 @@ impl SensorHistory {
         self.by_stamp.iter().rev().find(|(at, _)| *at == stamp).map(|(_, model)| model)
     }
 
-    /// Returns the sensor of the frame of `stamp` as far as it is known: where its own description is late or lost, that of the
-    /// last frame before it, else the last one that has come.
+    /// Returns the sensor of the frame of `stamp` as far as it is known: where its own description is late or lost,
+    /// that of the last frame before it, else the last one that has come.
     pub fn nearest(&self, stamp: Time) -> Option<&SensorModel> {
         // The description of the next frame may have come already, and that one may have another sensor.
         let before = self.by_stamp.iter().rev().find(|(at, _)| at.as_ns() <= stamp.as_ns());

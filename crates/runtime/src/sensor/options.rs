@@ -51,7 +51,8 @@ impl<C> SensorOptions<C> {
         self.values.iter().filter(|(name, _)| self.given.contains(name))
     }
 
-    /// Returns the sensor of each combination of the values of `varied`, the last fastest; other parameters have their first.
+    /// Returns the sensor of each combination of the values of `varied`, the last fastest; other parameters have their
+    /// first.
     pub fn sensors(&self, varied: &[&str]) -> Vec<SensorModel> {
         let place = |name: &str| varied.iter().position(|other| *other == name);
         let mut ordered: Vec<_> = self.values.iter().collect();

@@ -48,23 +48,25 @@ crate::parameters! {
         bits: u8 = 8 => 1..=16,
         /// Saturation factor: the brightest radiance of the scene divided by the sensor's peak.
         alpha: f64 = 4.0 => 1e-3..=256.0,
-        /// Full scale of the pictures of a source divided by alpha * 2^bits: the radiance of the largest code, the white of EXR and
-        /// HDR images, or 1 in rendered frames. The images of 8 bits undo it, so that an ideal image is the picture that it comes
-        /// from. 1: the brightest parts lie at the end of the range.
+        /// Full scale of the pictures of a source divided by alpha * 2^bits: the radiance of the largest code, the
+        /// white of EXR and HDR images, or 1 in rendered frames. The images of 8 bits undo it, so that an ideal image
+        /// is the picture that it comes from. 1: the brightest parts lie at the end of the range.
         headroom: f64 = 0.97 => 1e-3..=1.0,
-        /// Transfer function of the pictures: codes of 8 and 16 bits of a source are decoded by it, and the images ideal,
-        /// saturated and recovered are encoded by it. linear: codes are radiance. EXR, HDR and rendered frames hold
-        /// radiance, which is not decoded.
+        /// Transfer function of the pictures: codes of 8 and 16 bits of a source are decoded by it, and the images
+        /// ideal, saturated and recovered are encoded by it. linear: codes are radiance. EXR, HDR and rendered frames
+        /// hold radiance, which is not decoded.
         transfer: Transfer = Transfer::Linear => Transfer::WORDS; fixed,
-        /// Columns at the left border that a field stop in front of the lens shades: the radiance is 0 in the first quarter of
-        /// them, at least in one column, and rises linearly over the others. They show where the radiance is 0. 32 columns keep
-        /// neighbouring samples within half a peak up to an alpha of 8.
+        /// Columns at the left border that a field stop in front of the lens shades: the radiance is 0 in the first
+        /// quarter of them, at least in one column, and rises linearly over the others. They show where the radiance
+        /// is 0. 32 columns keep neighbouring samples within half a peak up to an alpha of 8.
         optical_black: usize = 32 => 0..=MAX_OPTICAL_BLACK,
-        /// Radiance in code units that you promise the darkest pixels of each frame to have, as the pedestal of a data sheet, to 1/32 of
-        /// 2^bits. It shows unwrap the absolute level of a frame in which some pixels have it. -1: no promise.
+        /// Radiance in code units that you promise the darkest pixels of each frame to have, as the pedestal of a data
+        /// sheet, to 1/32 of 2^bits. It shows unwrap the absolute level of a frame in which some pixels have it. -1: no
+        /// promise.
         black_level: Option<f64> = None => -1.0..=65536.0,
-        /// Shape of the lens blur: gaussian with the width psf_sigma, paper7 for the paper's fixed 7 taps (about 1.4 px), perfect for
-        /// no blur, or unknown for images that have the blur of a real lens. Images of raw mosaics always have the latter.
+        /// Shape of the lens blur: gaussian with the width psf_sigma, paper7 for the paper's fixed 7 taps (about 1.4
+        /// px), perfect for no blur, or unknown for images that have the blur of a real lens. Images of raw mosaics
+        /// always have the latter.
         psf: BlurShape = BlurShape::Gaussian => BlurShape::WORDS,
         /// Standard deviation of the gaussian lens blur in px. 0 is a perfect lens. Other shapes do not use it.
         psf_sigma: f64 = 1.4 => 0.0..=MAX_SIGMA,
@@ -76,23 +78,24 @@ crate::parameters! {
         read_noise: f64 = 0.0 => 0.0..=MAX_NOISE,
         /// Strength of the shot noise: its standard deviation at the signal x is sqrt(shot_noise * x) in code units.
         shot_noise: f64 = 0.0 => 0.0..=MAX_NOISE,
-        /// Electrons that fill the 2^bits codes of the converter at full gain (the saturation capacity of EMVA 1288). They add
-        /// shot noise of the variance x * 2^bits / full_well_electrons. 0: only shot_noise.
+        /// Electrons that fill the 2^bits codes of the converter at full gain (the saturation capacity of EMVA 1288).
+        /// They add shot noise of the variance x * 2^bits / full_well_electrons. 0: only shot_noise.
         full_well_electrons: Option<f64> = None => 0.0..=1e9,
-        /// Photo response non-uniformity (EMVA 1288): standard deviation of the gain between pixels, as a fraction. The pattern is
-        /// the same in every frame.
+        /// Photo response non-uniformity (EMVA 1288): standard deviation of the gain between pixels, as a fraction. The
+        /// pattern is the same in every frame.
         prnu: f64 = 0.0 => 0.0..=1.0,
-        /// Share of the samples that are hot: their dark signal is evenly distributed up to the peak. The pattern is the same in
-        /// every frame.
+        /// Share of the samples that are hot: their dark signal is evenly distributed up to the peak. The pattern is
+        /// the same in every frame.
         hot_pixels: f64 = 0.0 => 0.0..=1.0,
-        /// Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of
-        /// the source. The images of a mosaic have the encoding bayer_*8 or bayer_*16. Images of one channel are raw mosaics of
-        /// these filters, which are sensed as they are, without a lens.
+        /// Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all
+        /// colours of the source. The images of a mosaic have the encoding bayer_*8 or bayer_*16. Images of one channel
+        /// are raw mosaics of these filters, which are sensed as they are, without a lens.
         mosaic: Option<Mosaic> = None => Mosaic::WORDS; fixed,
-        /// The pixels that decide the exposure of the images auto_exposed and metered: the mean of all of them, that of the centre, whose pixels count three
-        /// times, or the highlights, of which 99.9 % shall not clip.
+        /// The pixels that decide the exposure of the images auto_exposed and metered: the mean of all of them, that of
+        /// the centre, whose pixels count three times, or the highlights, of which 99.9 % shall not clip.
         metering: Metering = Metering::Mean => Metering::WORDS,
-        /// Goal of the mean radiance and of that of the centre, divided by that of the largest code. 0.18 is the middle grey of photography.
+        /// Goal of the mean radiance and of that of the centre, divided by that of the largest code. 0.18 is the middle
+        /// grey of photography.
         metering_target: f64 = 0.18 => 0.01..=1.0,
         /// Frames of the image auto_exposed after which a measured frame takes effect.
         exposure_delay: usize = 2 => 1..=10,
@@ -109,7 +112,7 @@ impl SensorModel {
     pub const EXPOSURE_CONTROL: [&str; 4] =
         ["metering", "metering_target", "exposure_delay", "exposure_step"];
 
-    /// Those of an exposure that follows the frames before.
+    /// The parameters of an exposure that follows the frames before.
     pub const FOLLOWING: [&str; 2] = ["exposure_delay", "exposure_step"];
 
     /// Returns the sensor of images of which nothing is known: no columns are taken for black, and no lens is assumed.
@@ -231,7 +234,8 @@ impl SensorModel {
 const OVERRIDES: [(&str, Option<bool>); 3] =
     [("camera", None), ("none", Some(false)), ("checkerboard", Some(true))];
 
-/// The words of [`SensorOverride::transfer`]: those of a sensor, and `camera` for the function that the camera describes.
+/// The words of [`SensorOverride::transfer`]: those of a sensor, and `camera` for the function that the camera
+/// describes.
 const TRANSFERS: [(&str, Option<Transfer>); 5] = [
     ("camera", None),
     ("linear", Some(Transfer::Linear)),
@@ -249,24 +253,26 @@ crate::parameters! {
         /// Saturation factor: the brightest radiance of the scene divided by the sensor's peak. 0: that of the camera's
         /// sensor description.
         alpha: Option<f64> = None => 0.0..=256.0,
-        /// Full scale of a picture divided by alpha * 2^bits, which the recovered image shows as its largest code. 0: that of
-        /// the camera's sensor description (0.97 without a description).
+        /// Full scale of a picture divided by alpha * 2^bits, which the recovered image shows as its largest code. 0:
+        /// that of the camera's sensor description (0.97 without a description).
         headroom: Option<f64> = None => 0.0..=1.0,
-        /// Transfer function by which the recovered image is encoded: linear, srgb, gamma22, rec709, or as the camera's sensor
-        /// description has it (linear without a description).
+        /// Transfer function by which the recovered image is encoded: linear, srgb, gamma22, rec709, or as the camera's
+        /// sensor description has it (linear without a description).
         transfer: Option<Transfer> = None => TRANSFERS,
-        /// Columns at the left border that a field stop shades, as at the camera. 0: those of the camera's sensor description.
-        optical_black: Option<usize> = None => 0..=MAX_OPTICAL_BLACK,
-        /// Radiance in code units that you promise the darkest pixels of each frame to have. -1: that of the camera's sensor
+        /// Columns at the left border that a field stop shades, as at the camera. 0: those of the camera's sensor
         /// description.
+        optical_black: Option<usize> = None => 0..=MAX_OPTICAL_BLACK,
+        /// Radiance in code units that you promise the darkest pixels of each frame to have. -1: that of the camera's
+        /// sensor description.
         black_level: Option<f64> = None => -1.0..=65536.0,
-        /// Shape of the lens blur: gaussian, paper7 for the paper's fixed 7 taps (about 1.4 px), perfect for no blur, or unknown.
+        /// Shape of the lens blur: gaussian, paper7 for the paper's fixed 7 taps (about 1.4 px), perfect for no blur,
+        /// or unknown.
         psf: BlurShape = BlurShape::Gaussian => BlurShape::WORDS,
-        /// Standard deviation of the gaussian lens blur in px. 0: the blur of the camera's sensor description (an unknown one without a
-        /// description), where psf is gaussian.
+        /// Standard deviation of the gaussian lens blur in px. 0: the blur of the camera's sensor description (an
+        /// unknown one without a description), where psf is gaussian.
         psf_sigma: Option<f64> = None => 0.0..=MAX_SIGMA,
-        /// Pixels with a lower gain: none, every second one, as on a checkerboard, or as the camera's sensor description has them
-        /// (none without a description).
+        /// Pixels with a lower gain: none, every second one, as on a checkerboard, or as the camera's sensor
+        /// description has them (none without a description).
         gains: Option<bool> = None => OVERRIDES,
         /// The lower gain divided by the full one, where gains is not camera. 0: 1 / alpha.
         gain_ratio: Option<f64> = None => 0.0..=1.0,

@@ -1,5 +1,5 @@
-//! [`Recovery`]: what `unwrap` says of one recovered image, on [`RECOVERY_TOPIC`](crate::topic::RECOVERY_TOPIC). The status has the
-//! stamp of the image.
+//! [`Recovery`]: what `unwrap` says of one recovered image, on [`RECOVERY_TOPIC`](crate::topic::RECOVERY_TOPIC). The
+//! status has the stamp of the image.
 
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 
@@ -8,8 +8,8 @@ use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 pub struct Recovery<'a> {
     /// The method that was used; empty where the status does not say it.
     pub method_used: &'a str,
-    /// Whether the method claims that the wrap counts are right; `None` where it makes no claim, or the status has none that is
-    /// understood.
+    /// Whether the method claims that the wrap counts are right; `None` where it makes no claim, or the status has none
+    /// that is understood.
     pub trusted: Option<bool>,
 }
 

@@ -27,8 +27,8 @@ pub enum StreamKind {
 }
 
 impl StreamKind {
-    /// Each kind with the word that stands for it in descriptions, which is also the name that its node declares. The last one is not made for
-    /// detectors.
+    /// Each kind with the word that stands for it in descriptions, which is also the name that its node declares. The
+    /// last one is not made for detectors.
     pub const WORDS: [(&'static str, Self); 7] = [
         ("modulo", Self::Modulo),
         ("recovered", Self::Recovered),
@@ -55,8 +55,8 @@ impl StreamKind {
     }
 }
 
-/// What the samples of an image mean: which one is white, and the radiance that they stand for. It belongs to the stream of the image:
-/// the pictures of a sensor of 6 bits have 8.
+/// The meaning of the samples of an image: which one is white, and the radiance that they stand for. It belongs to the
+/// stream of the image: the pictures of a sensor of 6 bits have 8.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StreamScale {
     /// The largest sample, which is white; larger ones are clipped.
@@ -76,13 +76,16 @@ pub struct LightScale {
 impl StreamScale {
     /// Returns the scale of an image of `depth` bits (8, 16, or 32 for floats) of the stream `kind`:
     ///
-    /// - `recovered`, `metered` and `ideal` of 8 bits are pictures: their largest sample is 255. The exposure of `metered` is that of its frame, so
-    ///   that nobody says which radiance its samples stand for.
-    /// - `modulo`, `saturated` and `auto_exposed` have the codes of the converter, up to `2^bits - 1`, and `hdr` counts up to
-    ///   `alpha * 2^bits` times the headroom. Nobody says which radiance the codes of a changing exposure stand for. `bits` are those of `sensor`, the description of its camera, unless they are given here (0: not given).
-    /// - An image of another kind (`None`), or without a description, has the `bits` that are given, else the whole range of its encoding.
+    /// - `recovered`, `metered` and `ideal` of 8 bits are pictures: their largest sample is 255. The exposure of
+    ///   `metered` is that of its frame, so that nobody says which radiance its samples stand for.
+    /// - `modulo`, `saturated` and `auto_exposed` have the codes of the converter, up to `2^bits - 1`, and `hdr` counts
+    ///   up to `alpha * 2^bits` times the headroom. Nobody says which radiance the codes of a changing exposure stand
+    ///   for. `bits` are those of `sensor`, the description of its camera, unless they are given here (0: not given).
+    /// - An image of another kind (`None`), or without a description, has the `bits` that are given, else the whole
+    ///   range of its encoding.
     ///
-    /// The samples stand for radiance where a sensor describes one of these streams. `None` for floats of unknown range.
+    /// The samples stand for radiance where a sensor describes one of these streams. `None` for floats of unknown
+    /// range.
     pub fn of(kind: Option<StreamKind>, depth: u8, sensor: Option<&SensorModel>, bits: u8) -> Option<Self> {
         let peak_of = |bits: u8| f64::from(1_u32 << bits);
         let given = Some(bits).filter(|&bits| bits > 0);
@@ -174,7 +177,8 @@ mod tests {
         assert_eq!(radiance(None, 8, 1.0), None);
     }
 
-    /// The bits of a sensor are those of its codes alone, at any number of bits, and the parameter of a reader changes no more.
+    /// The bits of a sensor are those of its codes alone, at any number of bits, and the parameter of a reader changes
+    /// no more.
     #[test]
     fn pictures_have_8_bits_and_codes_those_of_the_sensor() {
         for bits in 1..=16 {

@@ -39,7 +39,8 @@ use super::{Integers, QualityMetrics, Range, Recovered, Scene, Unwrap, UnwrapErr
 use crate::frame::Frame;
 use crate::simd::widest;
 
-/// The largest wrap count for which words of 8 bits hold every k and errors of the same size.
+/// The largest wrap count for which words of 8 bits, which hold twice as many lanes as those of 16, hold every k and errors
+/// of the same size.
 const NARROW: u8 = 63;
 
 /// The number of rows after which an image is looked at for steep loops.
@@ -94,14 +95,10 @@ impl Lines {
     ) -> Result<Scanned, UnwrapError> {
         let layout = RowLayout::of(y);
         Ok(match Integers::checked(y, range)? {
-            Integers::U8(codes) => {
-                let samples = CodeRows::new(codes, layout, range);
-                if is_narrow(range) {
-                    self.bytes.scan(&samples, range, from, most)
-                } else {
-                    self.words.scan(&samples, range, from, most)
-                }
+            Integers::U8(codes) if range.max_wraps() <= NARROW => {
+                self.bytes.scan(&CodeRows::new(codes, layout, range), range, from, most)
             }
+            Integers::U8(codes) => self.words.scan(&CodeRows::new(codes, layout, range), range, from, most),
             Integers::U16(codes) => self.words.scan(&CodeRows::new(codes, layout, range), range, from, most),
         })
     }
@@ -123,13 +120,11 @@ impl Lines {
         }
         let layout = RowLayout::of(y);
         match Integers::of(y, range)? {
+            Integers::U8(codes) if range.max_wraps() <= NARROW => {
+                self.bytes.finish(&CodeRows::new(codes, layout, range), range, outliers, out)
+            }
             Integers::U8(codes) => {
-                let samples = CodeRows::new(codes, layout, range);
-                if is_narrow(range) {
-                    self.bytes.finish(&samples, range, outliers, out);
-                } else {
-                    self.words.finish(&samples, range, outliers, out);
-                }
+                self.words.finish(&CodeRows::new(codes, layout, range), range, outliers, out)
             }
             Integers::U16(codes) => {
                 self.words.finish(&CodeRows::new(codes, layout, range), range, outliers, out)
@@ -137,11 +132,6 @@ impl Lines {
         }
         Ok(())
     }
-}
-
-/// Returns whether words of 8 bits suffice, which hold twice as many lanes as words of 16.
-fn is_narrow(range: Range) -> bool {
-    range.bits() <= 8 && range.max_wraps() <= NARROW
 }
 
 impl Unwrap for Lines {

@@ -1,4 +1,4 @@
-//! Whether samples agree with those around them: [`contradictions`], and the [`counts`] that all sides of a sample allow.
+//! Whether samples agree with those around them: [`contradictions`], and the [`counts`] that all sides allow.
 
 use super::plane::{Plane, View};
 use super::stencil::{Family, Line, Stencil};
@@ -34,8 +34,8 @@ pub(super) fn around(plane: &Plane, samples: &[usize], away: isize) -> Vec<usize
     samples.iter().flat_map(of_one).collect()
 }
 
-/// Returns the samples whose counts are excluded by those at `places` around them, in ascending order. Near the border on the left and on the right, nothing is
-/// looked at; the lines have at least [`CHUNK`] samples between.
+/// Returns the samples whose counts are excluded by those at `places` around them, in ascending order. Near the border
+/// on the left and on the right, nothing is looked at; the lines have at least [`CHUNK`] samples between.
 pub(super) fn contradictions(plane: &Plane, places: &[[isize; 2]], stencil: &Stencil) -> Vec<usize> {
     let (line, channels) = (plane.width * plane.channels, plane.channels.cast_signed());
     let reach = |sign: isize| {

@@ -1,8 +1,9 @@
 //! A sweep that proves samples by those above and before them.
 //!
-//! A sample is proved by the [`corner`](super::stencil::corner) of those above it and before it in its row, or by the [`run`](super::stencil::run) before
-//! it. Each row depends on the one above up to [`RADIUS`] columns ahead. So all rows of a block are swept at once, each [`LAG`] columns behind the one
-//! above: at each step, the processor has a sample of each row, none of which depends on another.
+//! A sample is proved by the [`corner`](super::stencil::corner) of those above it and before it in its row, or by the
+//! [`run`](super::stencil::run) before it. Each row depends on the one above up to [`RADIUS`] columns ahead. So all
+//! rows of a block are swept at once, each [`LAG`] columns behind the one above: at each step, the processor has a
+//! sample of each row, none of which depends on another.
 
 use super::plane::{Plane, View};
 use super::stencil::{Family, RADIUS, ROWS, RUN};
@@ -61,8 +62,8 @@ struct Block {
     right: isize,
 }
 
-/// Sweeps over the image in a view, by `families` whose samples lie above and before the one in their middle. Returns how many of them it has
-/// proved, and how many have no count that is possible.
+/// Sweeps over the image in a view, by `families` whose samples lie above and before the one in their middle. Returns
+/// how many of them it has proved, and how many have no count that is possible.
 pub(super) fn sweep(plane: &mut Plane, view: View, families: &[&Family], most: f32) -> Found {
     let at_once = (LANES / plane.channels).cast_signed();
     let (height, width) = plane.size(view);
@@ -212,7 +213,8 @@ fn prove<const C: usize>(
     take(&mut steps.x[slot(step)], &ready, counts, open)
 }
 
-/// Returns the least and the greatest count that is possible for each sample of a step. Only those for the samples that are `ready` mean something.
+/// Returns the least and the greatest count that is possible for each sample of a step. Only those for the samples that
+/// are `ready` mean something.
 #[inline(always)]
 fn counts<const C: usize>(
     steps: &Steps,

@@ -1,11 +1,13 @@
 //! Proof: counts of which no scene in the range of the sensor allows others, behind a lens that is known.
 //!
-//! The samples behind the black columns have the count 0, since even a white scene beside them stays below one peak there. From there the image is
-//! decoded: all counts but one of the next sample would need a scene outside the range ([`stencil`]). Nothing leans on a count that is not proved, so that
-//! no error can travel, whatever the picture. Most images are decoded in one sweep ([`front`]).
+//! The samples behind the black columns have the count 0, since even a white scene beside them stays below one peak
+//! there. From there the image is decoded: all counts but one of the next sample would need a scene outside the range
+//! ([`stencil`]). Nothing leans on a count that is not proved, so that no error can travel, whatever the picture. Most
+//! images are decoded in one sweep ([`front`]).
 //!
-//! A sample that does not show the radiance, such as a hot one, voids the proof around it and of all that leans on that. So each sample must also agree
-//! with those on all sides of it ([`agreement`]); where some do not, the image is proved without them ([`image`]).
+//! A sample that does not show the radiance, such as a hot one, voids the proof around it and of all that leans on
+//! that. So each sample must also agree with those on all sides of it ([`agreement`]); where some do not, the image is
+//! proved without them ([`image`]).
 
 mod agreement;
 mod front;
@@ -15,23 +17,24 @@ mod stencil;
 
 use self::agreement::{CHUNK, hole};
 use self::image::Image;
+pub(super) use self::image::Proved;
 use self::plane::Plane;
 use self::stencil::{Family, LENS_ERROR, Line, RUN, SIGMAS, corner, lenses, run};
 use super::budget::Budget;
-use super::{Integers, Scene};
+use super::{Integers, Recovered, Scene};
 use crate::frame::Frame;
 use crate::optics::Psf;
 use crate::range::Range;
 
-/// The least half width of the stencils behind which most images are proved as a whole. Behind a narrower one hardly any is.
+/// The least half width of the stencils with which most images are proved as a whole. With a narrower one, few are.
 const LEAST_HALF_WIDTH: f32 = 0.4;
 
-/// The greatest bend of a lens, see [`Psf::bend`]: that of 0.7 px. Behind a sharper one, an edge of one peak bends by half a peak and more if the lens is a fifth
-/// sharper than it was described, and then leaves no trace.
+/// The greatest bend of a lens, see [`Psf::bend`]: that of 0.7 px. Behind a sharper one, an edge of one peak bends by
+/// half a peak and more if the lens is a fifth sharper than it was described, and then leaves no trace.
 const MOST_BEND: f64 = 0.37;
 
-/// The least width of an image: that of the samples that are checked at once, and the runs at both borders. The least height is that of a run, which the mirrored
-/// border continues right only so far.
+/// The least width of an image: that of the samples that are checked at once, and the runs at both borders. The least
+/// height is that of a run, which the mirrored border continues right only so far.
 const LEAST_WIDTH: usize = CHUNK + 2 * RUN;
 
 /// The stencils of the last sensor, and buffers.
@@ -55,8 +58,8 @@ struct Sensor {
 }
 
 impl Proof {
-    /// Returns whether this is a sensor whose images are proved: it has one gain for all pixels, no mosaic, black columns, noise that is known, and a lens that
-    /// is known and soft enough for its range.
+    /// Returns whether this is a sensor whose images are proved: it has one gain for all pixels, no mosaic, black
+    /// columns, noise that is known, and a lens that is known and soft enough for its range.
     pub fn reaches(&mut self, scene: &Scene, y: &Frame) -> bool {
         let known = scene.lens.filter(is_soft).zip(scene.noise);
         let known = known.filter(|_| y.mosaic().is_none() && scene.range.black() > 0);
@@ -79,28 +82,46 @@ impl Proof {
             && is_exact
     }
 
-    /// Writes the counts of `y`, an image of the sensor that [`reaches`](Self::reaches) was asked for, to `k`. Returns the samples that are not proved, in
-    /// ascending order, or `None` if these are not only a few around defects.
+    /// Decodes `y`, an image of `dim` of the sensor that [`reaches`](Self::reaches) was asked for. Returns which counts
+    /// are proved; `None` if no proof is sound, or its work is not left in the `budget`.
     pub fn decode(
         &mut self,
         y: Integers<'_>,
         dim: (usize, usize, usize),
-        k: &mut [u8],
         budget: &mut Budget,
-    ) -> Option<Vec<usize>> {
+    ) -> Option<Proved> {
         let sensor = self.sensor.as_ref().expect("a sensor within reach has stencils");
-        let left_out = Image::read(sensor, &mut self.plane, y, dim).prove_all(budget)?;
+        Image::read(sensor, &mut self.plane, y, dim).prove_all(budget)
+    }
+
+    /// Writes the counts of an image that was [decoded](Self::decode) as a whole to `k`.
+    pub fn write(&self, k: &mut [u8]) {
         self.plane.write(k);
-        Some(left_out)
+    }
+
+    /// Takes the proved counts of an image that was [decoded](Self::decode) in part into another result for it.
+    pub fn repair(&self, range: Range, out: &mut Recovered) {
+        let samples = &self.plane.x[..out.k.len()];
+        let are_known = |pixel: &[f32]| if pixel.iter().all(|x| *x > 0.0) { u8::MAX } else { 0 };
+        let proved = samples.chunks_exact(self.plane.channels).map(are_known).collect();
+        let (x, k) = out.buffers();
+        for (at, sample) in samples.iter().enumerate().filter(|(_, sample)| **sample > 0.0) {
+            k[at] = *sample as u8;
+            if let Some(x) = x.get_mut(at) {
+                // The middle of a code becomes the code.
+                *x = sample * range.peak() - 0.5;
+            }
+        }
+        out.proved = proved;
     }
 }
 
 /// The alphas between which limits are sought.
 const ALPHAS: (f64, f64) = (0.1, 128.0);
 
-/// Returns the largest alpha up to which each scene has one set of counts, whatever it shows, and the one up to which most pictures are proved as a whole: behind
-/// this lens, for a sensor of so many bits (1 to 16) with black columns and noise of this standard deviation in code units. `None`: behind so sharp a lens, nothing is
-/// proved.
+/// Returns the largest alpha up to which each scene has one set of counts, whatever it shows, and the one up to which
+/// most pictures are proved as a whole: behind this lens, for a sensor of so many bits (1 to 16) with black columns and
+/// noise of this standard deviation in code units. `None`: behind so sharp a lens, nothing is proved.
 pub fn proved_up_to(lens: Psf, bits: u8, noise: f64) -> Option<[f64; 2]> {
     let up_to = |lines: fn() -> Vec<Line>, least: f32| {
         let (mut proved, mut not) = ALPHAS;
@@ -136,8 +157,9 @@ mod tests {
 
     use super::*;
     use crate::sensor::{Exposure, Sensor as Camera, SensorConfig};
+    use crate::unwrap::{Method, Options, PROOF};
 
-    /// Scenes that nothing but their range holds together: noise of black and white, blocks of both, random blocks, and walks.
+    /// Returns a scene of one of several kinds: noise of black and white, blocks of both, random blocks, or walks.
     fn scene(kind: usize, values: &[f32], (height, width): (usize, usize)) -> Array3<f32> {
         let value = |i: usize, j: usize| values[(i * 131 + j * 17) % values.len()];
         let mut walk = 0.5;
@@ -154,16 +176,15 @@ mod tests {
         })
     }
 
-    /// Returns the radiance in peaks of the samples that are proved, and below 0 or NaN for others, and what `decode` returns.
-    fn decoded(exposure: &Exposure, lens: Psf) -> (Vec<f32>, Option<Vec<usize>>) {
+    /// Returns the radiance in peaks of proved samples (below 0 or NaN for others), and the result of `decode`.
+    fn decoded(exposure: &Exposure, lens: Psf) -> (Vec<f32>, Option<Proved>) {
         let (y, mut proof) = (exposure.modulo(), Proof::default());
-        let mut k = vec![0; y.to_f32().len()];
         if !proof.reaches(&Scene { lens: Some(lens), ..exposure.scene() }, &y) {
-            return (vec![-1.0; k.len()], None);
+            return (vec![-1.0; y.height() * y.width()], None);
         }
         let codes = Integers::checked(&y, exposure.range()).expect("codes");
-        let left_out = proof.decode(codes, y.dim(), &mut k, &mut Budget::default());
-        (proof.plane.x, left_out)
+        let proved = proof.decode(codes, y.dim(), &mut Budget::default());
+        (proof.plane.x, proved)
     }
 
     proptest! {
@@ -172,20 +193,50 @@ mod tests {
         fn no_count_that_is_proved_is_wrong(
             kind in 0usize..7,
             values in prop::collection::vec(0.0f32..1.0, 200..400),
-            (psf, alpha) in prop::sample::select(vec![(0.8, 2.0), (0.8, 3.0), (1.0, 3.0), (1.0, 4.0), (1.0, 8.0), (1.4, 4.0), (1.4, 8.0), (2.0, 8.0), (0.5, 2.0)]),
-            read_noise in prop::sample::select(vec![0.0, 0.0, 1.0, 3.0]),
+            (psf, alpha) in prop::sample::select(vec![
+                (0.8, 2.0), (0.8, 3.0), (1.0, 3.0), (1.0, 4.0), (1.0, 8.0), (1.4, 4.0), (1.4, 8.0), (2.0, 8.0), (0.5, 2.0),
+            ]),
+            (read_noise, prnu) in prop::sample::select(vec![(0.0, 0.0), (0.0, 0.0), (1.0, 0.0), (3.0, 0.0), (0.0, 0.005)]),
             seed in any::<u64>(),
         ) {
             let psf = Psf::of_sigma(psf);
             let config = SensorConfig {
-                alpha, psf, read_noise, optical_black: 32, ..SensorConfig::default()
+                alpha, psf, read_noise, prnu, optical_black: 32, ..SensorConfig::default()
             };
             let light = scene(kind, &values, (24, 80));
             let exposure = Camera::new(config).expect("a sensor").expose(light.view(), seed).expect("an image");
-            let (x, left_out) = decoded(&exposure, psf);
-            prop_assert!(left_out.is_none_or(|left_out| left_out.is_empty()), "nothing is a defect");
+            let (x, proved) = decoded(&exposure, psf);
+            prop_assert!(!matches!(proved, Some(Proved::Whole(left_out)) if !left_out.is_empty()), "nothing is a defect");
             for (x, truth) in x.iter().zip(&exposure.wraps()) {
-                prop_assert!(x.is_nan() || *x < 0.0 || *x as u8 == *truth, "{kind} {psf:?} {alpha} {read_noise}");
+                prop_assert!(x.is_nan() || *x < 0.0 || *x as u8 == *truth, "{kind} {psf:?} {alpha} {read_noise} {prnu}");
+            }
+        }
+    }
+
+    proptest! {
+        /// Beyond the border, the scene is mirrored only as far as the image is high.
+        #[test]
+        fn auto_proves_nothing_wrong_of_small_images(
+            kind in 0usize..7,
+            values in prop::collection::vec(0.0f32..1.0, 200..400),
+            (height, width, channels) in (1usize..12, 33usize..100, prop::sample::select(vec![1, 3])),
+            (psf, alpha) in prop::sample::select(vec![(0.8, 2.0), (1.0, 3.0), (1.4, 4.0), (1.4, 8.0)]),
+            seed in any::<u64>(),
+        ) {
+            let psf = Psf::of_sigma(psf);
+            let config = SensorConfig { alpha, psf, optical_black: 32, ..SensorConfig::default() };
+            let light = scene(kind, &values, (height, width));
+            let light = light.broadcast((channels, height, width, 1)).expect("the same light for each channel");
+            let light = light.remove_axis(ndarray::Axis(3)).permuted_axes([1, 2, 0]).to_owned();
+            let exposure = Camera::new(config).expect("a sensor").expose(light.view(), seed).expect("an image");
+            let (mut method, mut out) = (Method::Auto.build(&Options::default()).expect("auto"), Recovered::default());
+            method.unwrap(&exposure.modulo(), &exposure.scene(), &mut out).expect("codes");
+            let is_proved = out.report.method == PROOF || !out.proved.is_empty();
+            prop_assert!(!is_proved || height >= RUN && width >= LEAST_WIDTH, "{height} x {width}");
+            let claims: Vec<f32> = out.confidence(None, exposure.range()).to_f32().into_iter().collect();
+            for (at, (k, truth)) in out.k.iter().zip(&exposure.wraps()).enumerate() {
+                let is_claimed = is_proved && claims[at / channels] > 0.0;
+                prop_assert!(!is_claimed || k == truth, "{kind} {psf:?} {alpha} {height} x {width}");
             }
         }
     }
@@ -209,8 +260,12 @@ mod tests {
                 Camera::new(config).expect("a sensor").expose(light.view(), seed as u64).expect("an image");
             let sound = Camera::new(SensorConfig { hot_pixels: 0.0, ..config }).expect("a sensor");
             let sound = sound.expose(light.view(), seed as u64).expect("an image");
-            let (x, left_out) = decoded(&exposure, Psf::of_sigma(stated));
-            let Some(left_out) = left_out else { continue };
+            let (x, found) = decoded(&exposure, Psf::of_sigma(stated));
+            let left_out = match found {
+                Some(Proved::Whole(left_out)) => left_out,
+                Some(Proved::Part) => Vec::new(),
+                None => continue,
+            };
             proved += 1;
             let is_hot = |at: usize| {
                 exposure.x().as_slice() != sound.x().as_slice()
@@ -218,13 +273,51 @@ mod tests {
                         != sound.x().as_slice().expect("in order")[at]
             };
             for (at, (x, truth)) in x.iter().zip(&exposure.wraps()).enumerate() {
-                assert!(left_out.contains(&at) || is_hot(at) || *x as u8 == *truth, "{seed}, sample {at}");
+                let is_open = x.is_nan() || *x < 0.0 || left_out.contains(&at);
+                assert!(is_open || is_hot(at) || *x as u8 == *truth, "{seed}, sample {at}");
             }
         }
         assert!(proved > 30, "{proved}");
     }
 
-    /// What is brighter before the lens than the range, such as the sun, is not in the bounds.
+    #[test]
+    fn the_part_that_is_proved_repairs_any_result() {
+        let psf = Psf::of_sigma(1.4);
+        let light = Array3::from_shape_fn((60, 120, 3), |(i, j, c)| {
+            let is_bright = c == 1 && i.abs_diff(30) < 8 && j.abs_diff(80) < 8;
+            if is_bright { 1.0 } else { 0.3 + 0.2 * (j as f32 / 9.0).sin() }
+        });
+        let config =
+            SensorConfig { alpha: 8.0, psf, optical_black: 32, headroom: 1.0, ..SensorConfig::default() };
+        let exposure = Camera::new(config).expect("a sensor").expose(light.view(), 0).expect("an image");
+        let (y, range, truth) = (exposure.modulo(), exposure.range(), exposure.wraps());
+        let mut proof = Proof::default();
+        assert!(proof.reaches(&exposure.scene(), &y));
+        let codes = Integers::checked(&y, range).expect("codes");
+        assert_eq!(proof.decode(codes, y.dim(), &mut Budget::default()), Some(Proved::Part));
+        let wrong = Array3::from_elem(y.dim(), 9);
+        let mut out = Recovered { x: y.to_f32(), k: wrong, ..Recovered::default() };
+        proof.repair(range, &mut out);
+        assert_eq!(
+            [30, 10].map(|row| out.proved[row * 120 + 80]),
+            [0, u8::MAX],
+            "light at the end of the range"
+        );
+        let codes = y.to_f32();
+        let samples = out.x.iter().zip(&codes).zip(out.k.iter().zip(&truth));
+        let are_right =
+            samples.map(|((x, y), (k, truth))| k == truth && *x == y + f32::from(*k) * range.peak());
+        for (at, is_right) in are_right.enumerate() {
+            assert!(is_right || out.proved[at / 3] == 0, "sample {at}");
+        }
+        let mut method = Method::Auto.build(&Options::default()).expect("auto");
+        let mut of_auto = Recovered::default();
+        method.unwrap(&y, &exposure.scene(), &mut of_auto).expect("codes");
+        assert!(of_auto.proved == out.proved);
+        assert!(of_auto.confidence(None, range).as_u8().expect("8 bits").iter().eq(&out.proved));
+    }
+
+    /// The bounds do not hold for light that is brighter before the lens than the range, such as the sun.
     #[test]
     fn nothing_is_proved_at_the_end_of_the_range() {
         let psf = Psf::of_sigma(1.4);
@@ -235,7 +328,11 @@ mod tests {
             let config =
                 SensorConfig { alpha: 4.0, psf, optical_black: 32, headroom: 1.0, ..SensorConfig::default() };
             let exposure = Camera::new(config).expect("a sensor").expose(light.view(), 0).expect("an image");
-            assert_eq!(decoded(&exposure, psf).1.is_some(), is_proved);
+            let (x, proved) = decoded(&exposure, psf);
+            assert_eq!(proved == Some(Proved::Whole(Vec::new())), is_proved);
+            // Around it, but not far from it.
+            assert_eq!(x[30 * 120 + 80] > 0.0, is_proved);
+            assert!(x[30 * 120 + 50] > 0.0 && x[30 * 120 + 110] > 0.0);
         }
     }
 
@@ -261,8 +358,8 @@ mod tests {
             let psf = Psf::of_sigma(sigma);
             let config = SensorConfig { alpha, psf, bits, optical_black: 32, ..SensorConfig::default() };
             let exposure = Camera::new(config).expect("a sensor").expose(light.view(), 0).expect("an image");
-            let (x, left_out) = decoded(&exposure, psf);
-            assert_eq!(left_out, Some(Vec::new()), "{sigma} px, alpha {alpha}");
+            let (x, proved) = decoded(&exposure, psf);
+            assert_eq!(proved, Some(Proved::Whole(Vec::new())), "{sigma} px, alpha {alpha}");
             assert!(x.iter().zip(&exposure.wraps()).all(|(&x, &truth)| x as u8 == truth));
         }
     }

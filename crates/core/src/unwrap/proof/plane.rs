@@ -8,7 +8,8 @@ pub(super) struct Plane {
     pub height: usize,
     pub width: usize,
     pub channels: usize,
-    /// The radiance in peaks where the count is proved; the code, negative, where it is not; NaN where none is possible. It is the middle of a code, and never 0.
+    /// The radiance in peaks where the count is proved; the code, negative, where it is not; NaN where none is
+    /// possible. It is the middle of a code, and never 0.
     pub x: Vec<f32>,
 }
 
@@ -52,7 +53,7 @@ impl Plane {
 
     /// Writes the counts to `k` (H x W x C, interleaved).
     pub fn write(&self, k: &mut [u8]) {
-        // A float of this size has no fraction, so that its lowest bits are the count. The conversion by `as` has no vector instruction.
+        // A float of this size has no fraction: its lowest bits are the count. A conversion by `as` is no vector.
         const WHOLE: f32 = 1.5 * (1 << 23) as f32;
         widest!(k.iter_mut().zip(&self.x).for_each(|(k, x)| *k = (x - 0.5 + WHOLE).to_bits() as u8));
     }
@@ -79,7 +80,8 @@ impl Plane {
         if view.is_turned { (width, height) } else { (height, width) }
     }
 
-    /// Returns the place of the first channel of a pixel by its row and column in a view. Beyond the border, the image is mirrored, as the scene is.
+    /// Returns the place of the first channel of a pixel by its row and column in a view. Beyond the border, the image
+    /// is mirrored, as the scene is.
     #[inline(always)]
     pub fn place(&self, view: View, row: isize, column: isize) -> usize {
         let (row, column) = if view.is_turned { (column, row) } else { (row, column) };
@@ -95,7 +97,7 @@ impl Plane {
     }
 }
 
-/// Returns the index in a line of `size` of the one at `at`, seen from its end or from its beginning. Beyond them, the line is mirrored.
+/// Returns the index of `at`, seen from the end or the beginning of a line of `size`, beyond which it is mirrored.
 #[inline(always)]
 fn from(end: bool, at: isize, size: isize) -> isize {
     let at = if at < 0 { -1 - at } else { at };

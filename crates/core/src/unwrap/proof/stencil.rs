@@ -1,9 +1,9 @@
-//! [`Stencil`]: the values that a sum over a run of samples can have behind a lens, for every scene in the range of the sensor.
+//! [`Stencil`]: the values that a weighted sum of samples can have behind a lens, for every scene in the range.
 //!
-//! The radiance is `x = h * s` with the lens h and a scene `0 <= s <= A` of any shape. For weights f over a run of samples and `g = f * h`, the sum
-//! of `f x` is at most A times the sum of the positive g, and at least -A times that of the negative ones; scenes of black and white attain both.
-//! Rounding to codes moves it by at most half a code for each weight of 1. Any f gives bounds that hold: one that was not found exactly only excludes
-//! fewer counts.
+//! The radiance is `x = h * s` with the lens h and a scene `0 <= s <= A` of any shape. For weights f over a run of
+//! samples and `g = f * h`, the sum of `f x` is at most A times the sum of the positive g, and at least -A times that
+//! of the negative ones; scenes of black and white attain both. Rounding to codes moves it by at most half a code for
+//! each weight of 1. Any f gives bounds that hold: one that was not found exactly only excludes fewer counts.
 
 use crate::optics::Psf;
 use crate::range::Range;
@@ -21,7 +21,8 @@ const LEAST_RESIDUAL: f64 = 1e-4;
 /// The error of a code, in codes, with a margin.
 const ROUNDING: f64 = 0.51;
 
-/// The standard deviations by which noise may move a sum. In a frame of a million samples, a sum is beyond by a chance of 4e-4, also for the worst scene.
+/// The standard deviations by which noise may move a sum. In a frame of a million samples, a sum is beyond by a chance
+/// of 4e-4, also for the worst scene.
 pub(super) const SIGMAS: f64 = 7.0;
 
 /// How much of the noise of the samples a sum of them has, about.
@@ -39,7 +40,7 @@ pub(super) const LENS_ERROR: f64 = 0.02;
 /// The relative error of a sum in `f32`.
 const OF_FLOAT: f64 = 1e-6;
 
-/// The weights of samples around one, whose own weight is 1, and the least and the greatest sum that a scene can give, in peaks.
+/// The weights of samples around one, whose own weight is 1, and the least and the greatest sum of a scene, in peaks.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Stencil {
     pub weights: Vec<f32>,
@@ -72,7 +73,7 @@ impl Line {
     }
 }
 
-/// What a stencil must allow for, in peaks.
+/// The range of the scene, and the errors by which a sum may leave it, in peaks.
 #[derive(Clone, Copy)]
 struct Bounds {
     top: f64,
@@ -81,7 +82,8 @@ struct Bounds {
 }
 
 impl Family {
-    /// Returns the stencils of a sensor whose noise has at most this standard deviation, in code units. The one for the middle of the range comes first.
+    /// Returns the stencils of a sensor whose noise has at most this standard deviation, in code units. The one for the
+    /// middle of the range comes first.
     pub fn new(lines: Vec<Line>, lens: Psf, range: Range, noise: f64) -> Self {
         Self::within(LENS_ERROR, &LEVELS, lines, lens, range, noise)
     }
@@ -106,8 +108,8 @@ impl Family {
         Self::within(LENS_ERROR, &LEVELS[..1], lines, lens, range, noise).half_width()
     }
 
-    /// Returns half of the interval of residuals that prove a count, in peaks, for the middle of the range: above 1/2, each scene has one count; below 0,
-    /// hardly any is proved.
+    /// Returns half of the interval of residuals that prove a count, in peaks, for the middle of the range: above 1/2,
+    /// each scene has one count; below 0, hardly any is proved.
     pub fn half_width(&self) -> f32 {
         1.0 - (self.stencils[0].greatest - self.stencils[0].least) / 2.0
     }
@@ -138,7 +140,8 @@ pub(super) fn run() -> Vec<Line> {
     vec![Line { row: 0, first: -RUN.cast_signed(), count: RUN }]
 }
 
-/// Returns those of a square around a sample that lie above it, and before it in its row. A corner excludes as much as three quarters of the image would.
+/// Returns those of a square around a sample that lie above it, and before it in its row. A corner excludes as much as
+/// three quarters of the image would.
 pub(super) fn corner() -> Vec<Line> {
     let line = |row| Line {
         row,
@@ -179,8 +182,9 @@ fn seen(places: &[[isize; 2]], taps: &[f64]) -> Seen {
     points.map(of_point).collect()
 }
 
-/// Returns the weights, of which the last is 1, that exclude best a count that is too large by one in a flat scene at `level` of the range: those with the
-/// least `top / 2 |f * h| + error |f| + (1/2 - level) top sum f`, by least squares whose weights are the inverses of the last residuals.
+/// Returns the weights, of which the last is 1, that exclude best a count that is too large by one in a flat scene at
+/// `level` of the range: those with the least `top / 2 |f * h| + error |f| + (1/2 - level) top sum f`, by least squares
+/// whose weights are the inverses of the last residuals.
 fn weights(seen: &[Vec<f64>], Bounds { top, rounding, noise, .. }: Bounds, level: f64) -> Vec<f64> {
     let (count, slope) = (seen[0].len(), (0.5 - level) * top);
     // The noise of a sum grows as the root of the sum of squares, which is about half of the sum.
@@ -210,7 +214,8 @@ fn weights(seen: &[Vec<f64>], Bounds { top, rounding, noise, .. }: Bounds, level
     best
 }
 
-/// Returns the f, of which the last is 1, at which the gradient of `f' m f / 2 + slope sum f` is 0 in all others. m is symmetric and positive.
+/// Returns the f, of which the last is 1, at which the gradient of `f' m f / 2 + slope sum f` is 0 in all others. m is
+/// symmetric and positive.
 fn solved(mut m: Vec<Vec<f64>>, slope: f64) -> Vec<f64> {
     let last = m.len() - 1;
     // The last column becomes the right side.

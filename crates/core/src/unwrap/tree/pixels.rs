@@ -2,7 +2,7 @@
 //! wrap count.
 
 use crate::simd::widest;
-use crate::unwrap::{Integers, Range, wrapped};
+use crate::unwrap::{Integers, Range, of_width, wrapped};
 
 /// One number for each of red, green and blue, and a fourth that is always the same, so that one machine word
 /// holds all.
@@ -60,10 +60,7 @@ impl Pixels {
         self.width = width;
         self.has_colours = channels == 3;
         let shift = 16 - range.bits();
-        match y {
-            Integers::U8(samples) => self.take(samples, channels, shift),
-            Integers::U16(samples) => self.take(samples, channels, shift),
-        }
+        of_width!(y, samples => self.take(samples, channels, shift));
         let bounds = match self.clipped() {
             Some(code) => Bounds::new(range).clipped_at(code, range),
             None => Bounds::new(range),
