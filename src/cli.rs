@@ -36,7 +36,7 @@ pub enum Cli {
     /// Simulate the sensor on image files, and unwrap the result
     Simulate(images::Simulate),
     /// Unwrap modulo images of your own
-    Unwrap(modulo_bench::recover::UnwrapRequest),
+    Unwrap(modulo_eval::images::recover::UnwrapRequest),
     /// Measure the inference engines and the whole pipeline
     #[command(subcommand)]
     Bench(bench::Bench),

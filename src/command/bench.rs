@@ -9,15 +9,12 @@ use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 use modulo_bags::source::{self, SourceOptions};
 use modulo_bench::engines::{EngineFigures, EngineOutcome, EngineRow, EnginesRequest};
-use modulo_bench::{BenchError, BenchEvent, below_100, engines, pipeline, stability};
-use modulo_core::{SensorError, UnwrapError, WorkersError};
+use modulo_bench::{BenchError, BenchEvent, below_100, engines, pipeline};
 use modulo_detector::{EngineChoice, EngineOptions, embedded, measure};
-use modulo_images::ImageError;
 use modulo_launch::launch_file;
 use modulo_middleware::transport::zenoh::meeting_port;
 use modulo_runtime::SystemClock;
 use modulo_runtime::clock::monotonic_ns;
-use modulo_runtime::output::ResultFolder;
 
 use super::eval::LabelledFrames;
 use super::usage;
@@ -35,12 +32,6 @@ pub enum Bench {
     /// Measure the accuracy, the time and the memory of the inference engines of this machine, and name the fastest one that loses less
     /// than 0.5 points of AP50
     Detector(DetectorBench),
-    /// Run every unwrapping method on scenes that are hard to unwrap, and write a report
-    Stability {
-        /// Folder for index.html, results.json and the pictures; without it a new one in runs
-        #[arg(short, long, value_name = "FOLDER")]
-        out: Option<PathBuf>,
-    },
 }
 
 #[derive(Args)]
@@ -59,7 +50,6 @@ pub fn bench(command: &Bench) -> Result<Ended, Failure> {
     match command {
         Bench::Pipeline(request) => bench_pipeline(request),
         Bench::Detector(args) => bench_detector(args),
-        Bench::Stability { out } => bench_stability(out.as_deref()),
     }
 }
 
@@ -195,32 +185,10 @@ fn accuracy(figures: &EngineFigures) -> String {
 
 /// Tells an error of the command line from one of a file or of the run.
 fn failure(why: BenchError) -> Failure {
-    let of_command_line = match &why {
-        BenchError::Request(_)
-        | BenchError::Output(_)
-        | BenchError::NotCodes(..)
-        | BenchError::Parameter(_)
-        | BenchError::Video(_)
-        | BenchError::Image(ImageError::Coding(..)) => true,
-        BenchError::Sensor(why) => !matches!(why, SensorError::Shape(_) | SensorError::NotFinite(..)),
-        BenchError::Unwrap(UnwrapError::Method { .. } | UnwrapError::Workers(WorkersError::Threads(_))) => {
-            true
-        }
-        _ => false,
-    };
-    if of_command_line { usage(why) } else { why.into() }
-}
-
-fn bench_stability(out: Option<&Path>) -> Result<Ended, Failure> {
-    let folder = ResultFolder::take(out, "stability", None).map_err(usage)?;
-    let out = folder.path();
-    let outcome = with_bar(tell_long, |tell| stability::run(out, tell))?;
-    outcome.better.iter().for_each(|what| say!("better than documented: {what}"));
-    outcome.broken.iter().for_each(|what| say!("broken: {what}"));
-    let (held, broken) = (outcome.held, outcome.broken.len());
-    say!("{held} expectations held, {broken} broke");
-    say!("{}", out.join("index.html").display());
-    if broken > 0 { Err(anyhow!("{broken} expectations broke").into()) } else { Ok(Ended::Done) }
+    match why {
+        BenchError::Request(_) | BenchError::Output(_) => usage(why),
+        _ => why.into(),
+    }
 }
 
 /// The model of the processor from `/proc/cpuinfo`, or its architecture.

@@ -1,29 +1,18 @@
-//! The unwrapping methods on image files, with their times: on pictures through a simulated sensor, and on modulo images. The
-//! stability suite, and the benchmarks of the whole pipeline and of the inference engines.
-//!
-//! No crate of a node is used here: the methods are those of `modulo-core`, which the nodes use, and the benchmarks of the
-//! pipeline and of the engines run the program as a user does.
+//! The benchmarks of the whole pipeline and of the inference engines, which run the program as a user does.
 
 pub mod engines;
 pub mod pipeline;
-pub mod recover;
-pub mod runner;
-pub mod simulate;
-pub mod stability;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use modulo_core::{SensorError, UnwrapError, metric};
+use modulo_core::metric;
 pub use modulo_draw::below_100;
-use modulo_images::{EXTENSIONS, ImageError, SaveError, has_extension, is_hidden};
-use modulo_runtime::ParameterError;
 use modulo_runtime::output::{self, OutputError};
-use modulo_video::VideoError;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// Error of a simulation, benchmark or stability run. The message names the value and the possible ones.
+/// Error of a benchmark. The message names the value and the possible ones.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
     /// The request is impossible. The sentence names the possible values or the remedy.
@@ -32,30 +21,9 @@ pub enum BenchError {
     /// The folder takes no results.
     #[error(transparent)]
     Output(#[from] OutputError),
-    /// A file cannot hold the codes of the sensor as they are. The text is the reason and the remedy.
-    #[error("{path}: {1}", path = .0.display())]
-    NotCodes(PathBuf, String),
     /// A file or folder cannot be read or written, or is not a list of results.
     #[error("{path}: {1}", path = .0.display())]
     Io(PathBuf, #[source] std::io::Error),
-    /// An image cannot be read, or the white point is impossible.
-    #[error(transparent)]
-    Image(#[from] ImageError),
-    /// A video cannot be read.
-    #[error(transparent)]
-    Video(#[from] VideoError),
-    /// An image cannot be written.
-    #[error(transparent)]
-    Save(#[from] SaveError),
-    /// A parameter of the sensor is impossible.
-    #[error(transparent)]
-    Parameter(#[from] ParameterError),
-    /// The sensor cannot be exposed to the image.
-    #[error(transparent)]
-    Sensor(#[from] SensorError),
-    /// The method does not exist, or refuses the image.
-    #[error(transparent)]
-    Unwrap(#[from] UnwrapError),
     /// A run of the pipeline, or of the network by itself, fails.
     #[error("{0}")]
     Run(String),
@@ -91,50 +59,6 @@ pub enum BenchEvent<'a> {
     },
     /// Something was left out, such as a file that is skipped for a reason, which has its name.
     Warning(&'a str),
-}
-
-/// Returns `paths` with the image files of each folder among them in place of the folder, and tells what else is in it.
-fn files(paths: &[PathBuf], tell: &mut dyn FnMut(BenchEvent<'_>)) -> Result<Vec<PathBuf>, BenchError> {
-    if paths.is_empty() {
-        let why = "the list of files is empty; at least one entry is needed";
-        return Err(BenchError::Request(why.to_owned()));
-    }
-    let mut files = Vec::new();
-    for path in paths {
-        if path.is_dir() {
-            files.extend(images(path, tell)?);
-        } else {
-            files.push(path.clone());
-        }
-    }
-    Ok(files)
-}
-
-/// Returns the image files of `folder`, sorted by name, and tells how many other files are in it.
-fn images(folder: &Path, tell: &mut dyn FnMut(BenchEvent<'_>)) -> Result<Vec<PathBuf>, BenchError> {
-    let io = |source| BenchError::Io(folder.to_owned(), source);
-    let (mut images, mut others) = (Vec::new(), Vec::new());
-    for entry in fs::read_dir(folder).map_err(io)? {
-        let path = entry.map_err(io)?.path();
-        // Hidden files hold what systems note about others, such as `._x.png` of macOS.
-        if path.is_dir() || is_hidden(&path) {
-            continue;
-        }
-        if has_extension(&path, &EXTENSIONS) { &mut images } else { &mut others }.push(path);
-    }
-    if images.is_empty() {
-        let (folder, kinds) = (folder.display(), EXTENSIONS.join(", "));
-        return Err(BenchError::Request(format!("{folder}: there is no readable image ({kinds})")));
-    }
-    // The order of `read_dir` depends on the file system. The results must not.
-    images.sort();
-    if let Some(first) = others.iter().min() {
-        let (folder, count, first) = (folder.display(), others.len(), first.display());
-        tell(BenchEvent::Warning(&format!(
-            "{folder}: skipped {count} files that are no images, the first: {first}"
-        )));
-    }
-    Ok(images)
 }
 
 /// Writes `value` as JSON, as [`write`] does.
