@@ -3,7 +3,7 @@
 
     modulo eval launch/recovered.launch.yaml source:=FOLDER model:=MODEL -o out --images   # the frames as the detector gets them
     python tools/quantise.py MODEL out/recovered COPY
-    modulo bench detector --kitti OTHER_FOLDER --model MODEL,COPY -o engines               # what it loses, and what it saves
+    modulo eval --kitti OTHER_FOLDER --model MODEL,COPY --stream recovered --engine ort --time-frames 100 -o int8    # what it loses and saves
 
 The quantisation is static: the frames give the range of each tensor, so take other frames than those that are scored. The last
 module, which makes the boxes and the scores, keeps its 32 bits.

@@ -1,6 +1,5 @@
 //! `modulo eval`: every frame once through the nodes of a launch file, for each combination of what varies; and the report of it.
 
-use std::ffi::OsString;
 use std::ops::{ControlFlow, Range};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -35,7 +34,6 @@ use modulo_runtime::sensor::options::{CHIP, CodingOptions};
 use modulo_runtime::{Clock as _, Parameters, SystemClock, Value};
 use modulo_video::VideoAddress;
 
-use super::bench::processor;
 use super::launch::{prepare, refuse};
 use super::progress::{FrameProgress, ProgressLine};
 use super::run::kind_of;
@@ -373,22 +371,6 @@ impl Record {
 }
 
 impl LabelledFrames {
-    /// Returns the options of a command line that name these frames.
-    pub fn options(&self) -> Vec<OsString> {
-        let Self { kitti, list, sequence, yolo, coco, coco_images } = self;
-        let one = [
-            ("--kitti", kitti),
-            ("--list", list),
-            ("--yolo", yolo),
-            ("--coco", coco),
-            ("--coco-images", coco_images),
-        ];
-        let one = one.into_iter().filter_map(|(name, path)| Some((name, path.as_ref()?)));
-        one.chain(sequence.iter().map(|folder| ("--sequence", folder)))
-            .flat_map(|(name, path)| [name.into(), path.clone().into_os_string()])
-            .collect()
-    }
-
     /// Returns the frames that these options and `source` name; `None` for those of the cameras.
     fn data(&self, source: &[String]) -> Result<Option<Data>, Failure> {
         let list = match self.list.as_deref() {
@@ -396,23 +378,18 @@ impl LabelledFrames {
             Some(path) => Some(FrameList::read(path)?),
             None => None,
         };
-        Ok(match (&self.kitti, &self.sequence[..], &self.yolo, &self.coco, source) {
-            (Some(folder), ..) => Some(Data::Kitti { folder: folder.clone(), list }),
-            (None, [_, ..], ..) => Some(Data::Sequences(self.sequence.clone())),
-            (None, [], Some(folder), ..) => Some(Data::Yolo(folder.clone())),
-            (None, [], None, Some(annotations), _) => {
-                Some(Data::Coco { annotations: annotations.clone(), images: self.coco_images.clone() })
-            }
-            (None, [], None, None, [_, ..]) => match source.iter().find(|source| is_endless(source)) {
-                Some(endless) => {
-                    let why =
-                        "has no end, but an evaluation needs one; give the number of frames as well, such as";
-                    return Err(usage(anyhow!("--source {endless} {why} scene://day?frames=60")));
-                }
-                None => Some(Data::Any(source.to_vec())),
-            },
-            _ => None,
-        })
+        if let Some(endless) = source.iter().find(|source| is_endless(source)) {
+            let why = "has no end, but an evaluation needs one; give the number of frames as well, such as";
+            return Err(usage(anyhow!("--source {endless} {why} scene://day?frames=60")));
+        }
+        // The command line has one of them.
+        let kitti = self.kitti.clone().map(|folder| Data::Kitti { folder, list });
+        let sequences = (!self.sequence.is_empty()).then(|| Data::Sequences(self.sequence.clone()));
+        let yolo = self.yolo.clone().map(Data::Yolo);
+        let images = self.coco_images.clone();
+        let coco = self.coco.clone().map(|annotations| Data::Coco { annotations, images });
+        let any = (!source.is_empty()).then(|| Data::Any(source.to_vec()));
+        Ok(kitti.or(sequences).or(yolo).or(coco).or(any))
     }
 }
 
@@ -434,6 +411,16 @@ fn failure(why: GridError) -> Failure {
         _ => false,
     };
     if of_command_line { usage(why) } else { why.into() }
+}
+
+/// The model of the processor from `/proc/cpuinfo`, or its architecture.
+fn processor() -> String {
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+    match model {
+        Some((_, name)) => name.split_whitespace().collect::<Vec<_>>().join(" "),
+        None => std::env::consts::ARCH.to_owned(),
+    }
 }
 
 /// Runs `work` and shows its progress.

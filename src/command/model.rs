@@ -4,7 +4,6 @@
 use std::net::TcpListener;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use anyhow::Context;
 use clap::{Args, Subcommand};
@@ -25,9 +24,9 @@ use modulo_unwrap::UnwrapParameters;
 use ndarray::Array3;
 use serde_json::json;
 
-use super::bench::{style, this_program};
 use super::launch::quoted;
-use super::{domain, start_log, usage};
+use super::progress::style;
+use super::{domain, start_log, this_program, usage};
 use crate::{Ended, Failure};
 
 /// Sizes (height, width) at which the speed is measured: those of the scenes and of KITTI, padded.
@@ -153,8 +152,8 @@ fn download(request: &FetchRequest<'_>) -> Result<Fetched, FetchError> {
 fn check(args: &ModelCheck) -> Result<Ended, Failure> {
     let options = EngineOptions { engine: args.engine, device: args.device, threads: 0 };
     let info = describe(&args.file, options).map_err(usage)?;
-    let measured = || measure(&args.file, options, &SIZES, (RUNS, Duration::ZERO), &SystemClock::default());
-    let ms = |speed: &Speed| speed.median_ns() as f64 / 1e6;
+    let measured = || measure(&args.file, options, &SIZES, RUNS, &SystemClock::default());
+    let ms = |speed: &Speed| speed.median_ns as f64 / 1e6;
     if args.json {
         let speed =
             |speed: &Speed| json!({"height": speed.height, "width": speed.width, "median_ms": ms(speed)});

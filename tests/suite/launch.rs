@@ -242,7 +242,6 @@ fn an_output_that_cannot_be_written_is_refused_before_the_run() {
         "simulate @/images/000000.png -o OUT",
         "simulate @/images/000000.png -o /proc/x",
         "unwrap @/images/000000.png --alpha 4 -o OUT",
-        "bench detector --kitti @/kitti -o OUT",
         "eval --source scene://day?frames=4 --engine rten -o OUT",
         "eval --source scene://day?frames=4 --engine rten -o /proc/x",
         "eval launch/raw.launch.yaml -o OUT",
@@ -366,66 +365,29 @@ fn a_shell_completes_what_is_there() {
     assert_eq!(completed("topic echo /hd"), ["/hdr"]);
 }
 
-#[test]
-fn the_pipeline_is_measured_in_every_mode() {
-    let bench = Bench::new();
-    // At rate 0 no frame is replaced, however slow the machine is.
-    let frames = "--frames scene://tunnel?seed=3&width=160&height=64 --count 12 --rate 0";
-    bench.says(0, &format!("bench pipeline {frames} --engine rten --model % -o @"));
-    let rows = bench.json("results.json");
-    for (row, mode) in ["composed", "live"].into_iter().enumerate() {
-        let row = &rows[row];
-        assert_eq!((&row["mode"], &row["engine"]), (&mode.into(), &"rten".into()), "{rows}");
-        let number = |name: &str| row[name].as_f64().unwrap_or_else(|| panic!("{name} in {rows}"));
-        assert!(0.0 < number("p50_ms") && number("p50_ms") <= number("p99_ms"), "{rows}");
-        let infer = row["stage_ms"]["detector infer"].as_f64().expect("the stage of the network");
-        assert!(0.0 < infer && infer <= number("p99_ms"), "{rows}");
-        for name in ["bare_p50_ms", "cpu_s_per_frame", "rss_mb", "frames"] {
-            assert!(number(name) > 0.0, "{name} in {rows}");
-        }
-    }
-}
-
 /// The second model answers in no time, and finds nothing.
 #[test]
-fn the_fastest_engine_is_named_among_those_that_are_accurate() {
+fn engines_and_models_are_evaluated_in_one_run() {
     let (bench, fast) = (Bench::new(), model());
-    let source = "--source scene://day?seed=3&frames=20&width=320&height=128 --count 25";
-    let complaint = bench.says(0, &format!("bench detector {source} --model demo,% -o @"));
-    let rows = bench.json("results.json");
-    let row = |engine: &str, device: &str, model: &str| {
-        let fits = |row: &&Value| row["engine"] == engine && row["device"] == device && row["model"] == model;
-        rows.as_array().and_then(|rows| rows.iter().find(fits)).expect("a row")
-    };
-    let number = |row: &Value, name: &str| row["measured"][name].as_f64().expect(name);
-    let (right, wrong) = (row("rten", "cpu", "demo"), row("rten", "cpu", &fast));
-    for measured in [right, wrong] {
-        assert!(0.0 < number(measured, "p50_ms") && number(measured, "p50_ms") <= number(measured, "p99_ms"));
-        assert_eq!((number(measured, "frames"), number(measured, "inferences")), (20.0, 25.0));
-        assert!(number(measured, "rss_mb") > 10.0, "{measured}");
-    }
-    let vehicle = right["measured"]["ap50"]["vehicle"].as_f64().expect("vehicles");
-    let [low, high] = [0, 1].map(|end| right["measured"]["interval95"]["vehicle"][end].as_f64());
-    assert!(vehicle > 0.5 && low <= Some(vehicle) && high >= Some(vehicle), "{right}");
-    assert!(number(right, "loss").abs() < 0.005 && number(wrong, "loss") > 0.5, "{rows}");
-    assert!(number(wrong, "p50_ms") < number(right, "p50_ms"), "{rows}");
-    let missing = row("ort", "cuda", "demo")["missing"].as_str().expect("no GPU where the tests run");
-    assert!(missing.contains("engine 'ort'") || missing.contains("cuda:0"), "{missing}");
-    let is_named = |line: &str| line.contains("engine:=") && line.ends_with("model:=demo");
-    assert!(complaint.lines().any(is_named), "{complaint}");
-}
-
-#[test]
-fn engines_are_not_judged_by_few_frames() {
-    let bench = Bench::new();
-    std::fs::create_dir_all(bench.path("kitti/label_2")).expect("writable");
-    std::fs::rename(bench.images(2), bench.path("kitti/image_2")).expect("writable");
-    for frame in ["000000", "000001"] {
-        let label = "Car 0.00 0 0.0 10 20 60 60 -1 -1 -1 -1000 -1000 -1000 -10\n";
-        std::fs::write(bench.path(&format!("kitti/label_2/{frame}.txt")), label).expect("writable");
-    }
-    let complaint = bench.says(2, "bench detector --kitti @/kitti --count 1 -o @/out");
-    assert_has(&complaint, &["labelled frames is 2", "at least 20"]);
+    let frames = "--source scene://day?seed=3&frames=4&width=320&height=128 --stream recovered --method auto --deblur off";
+    let vary =
+        |engines: &str| format!("{engines} --vary detector.model=demo,% --alpha 4 --time-frames 4 -o @");
+    bench.says(0, &format!("eval {frames} --vary detector.engine=rten,auto {}", vary("")));
+    let cells = bench.json("results.json")["cells"].as_array().expect("cells").clone();
+    assert_eq!(cells.len(), 4, "two engines with two models: {cells:?}");
+    let infer = |cell: &Value| cell["latency_ms"]["infer"]["p50"].as_f64().expect("a time");
+    let of = |model: &str| cells.iter().filter(|cell| cell["model"] == model).collect::<Vec<_>>();
+    let (right, wrong) =
+        (of("demo"), of(Path::new(&fast).file_stem().and_then(|name| name.to_str()).expect("a name")));
+    assert!(right.iter().all(|cell| cell["ap50"]["vehicle"].as_f64() > Some(0.5)), "{cells:?}");
+    assert!(wrong.iter().all(|cell| cell["ap50"]["vehicle"] == 0.0), "{cells:?}");
+    assert!(right.iter().all(|cell| infer(cell) > infer(wrong[0])), "{cells:?}");
+    let engines: Vec<_> = right.iter().map(|cell| cell["more"]["detector.engine"].as_str()).collect();
+    assert_eq!(engines, [None, Some("rten")], "{cells:?}");
+    let missing =
+        bench.says(2, &format!("eval {frames} --vary detector.device=cpu,cuda {}", vary("--fresh")));
+    let reasons = ["engine 'ort'", "cuda"];
+    assert!(reasons.iter().any(|reason| missing.contains(reason)), "no GPU where the tests run: {missing}");
 }
 
 fn sample() -> PathBuf {

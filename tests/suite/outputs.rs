@@ -132,8 +132,6 @@ fn no_command_writes_over_a_file_that_it_has_not_made() {
         "eval --source scene://day?frames=1&width=96&height=64 --engine rten -o @/own --fresh",
         "eval --source scene://day?frames=1&width=96&height=64 --engine rten -o @/images --fresh",
         "eval stability -o @/own",
-        "bench detector -o @/own",
-        "bench pipeline -o @/own",
         &format!("launch {raw} --summary @/own/drive.mp4"),
         &format!("launch {raw} --compose --summary @/own/results.json"),
         &format!("launch {raw} --trace @/hard.mp4"),

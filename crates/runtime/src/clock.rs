@@ -26,7 +26,7 @@ pub fn cpu_time_ns() -> u64 {
 }
 
 /// Returns the nanoseconds since the machine has started, the same in all its processes.
-pub fn monotonic_ns() -> u64 {
+pub(crate) fn monotonic_ns() -> u64 {
     let time = clock_gettime(ClockId::CLOCK_MONOTONIC).expect("Linux has this clock since 2.6");
     u64::try_from(time.num_nanoseconds()).expect("this time is never negative")
 }

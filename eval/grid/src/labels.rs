@@ -99,7 +99,7 @@ pub const ALPHA: &str = "alpha, the saturation factor";
 pub const SENSE: &str = "sense";
 
 /// The stages of a frame in their order.
-pub const STAGES: [&str; 8] = [SENSE, "merge", "unwrap", "tone", "deblur", "pre", "infer", "post"];
+pub const STAGES: [&str; 7] = [SENSE, "unwrap", "tone", "deblur", "pre", "infer", "post"];
 
 /// Label of the image that the detector gets: `recovered (auto, deblurred)`, `saturated`, `checkerboard_gains, saturating`,
 /// `ideal, sharp`.
@@ -237,9 +237,13 @@ pub fn frame_ms(cell: &Cell) -> Option<f64> {
 /// One line for each detector and pass in which the machine was busy: the medians of its inference, which is the same
 /// in all cells, are more than 10 % apart.
 pub fn busy(cells: &[Cell]) -> Vec<String> {
+    let detector = |point: &Point| {
+        let own = more(point).filter(|setting| setting.starts_with("detector."));
+        std::iter::once(model(point)).chain(own).collect::<Vec<_>>().join(", ")
+    };
     let timed = |cell: &Cell| {
         let infer = cell.latency_ms.get("infer")?.p50;
-        Some(((model(&cell.point), cell.frame_ms.as_ref()?.pass.clone()), infer))
+        Some(((detector(&cell.point), cell.frame_ms.as_ref()?.pass.clone()), infer))
     };
     let timed: Vec<_> = cells.iter().filter_map(timed).collect();
     let apart = |detector: &(String, String)| {

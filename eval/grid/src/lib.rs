@@ -11,7 +11,6 @@
 //! same frames and parameters give the same files, except for durations.
 
 mod around;
-mod bracket;
 mod chain;
 pub mod chart;
 pub mod classes;
@@ -101,9 +100,6 @@ pub enum GridError {
     /// An image cannot be written.
     #[error(transparent)]
     Save(#[from] SaveError),
-    /// The captures cannot be merged.
-    #[error(transparent)]
-    Bracket(#[from] modulo_core::BracketError),
     /// The sensor is impossible, or cannot be exposed to the image.
     #[error(transparent)]
     Sensor(#[from] SensorError),
@@ -124,10 +120,6 @@ pub enum GridError {
 impl GridError {
     fn value(what: &str, value: impl Display, possible: impl Display) -> Self {
         Self::Request(format!("{what} is {value}, but must be {possible}"))
-    }
-
-    fn empty(list: &str) -> Self {
-        Self::Request(format!("{list} is empty; at least one entry is needed"))
     }
 
     fn of_file(path: &Path, why: impl Display) -> Self {

@@ -40,6 +40,17 @@ impl Varied {
     fn new<S: Into<String>>(name: impl Into<String>, values: impl IntoIterator<Item = S>) -> Self {
         Self { name: name.into(), values: values.into_iter().map(Into::into).collect() }
     }
+
+    /// The name without that of a node.
+    fn parameter(&self) -> &str {
+        self.name.rsplit('.').next().unwrap_or(&self.name)
+    }
+
+    /// Whether both set the same parameter of the same nodes: a launch argument has the name of the parameter that it sets.
+    fn is_same(&self, other: &Self) -> bool {
+        let are_alike = self.name.contains('.') == other.name.contains('.');
+        if are_alike { self.name == other.name } else { self.parameter() == other.parameter() }
+    }
 }
 
 /// The parameters of the sensor that are options of the command line.
@@ -66,8 +77,7 @@ const METHOD: [&str; 2] = ["unwrap.method", "method"];
 #[derive(Clone, Debug, PartialEq, Parser)]
 #[command(mut_arg("alpha", |option| option.default_value("1.5,2,3,4")))]
 pub struct Axes {
-    /// Streams to evaluate, of those that detectors read; also multi_exposure and multi_exposure_still, three merged captures of a normal camera
-    /// [default without FILE: ideal,saturated,modulo,recovered]
+    /// Streams to evaluate, of those that detectors read [default without FILE: ideal,saturated,modulo,recovered]
     #[arg(long, value_delimiter = ',')]
     pub stream: Vec<String>,
     /// Unwrapping methods, and spud_as_published: SPUD as the scripts of the paper have it, on the image before
@@ -119,7 +129,16 @@ impl Axes {
         if let Some(Varied { name, .. }) = varied.iter().find(is_idle) {
             return Err(GridError::value("vary", name, "a parameter that decides boxes or images"));
         }
-        let own = self.varied(is_short);
+        let own = self.varied(is_short, varied);
+        // A parameter of a node is set after a short form, which is that of all nodes.
+        let all: Vec<&Varied> = own.iter().chain(varied).collect();
+        let twice = all.iter().enumerate().find_map(|(place, one)| {
+            all[..place].iter().find(|other| one.is_same(other)).map(|other| [&other.name, &one.name])
+        });
+        if let Some([first, second]) = twice {
+            let why = "set the same parameter; give all its values at once, by --vary or by its short form";
+            return Err(GridError::Request(format!("{first} and {second} {why}")));
+        }
         let streams = match &self.stream[..] {
             [] => is_short.then(|| OF_PAPER.map(str::to_owned).into()),
             given => Some(given.to_vec()),
@@ -127,7 +146,7 @@ impl Axes {
         let ideal = Some(vec!["ideal".to_owned()]);
         let is_sharp = is_short && !self.is_paper && streams.iter().flatten().any(|stream| stream == "ideal");
         let mut variants = Vec::new();
-        for combination in combinations(varied.iter().chain(&own))? {
+        for combination in combinations(&all) {
             // The ideal image without a lens is the best that a detector can get: deblurring is compared with it.
             let sharp = [&combination[..], &[("modulo_camera.psf_sigma", "0")]].concat();
             variants.extend(self.of(resolve, &combination, streams.as_deref())?);
@@ -136,36 +155,34 @@ impl Axes {
         Ok(variants)
     }
 
-    /// These options as what varies.
-    fn varied(&self, is_short: bool) -> Vec<Varied> {
+    /// These options as what varies. What is among `varied` needs no default.
+    fn varied(&self, is_short: bool, varied: &[Varied]) -> Vec<Varied> {
         let text = |values: &[Value]| values.iter().map(Value::plain).collect::<Vec<_>>();
         let of_sensor =
             |(name, values): &(&str, Vec<Value>)| Varied::new(format!("{CAMERA}.{name}"), text(values));
         let mut all: Vec<Varied> = self.sensor.given().map(of_sensor).collect();
         let own = |words: &[&str]| words.iter().map(|&word| word.to_owned()).collect::<Vec<_>>();
-        let (deblur, alpha) = (self.deblur.map(own), self.sensor.given().any(|(name, _)| *name == "alpha"));
+        let deblur = self.deblur.map(own).unwrap_or_default();
         let alphas = self.sensor.sensors(&["alpha"]).into_iter().map(|sensor| sensor.alpha.to_string());
-        let is_paper = self.is_paper;
         let paths = self.model.iter().map(|path| path.display().to_string());
+        let (method, deblurs, input) = match self.is_paper {
+            true => (SPUD_AS_PUBLISHED, DEBLUR[2].1, "640x640"),
+            false => ("auto", DEBLUR[0].1, "auto"),
+        };
         let axes: [(&str, Vec<String>, Vec<String>); 5] = [
-            ("modulo_camera.alpha", Vec::new(), if alpha { Vec::new() } else { alphas.collect() }),
-            (
-                METHOD[0],
-                self.method.clone(),
-                own(&[if is_paper { SPUD_AS_PUBLISHED } else { "auto" }, "spud"]),
-            ),
-            (
-                "unwrap.deblur",
-                deblur.unwrap_or_default(),
-                own(if is_paper { DEBLUR[2].1 } else { DEBLUR[0].1 }),
-            ),
+            ("modulo_camera.alpha", Vec::new(), alphas.collect()),
+            (METHOD[0], self.method.clone(), own(&[method, "spud"])),
+            ("unwrap.deblur", deblur, own(deblurs)),
             ("detector.model", paths.collect(), own(&["demo"])),
-            ("detector.input_size", self.input.clone(), own(&[if is_paper { "640x640" } else { "auto" }])),
+            ("detector.input_size", self.input.clone(), own(&[input])),
         ];
         for (name, given, default) in axes {
-            let values = if given.is_empty() && is_short { default } else { given };
-            all.extend((!values.is_empty()).then(|| Varied::new(name, values)));
+            let axis = Varied::new(name, given);
+            let is_there = varied.iter().chain(&all).any(|other| other.parameter() == axis.parameter());
+            let needs_default = axis.values.is_empty() && is_short && !is_there;
+            all.push(if needs_default { Varied::new(name, default) } else { axis });
         }
+        all.retain(|axis| !axis.values.is_empty());
         all
     }
 
@@ -209,19 +226,14 @@ impl Axes {
 }
 
 /// Every combination of the values, the last one fastest.
-fn combinations<'v>(varied: impl Iterator<Item = &'v Varied>) -> Result<Vec<Combination<'v>>, GridError> {
-    let mut all: Vec<Combination<'v>> = vec![Vec::new()];
-    for Varied { name, values } in varied {
-        if values.is_empty() {
-            return Err(GridError::empty(name));
-        }
+fn combinations<'v>(varied: &[&'v Varied]) -> Vec<Combination<'v>> {
+    varied.iter().fold(vec![Vec::new()], |all, Varied { name, values }| {
         let with = |one: &Combination<'v>| {
             let with = |value: &'v String| [&one[..], &[(name.as_str(), value.as_str())]].concat();
             values.iter().map(with).collect::<Vec<_>>()
         };
-        all = all.iter().flat_map(with).collect();
-    }
-    Ok(all)
+        all.iter().flat_map(with).collect()
+    })
 }
 
 /// Sets `NODE.PARAMETER` of each node of this name or executable.

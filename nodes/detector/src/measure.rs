@@ -2,7 +2,6 @@
 
 use std::num::NonZeroUsize;
 use std::path::Path;
-use std::time::Duration;
 
 use modulo_runtime::Clock;
 use ndarray::Array4;
@@ -58,26 +57,19 @@ pub fn describe(model: &Path, options: EngineOptions) -> Result<ModelInfo, Detec
 /// Runs before the first timed one: buffers grow and caches fill in them.
 const WARM_UP: usize = 3;
 
-/// The durations of inferences at one size.
+/// The time of an inference at one size.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Speed {
     /// Rows of the input.
     pub height: usize,
     /// Columns of the input.
     pub width: usize,
-    /// The durations in ascending order, ns; there is at least one.
-    pub durations_ns: Vec<u64>,
+    /// Median duration, ns.
+    pub median_ns: u64,
 }
 
-impl Speed {
-    /// Returns the median duration, ns.
-    pub fn median_ns(&self) -> u64 {
-        self.durations_ns[self.durations_ns.len() / 2]
-    }
-}
-
-/// Times `runs` inferences of `model`, one in each `period`, on a grey image at each of `sizes` (height, width), enlarged to multiples of its
-/// stride. A model that fixes its size is timed at that size only.
+/// Times `runs` inferences of `model` on a grey image at each of `sizes` (height, width), enlarged to multiples of its stride. A model that
+/// fixes its size is timed at that size only.
 ///
 /// # Errors
 /// [`DetectorError::Engine`] when the model does not load or not run.
@@ -85,7 +77,7 @@ pub fn measure(
     model: &Path,
     options: EngineOptions,
     sizes: &[(usize, usize)],
-    (runs, period): (NonZeroUsize, Duration),
+    runs: NonZeroUsize,
     clock: &dyn Clock,
 ) -> Result<Vec<Speed>, DetectorError> {
     let OpenedEngine { mut engine, layout: ModelLayout { size: fixed, stride, .. }, .. } =
@@ -93,18 +85,18 @@ pub fn measure(
     let (sizes, stride) = fixed.as_ref().map_or((sizes, stride), |fixed| (std::slice::from_ref(fixed), 1));
     let speed = |&(height, width): &(usize, usize)| {
         let [height, width] = [height, width].map(|side| side.next_multiple_of(stride));
-        let durations_ns = durations(&mut engine, (height, width), (runs, period), clock)?;
-        Ok(Speed { height, width, durations_ns })
+        let median_ns = median_ns(&mut engine, (height, width), runs, clock)?;
+        Ok(Speed { height, width, median_ns })
     };
     sizes.iter().map(speed).collect()
 }
 
-fn durations(
+fn median_ns(
     engine: &mut dyn Engine,
     (height, width): (usize, usize),
-    (runs, period): (NonZeroUsize, Duration),
+    runs: NonZeroUsize,
     clock: &dyn Clock,
-) -> Result<Vec<u64>, EngineError> {
+) -> Result<u64, EngineError> {
     let grey = Array4::from_elem((1, 3, height, width), 0.5);
     for _ in 0..WARM_UP {
         engine.run(grey.view())?;
@@ -113,10 +105,8 @@ fn durations(
     for _ in 0..runs.get() {
         let start = clock.ticks_ns();
         engine.run(grey.view())?;
-        let duration = clock.ticks_ns().saturating_sub(start);
-        durations.push(duration);
-        std::thread::sleep(period.saturating_sub(Duration::from_nanos(duration)));
+        durations.push(clock.ticks_ns().saturating_sub(start));
     }
     durations.sort_unstable();
-    Ok(durations)
+    Ok(durations[durations.len() / 2])
 }

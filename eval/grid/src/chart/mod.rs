@@ -4,7 +4,6 @@ mod around;
 mod frontier;
 mod pareto;
 pub(crate) mod pictures;
-mod sensors;
 
 use modulo_draw::{
     Axis, Chart, ChartBody, ChartError, ChartPanel, DataPoint, PageWidth, Scale, Series, SeriesStyle,
@@ -59,7 +58,7 @@ pub fn all(results: &Results) -> Vec<NamedChart> {
     let conditions = labels::all_conditions(&results.cells);
     let frontiers = conditions.iter().flat_map(|conditions| frontier::charts(results, conditions));
     let over = GridSetting::all().flat_map(|setting| over(results, setting));
-    frontiers.chain(over).chain(around::charts(results)).chain(sensors::charts(results)).collect()
+    frontiers.chain(over).chain(around::charts(results)).collect()
 }
 
 pub(crate) fn models(cells: &[&Cell]) -> Vec<String> {

@@ -15,7 +15,9 @@ use crate::progress::GridEvent;
 /// Returns `paths` with the image files of each folder among them in place of the folder, and tells what else is in it.
 fn files(paths: &[PathBuf], tell: &dyn Fn(GridEvent<'_>)) -> Result<Vec<PathBuf>, GridError> {
     if paths.is_empty() {
-        return Err(GridError::empty("the list of files"));
+        return Err(GridError::Request(
+            "the list of files is empty; at least one entry is needed".to_owned(),
+        ));
     }
     let mut files = Vec::new();
     for path in paths {

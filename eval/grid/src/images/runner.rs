@@ -12,8 +12,7 @@ use modulo_core::{
     Exposure, Frame, Gains, MAX_THREADS, Range, Recovered, TwoGains, Unwrap, UnwrapError, tone,
 };
 use modulo_images::{save_exr, save_png};
-use modulo_runtime::SensorModel;
-use modulo_runtime::clock::monotonic_ns;
+use modulo_runtime::{Clock as _, SensorModel, SystemClock};
 use ndarray::Array3;
 use serde::Serialize;
 
@@ -247,9 +246,10 @@ fn median_time(
     repeats: u32,
     mut unwrap: impl FnMut() -> Result<(), UnwrapError>,
 ) -> Result<f64, UnwrapError> {
+    let clock = SystemClock::default();
     let mut call = || {
-        let start = monotonic_ns();
-        unwrap().map(|()| (monotonic_ns() - start) as f64 / 1e6)
+        let start = clock.ticks_ns();
+        unwrap().map(|()| (clock.ticks_ns() - start) as f64 / 1e6)
     };
     // The first call allocates buffers and fills caches.
     let first = call()?;

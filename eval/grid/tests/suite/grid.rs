@@ -1,4 +1,4 @@
-//! Runs on rendered scenes. Two runs are equal, however they are cut; three merged captures have ghosts where one capture has none; each
+//! Runs on rendered scenes. Two runs are equal, however they are cut; each
 //! frame of several sources in one bag has its own time stamp and labels.
 
 use std::ops::{ControlFlow, Range};
@@ -124,6 +124,41 @@ fn a_cell_has_what_decides_its_boxes() {
     let named = cells.iter().filter(|cell| cell.point.more.contains_key("unwrap.budget"));
     let named: Vec<_> = named.map(|cell| cell.point.more["unwrap.budget"].as_str()).collect();
     assert_eq!(named, ["50"; 4], "recovered and metered with two seeds; the default has no name");
+}
+
+/// A default and a short form overrode what `--vary` named, without a word.
+#[test]
+fn what_varies_has_no_default_and_is_given_once() {
+    let points = |options: &str, varied: &str| {
+        let varied = varied.split_whitespace().map(|text| text.parse().expect("a name with values"));
+        let variants = axes(options).variants(&nodes, &varied.collect::<Vec<Varied>>(), true)?;
+        Ok::<_, GridError>(cells(&variants)?.into_iter().map(|cell| cell.point).collect::<Vec<_>>())
+    };
+    let varied = "modulo_camera.alpha=6 unwrap.method=lines unwrap.deblur=false detector.model=a.onnx,b.onnx \
+                  detector_recovered.input_size=96x64";
+    let own = points("--stream recovered", varied).expect("possible");
+    let words = |point: &modulo_eval::results::Point| {
+        (
+            point.sensor.alpha,
+            point.method.clone().expect("recovered"),
+            point.model.clone(),
+            point.input.clone(),
+        )
+    };
+    let expected = ["a", "b"].map(|model| (6.0, "lines".to_owned(), model.to_owned(), "96x64".to_owned()));
+    assert_eq!(own.iter().map(words).collect::<Vec<_>>(), expected);
+    let specific = points("--stream recovered,ideal --input 64x64", "detector_ideal.input_size=96x64")
+        .expect("possible");
+    assert!(specific.iter().all(|point| (point.input == "96x64") == point.is("ideal")), "{specific:?}");
+    for (options, varied, names) in [
+        ("--alpha 2", "alpha=4", ["modulo_camera.alpha", "alpha"]),
+        ("--model a.onnx", "detector.model=b.onnx", ["detector.model", "short form"]),
+        ("--psf-sigma 1", "modulo_camera.psf_sigma=2", ["modulo_camera.psf_sigma", "--vary"]),
+        ("", "unwrap.method=auto unwrap.method=spud", ["unwrap.method", "once"]),
+    ] {
+        let why = points(options, varied).expect_err(varied).to_string();
+        assert!(names.iter().all(|name| why.contains(name)), "{why}");
+    }
 }
 
 #[test]
@@ -273,43 +308,26 @@ fn scores_follow_from_the_boxes_that_are_stored() {
 }
 
 #[test]
-fn what_moves_has_ghosts_in_three_captures_and_none_in_one() {
+fn the_frame_that_differs_most_is_drawn_and_the_page_is_written_again_from_the_files() {
     let folder = tempfile::tempdir().expect("a folder");
-    let scene = "scene://glare?seed=3&frames=6&width=480&height=144";
-    let streams = format!("{STILL} --stream ideal,recovered,multi_exposure,multi_exposure_still");
+    let scene = "scene://glare?seed=3&frames=3&width=480&height=144";
+    let streams = format!("{STILL} --stream ideal,recovered,saturated");
     let mut request = request(scenes(&[scene]), &streams, folder.path());
     request.timing.time_frames = 1;
     let results = results(&request).expect("results");
-    let psnr = |stream| cell(&results, stream).psnr_db.unwrap_or(f64::INFINITY);
-    let [one, moving, still] = ["recovered", "multi_exposure", "multi_exposure_still"].map(psnr);
-    assert!(still > 45.0, "merged captures of a still scene are nearly ideal: {still} dB");
-    assert!(moving < still - 10.0, "the ghosts: {moving} dB against {still} dB");
-    assert!(one > moving + 10.0, "one capture has none: {one} dB against {moving} dB");
-    let merged = cell(&results, "multi_exposure");
-    assert_eq!((merged.frames, merged.exact_k), (6, None));
-    assert!(merged.latency_ms.contains_key("merge"));
+    assert!(cell(&results, "saturated").latency_ms.contains_key("infer"));
 
     let pictures = draw_pictures(&request, &SystemClock::default(), &results).expect("pictures");
     report::save_pictures(folder.path(), &pictures.expect("a chart")).expect("kept");
     let page =
         std::fs::read_to_string(report::write(folder.path(), &results).expect("a page")).expect("readable");
-    assert!(page.contains("multi_exposure_still") && page.contains("data:image/jpeg;base64,"));
+    assert!(page.contains("data:image/jpeg;base64,"));
     assert!(folder.path().join(report::GRID).is_file());
     // The page is the same if it is written again from the files.
     assert_eq!(
         page,
         std::fs::read_to_string(report::write(folder.path(), &results).expect("a page")).expect("readable")
     );
-}
-
-#[test]
-fn frames_that_do_not_follow_each_other_are_refused() {
-    let folder = tempfile::tempdir().expect("a folder");
-    write_kitti(folder.path(), 1, 10);
-    let data = Data::Kitti { folder: folder.path().to_owned(), list: None };
-    let why = results(&request(data, &format!("{STILL} --stream multi_exposure"), folder.path()))
-        .expect_err("refused");
-    assert!(why.to_string().contains("multi_exposure_still"), "{why}");
 }
 
 /// A picture in linear light, through camera and unwrapping: the recovered image is the ideal one, and the picture.

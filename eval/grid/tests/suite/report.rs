@@ -250,53 +250,6 @@ fn a_stream_has_one_colour_in_every_report() {
     }
 }
 
-/// At each lens and alpha, the simplest choice within a point of the ideal image is named.
-#[test]
-fn the_simplest_sufficient_sensor_is_shown() {
-    let with = |stream, method: Option<&str>, gains, (alpha, lens): (f64, f64), ap50: f64| {
-        let mut cell = cell(stream, method, alpha, "yolov10n", lens);
-        cell.point.sensor.gains = gains;
-        cell.ap50 = map(&[("vehicle", Some(ap50))]);
-        cell
-    };
-    let mut results = made_up();
-    results.cells.clear();
-    // AP50 of the saturated image, of `auto` and of two gains; that of the ideal image is 0.9.
-    for (at, [saturated, auto, gains]) in [
-        ((2.0, 0.5), [0.895, 0.9, 0.9]),
-        ((4.0, 0.5), [0.8, 0.7, 0.891]),
-        ((2.0, 1.4), [0.88, 0.895, 0.91]),
-        ((4.0, 1.4), [0.889, 0.5, 0.889]),
-    ] {
-        results.cells.extend([
-            with("ideal", None, false, at, 0.9),
-            with("ideal", None, false, (at.0, 0.0), 0.95),
-            with("recovered", Some("checkerboard_gains"), true, at, gains),
-            with("recovered", Some("auto"), false, at, auto),
-            with("saturated", None, false, at, saturated),
-        ]);
-    }
-    let charts = chart::all(&results);
-    let chart = charts.iter().find(|named| named.name.starts_with("sensors_")).expect("lens and alpha vary");
-    let svg = chart.chart.svg(modulo_draw::PageWidth::Wide).expect("drawn");
-    for text in [
-        "alpha 2, lens blur 0.5 px: saturated, AP50 89.5 %, AP50 of the ideal image 90.0 %",
-        "alpha 4, lens blur 0.5 px: no choice, AP50 of the ideal image 90.0 %",
-        "alpha 4, lens blur 0.5 px: recovered (checkerboard_gains), AP50 89.1 %",
-        "alpha 2, lens blur 1.4 px: recovered (auto), AP50 89.5 %",
-        "alpha 4, lens blur 1.4 px: no choice, AP50 of the ideal image 90.0 %",
-    ] {
-        assert!(svg.contains(text), "{text}: {svg}");
-    }
-    assert!(!svg.contains("lens blur 0 px"), "no sensor was measured there");
-    // The ticks are the measured lenses and alphas.
-    for tick in ["0.5", "1.4", "2", "4"] {
-        assert!(svg.contains(&format!(">{tick}</text>")), "{tick}: {svg}");
-    }
-    assert!(!svg.contains(">1</text>"), "a value that nobody measured: {svg}");
-    assert!(chart.name.contains("vehicle"), "the larger group comes first: {}", chart.name);
-}
-
 #[test]
 fn nothing_that_is_not_whole_reads_as_whole_and_each_figure_has_a_column() {
     let mut results = made_up();
@@ -318,6 +271,22 @@ fn nothing_that_is_not_whole_reads_as_whole_and_each_figure_has_a_column() {
     let cells = rows(&page, "All cells").concat();
     assert!(cells.contains(">inf<") && cells.contains(r#"data-v="Infinity""#), "{cells}");
     assert!(cells.contains(">99.9998<"), "{cells}");
+}
+
+#[test]
+fn other_times_of_other_engines_do_not_mean_that_the_machine_was_busy() {
+    let page_of = |are_engines: bool| {
+        let mut results = made_up();
+        for cell in results.cells.iter_mut().step_by(2) {
+            cell.latency_ms.get_mut("infer").expect("a time").p50 *= 2.0;
+            if are_engines {
+                cell.point.more.insert("detector.engine".to_owned(), "openvino".to_owned());
+            }
+        }
+        page(&results)
+    };
+    assert!(page_of(false).contains("measured on a busy machine"));
+    assert!(!page_of(true).contains("measured on a busy machine"));
 }
 
 #[test]

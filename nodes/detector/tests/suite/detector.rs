@@ -552,9 +552,8 @@ impl modulo_runtime::Clock for Slower {
 fn speed_is_the_median_run_at_each_size() {
     let runs = std::num::NonZeroUsize::new(3).expect("not zero");
     let timed = |file: &str, sizes: &[(usize, usize)]| {
-        let speeds = measure(&data(file), RTEN, sizes, (runs, std::time::Duration::ZERO), &Slower::default())
-            .expect("runs");
-        speeds.iter().map(|speed| (speed.height, speed.width, speed.median_ns())).collect::<Vec<_>>()
+        let speeds = measure(&data(file), RTEN, sizes, runs, &Slower::default()).expect("runs");
+        speeds.iter().map(|speed| (speed.height, speed.width, speed.median_ns)).collect::<Vec<_>>()
     };
     // Looks 0 to 5 are at 0, 1, 4, 9, 16, 25: the runs take 1, 5, 9; then 13, 17, 21.
     assert_eq!(timed("rows.onnx", &[(64, 96), (128, 128)]), [(64, 96, 5), (128, 128, 17)]);
