@@ -1,7 +1,7 @@
 //! The time of a frame from its modulo image to its boxes, in one process and in several, beside the time of its inference.
 //!
-//! Each run is one of `modulo launch`, and the traces of its nodes give the times. The modes take turns, so that a machine that becomes
-//! slower becomes slower for both of them.
+//! Each run is one of `modulo launch`, and the traces of its nodes give the times. The modes take turns, so that a machine that becomes slower becomes slower
+//! for both of them.
 
 mod processes;
 mod trace;

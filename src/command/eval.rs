@@ -378,18 +378,23 @@ impl LabelledFrames {
             Some(path) => Some(FrameList::read(path)?),
             None => None,
         };
-        if let Some(endless) = source.iter().find(|source| is_endless(source)) {
-            let why = "has no end, but an evaluation needs one; give the number of frames as well, such as";
-            return Err(usage(anyhow!("--source {endless} {why} scene://day?frames=60")));
-        }
-        // The command line has one of them.
-        let kitti = self.kitti.clone().map(|folder| Data::Kitti { folder, list });
-        let sequences = (!self.sequence.is_empty()).then(|| Data::Sequences(self.sequence.clone()));
-        let yolo = self.yolo.clone().map(Data::Yolo);
-        let images = self.coco_images.clone();
-        let coco = self.coco.clone().map(|annotations| Data::Coco { annotations, images });
-        let any = (!source.is_empty()).then(|| Data::Any(source.to_vec()));
-        Ok(kitti.or(sequences).or(yolo).or(coco).or(any))
+        Ok(match (&self.kitti, &self.sequence[..], &self.yolo, &self.coco, source) {
+            (Some(folder), ..) => Some(Data::Kitti { folder: folder.clone(), list }),
+            (None, [_, ..], ..) => Some(Data::Sequences(self.sequence.clone())),
+            (None, [], Some(folder), ..) => Some(Data::Yolo(folder.clone())),
+            (None, [], None, Some(annotations), _) => {
+                Some(Data::Coco { annotations: annotations.clone(), images: self.coco_images.clone() })
+            }
+            (None, [], None, None, [_, ..]) => match source.iter().find(|source| is_endless(source)) {
+                Some(endless) => {
+                    let why =
+                        "has no end, but an evaluation needs one; give the number of frames as well, such as";
+                    return Err(usage(anyhow!("--source {endless} {why} scene://day?frames=60")));
+                }
+                None => Some(Data::Any(source.to_vec())),
+            },
+            _ => None,
+        })
     }
 }
 

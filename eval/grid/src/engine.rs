@@ -9,8 +9,9 @@ use modulo_runtime::Clock;
 
 use crate::GridError;
 use crate::chain::{Chain, follows, shared};
-use crate::frames::{Frames, Slice, Walk};
+use crate::frames::{Frames, Lead, Slice, Walk};
 use crate::handed::HandedFrame;
+use crate::makers::needs_neighbours;
 use crate::messages::{classes, found};
 use crate::plan::Cell;
 use crate::quality::TrueExposures;
@@ -104,7 +105,7 @@ impl<'a> Engine<'a> {
             is_still,
             is_ordered,
             hooks,
-            walk: Mutex::new(Walk::new(frames, slice, is_ordered)?),
+            walk: Mutex::new(Walk::new(frames, slice, lead(cells, is_ordered))?),
             found: Mutex::new(vec![None; slice.frames.len()]),
             has_failed: AtomicBool::new(false),
         };
@@ -121,6 +122,15 @@ impl<'a> Engine<'a> {
             ended.into_iter().collect::<Result<Vec<_>, _>>()
         })?;
         Ok(work.runs(&known))
+    }
+}
+
+/// The frames before a slice that its first images depend on.
+fn lead(cells: &[&Cell<'_>], is_ordered: bool) -> Lead {
+    match is_ordered {
+        true => Lead::Drive,
+        false if cells.iter().any(|cell| needs_neighbours(shared(cell).0.executable)) => Lead::One,
+        false => Lead::None,
     }
 }
 
@@ -191,6 +201,8 @@ impl<'w> Worker<'w, '_> {
                 (self.work.hooks.done)();
                 Ok(())
             }
+            // The captures of a frame have those around it.
+            None if !self.work.is_ordered => Ok(()),
             None => self.lead(frame),
         }
     }

@@ -7,6 +7,7 @@ use std::ops::Range;
 
 use modulo_ap::difficulty::DONT_CARE;
 use modulo_bags::source::{GroundTruth, LightChange, SourceError, SourceFrame, SourceOptions};
+use ndarray::Array3;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -73,6 +74,17 @@ struct Raw {
     place: usize,
     drive: usize,
     frame: Result<SourceFrame, SourceError>,
+}
+
+/// The frames before a slice that are needed to begin with it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lead {
+    /// None of them.
+    None,
+    /// The last one.
+    One,
+    /// All of the drive.
+    Drive,
 }
 
 impl Frames {
@@ -218,16 +230,35 @@ pub struct Walk<'a> {
     slice: &'a Slice,
     /// The index in the slice of the next frame.
     next: usize,
+    with_neighbours: bool,
+    /// Drive and radiance of the frame before.
+    before: Option<(usize, Array3<f32>)>,
+    ahead: Option<Raw>,
 }
 
 impl<'a> Walk<'a> {
-    /// Starts at the first frame of `slice`, or of its drive if its images depend on the frames before them.
-    pub fn new(frames: &'a mut Frames, slice: &'a Slice, is_ordered: bool) -> Result<Self, SourceError> {
-        frames.seek(slice.places[0])?;
-        if is_ordered && frames.start < slice.places[0] {
-            frames.seek(frames.start)?;
+    /// Starts at the first frame of `slice`, or as far before it as `lead` says. With [`Lead::One`], each frame comes with its neighbours.
+    pub fn new(frames: &'a mut Frames, slice: &'a Slice, lead: Lead) -> Result<Self, SourceError> {
+        let first = slice.places[0];
+        frames.seek(first)?;
+        match lead {
+            Lead::One if first > 0 => frames.seek(first - 1)?,
+            Lead::Drive if frames.start < first => frames.seek(frames.start)?,
+            _ => {}
         }
-        Ok(Self { frames, slice, next: 0 })
+        Ok(Self { frames, slice, next: 0, with_neighbours: lead == Lead::One, before: None, ahead: None })
+    }
+
+    fn around(&self, raw: &Raw) -> Option<[Array3<f32>; 2]> {
+        let own = &raw.frame.as_ref().ok()?.radiance;
+        // Frames of another drive show another scene, and captures of different sizes cannot be merged.
+        let fits = |drive: usize, other: &Array3<f32>| drive == raw.drive && other.dim() == own.dim();
+        let before =
+            self.before.as_ref().filter(|(drive, other)| fits(*drive, other)).map(|(_, other)| other);
+        let after =
+            self.ahead.as_ref().and_then(|ahead| Some((ahead.drive, &ahead.frame.as_ref().ok()?.radiance)));
+        let after = after.filter(|(drive, other)| fits(*drive, other)).map(|(_, other)| other);
+        Some([before.unwrap_or(own).clone(), after.unwrap_or(own).clone()])
     }
 }
 
@@ -237,21 +268,26 @@ impl Iterator for Walk<'_> {
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
-            let Raw { place, drive, frame } = self.frames.raw()?;
-            if place >= self.slice.places[1] {
+            let raw = self.ahead.take().or_else(|| self.frames.raw())?;
+            if raw.place >= self.slice.places[1] {
                 return None;
             }
-            let handed = |frame| HandedFrame { place, drive, frame };
-            match self.slice.frames.get(self.next).filter(|record| record.place == place) {
+            let mut around = None;
+            // One frame is read ahead. It is kept in `ahead`, because a source is read only forwards.
+            if self.with_neighbours {
+                self.ahead = self.frames.raw();
+                around = self.around(&raw);
+                self.before = raw.frame.as_ref().ok().map(|frame| (raw.drive, frame.radiance.clone()));
+            }
+            let handed =
+                |frame| HandedFrame { place: raw.place, drive: raw.drive, frame, around: around.clone() };
+            let leads = raw.place < self.slice.places[0];
+            match self.slice.frames.get(self.next).filter(|record| record.place == raw.place) {
                 Some(_) => {
                     self.next += 1;
-                    return Some(frame.map(|frame| (Some(self.next - 1), handed(frame))));
+                    return Some(raw.frame.map(|frame| (Some(self.next - 1), handed(frame))));
                 }
-                None if place < self.slice.places[0]
-                    && let Ok(frame) = frame =>
-                {
-                    return Some(Ok((None, handed(frame))));
-                }
+                None if leads && let Ok(frame) = raw.frame => return Some(Ok((None, handed(frame)))),
                 None => {}
             }
         }

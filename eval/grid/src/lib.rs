@@ -11,6 +11,7 @@
 //! same frames and parameters give the same files, except for durations.
 
 mod around;
+mod bracket;
 mod chain;
 pub mod chart;
 pub mod classes;
@@ -100,6 +101,9 @@ pub enum GridError {
     /// An image cannot be written.
     #[error(transparent)]
     Save(#[from] SaveError),
+    /// The captures cannot be merged.
+    #[error(transparent)]
+    Bracket(#[from] modulo_core::BracketError),
     /// The sensor is impossible, or cannot be exposed to the image.
     #[error(transparent)]
     Sensor(#[from] SensorError),

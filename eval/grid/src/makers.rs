@@ -1,4 +1,4 @@
-//! [`Maker`]: makes the images that no node of the suite makes: SPUD as published, and those of the scripts of the paper.
+//! [`Maker`]: makes the images that no node of the suite makes: merged captures, SPUD as published, and those of the scripts of the paper.
 
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::{
@@ -8,10 +8,13 @@ use modulo_runtime::{
 
 use crate::GridError;
 use crate::handed::{Handed, Make};
-use crate::paper::{self, SPUD_AS_PUBLISHED};
+use crate::paper::SPUD_AS_PUBLISHED;
+use crate::{bracket, paper};
 
 /// The streams of the scripts of the paper.
 pub const OF_PAPER: [&str; 4] = ["ideal", "saturated", "modulo", "recovered"];
+/// The streams of merged captures: of frames that follow each other, and of a scene that stands still.
+pub const BRACKETS: [&str; 2] = ["multi_exposure", "multi_exposure_still"];
 /// The scripts of the paper with SPUD as published, and with SPUD made congruent.
 pub const PAPER: [(&str, &str); 2] = [("paper_as_published", SPUD_AS_PUBLISHED), ("paper_spud", "spud")];
 
@@ -21,10 +24,19 @@ pub fn method_of(executable: &str) -> Option<&'static str> {
     paper.or((executable == SPUD_AS_PUBLISHED).then_some(SPUD_AS_PUBLISHED))
 }
 
+/// Whether a maker merges frames that follow each other.
+pub fn needs_neighbours(executable: &str) -> bool {
+    executable == BRACKETS[0]
+}
+
 /// The topics of a maker.
 pub fn outputs(executable: &str) -> Vec<Topic> {
-    let names = if executable == SPUD_AS_PUBLISHED { &["recovered"][..] } else { &OF_PAPER };
-    names.iter().map(|name| Topic::new(*name, MessageKind::Image)).collect()
+    let image = |name: &str| Topic::new(name, MessageKind::Image);
+    match BRACKETS.iter().find(|stream| **stream == executable) {
+        Some(stream) => vec![image(stream)],
+        None if executable == SPUD_AS_PUBLISHED => vec![image("recovered")],
+        None => OF_PAPER.map(image).into(),
+    }
 }
 
 /// Makes the images of `executable` with `sensor` from the frames that come through `handed`.
@@ -44,7 +56,8 @@ impl Maker {
     ) -> Result<Self, GridError> {
         let make = match PAPER.iter().find(|(own, _)| *own == executable) {
             Some((_, method)) => paper::maker(sensor, *method == SPUD_AS_PUBLISHED)?,
-            None => paper::published_spud(sensor)?,
+            None if executable == SPUD_AS_PUBLISHED => paper::published_spud(sensor)?,
+            None => bracket::maker(sensor)?,
         };
         Ok(Self { make, outputs: outputs(executable), seed: seed.unsigned_abs(), handed })
     }
@@ -70,7 +83,7 @@ impl Node for Maker {
         let seed = self.seed.wrapping_add(frame.place as u64);
         for (output, topic) in self.outputs.iter().enumerate() {
             if cx.wanted(output) {
-                let frame = (self.make)(&frame.frame, seed, &topic.name, cx);
+                let frame = (self.make)(&frame, seed, &topic.name, cx);
                 let frame = frame.map_err(|why| StepError::Skip(why.to_string()))?;
                 cx.emit(output, StampedFrame { header: header.clone(), frame });
             }

@@ -10,7 +10,7 @@ use modulo_runtime::{Context, SensorModel};
 use ndarray::Array3;
 
 use crate::GridError;
-use crate::handed::Make;
+use crate::handed::{HandedFrame, Make};
 
 /// The method of a cell with SPUD as the scripts of the paper have it: it takes the modulo image before quantisation, and
 /// stretches phi over all channels from minimum to maximum, without congruence. `spud` takes the quantised image y, and
@@ -24,7 +24,7 @@ const TAU: f64 = 0.1;
 pub fn published_spud(sensor: &SensorModel) -> Result<Make, GridError> {
     let (sensor, mut spud) = (sensor.simulated()?, Spud::new(TAU, ThresholdOn::Phi)?);
     let range = sensor.range();
-    Ok(Box::new(move |frame, seed, _, cx| {
+    Ok(Box::new(move |HandedFrame { frame, .. }, seed, _, cx| {
         let y = cx.stage("sense", || {
             let exposure = sensor.expose(frame.radiance.view(), seed)?;
             Ok::<_, GridError>(exposure.x().mapv(|x| x % range.peak()))
@@ -37,7 +37,7 @@ pub fn published_spud(sensor: &SensorModel) -> Result<Make, GridError> {
 /// The images of the scripts of the paper, whose sensor has this alpha, and whose SPUD is that as published or made congruent.
 pub fn maker(sensor: &SensorModel, as_published: bool) -> Result<Make, GridError> {
     let mut paper = PaperSensor::new(sensor, as_published)?;
-    Ok(Box::new(move |frame, _, stream, cx| paper.run(frame, stream, cx)))
+    Ok(Box::new(move |HandedFrame { frame, .. }, _, stream, cx| paper.run(frame, stream, cx)))
 }
 
 /// Truncates to bytes, as the scripts convert an image for the detector.
@@ -221,7 +221,8 @@ mod tests {
         let radiance = Array3::from_shape_fn((32, 256, 1), |(_, x, _)| x as f32 / 384.0);
         let ramp = SourceFrame { radiance: radiance.clone(), ..frame(&[0]) };
         let mut published = published_spud(&sensor(1.5, 1.4)).expect("possible");
-        let image = in_step(|cx| published(&ramp, 0, "recovered", cx)).expect("passed");
+        let handed = HandedFrame { place: 0, drive: 0, frame: ramp.clone(), around: None };
+        let image = in_step(|cx| published(&handed, 0, "recovered", cx)).expect("passed");
         let brightest = |image: &[u8]| *image.iter().max().expect("pixels");
         assert_eq!(brightest(image.as_u8().expect("8 bits").as_slice().expect("in order")), 255);
         // The protocol of the paper stretches x itself, too: there, full scale is the brightest sample in both.

@@ -69,7 +69,7 @@ impl RecoveryQuality {
             samples,
             trusted: said.trusted,
             method_used: said.method_used.to_owned(),
-            ..Self::of_shown(image, truth)?
+            ..Self::of_merged(image, truth)?
         })
     }
 
@@ -89,11 +89,11 @@ impl RecoveryQuality {
         let (transfer, most) = (truth[0].transfer(), range.peak() - 1.0);
         let radiance = |code: f32| most * transfer.decode((code / most).into()) as f32;
         let x = codes.demosaiced().to_f32().mapv(|code| scale * radiance(code));
-        Self::of_shown(&tone::picture(&x, range, transfer).ok()?, truth)
+        Self::of_merged(&tone::picture(&x, range, transfer).ok()?, truth)
     }
 
-    /// The quality of an image without wrap counts.
-    pub fn of_shown(image: &Frame, truth: &[Exposure; 2]) -> Option<Self> {
+    /// The quality of a merged image, which has no wrap counts.
+    pub fn of_merged(image: &Frame, truth: &[Exposure; 2]) -> Option<Self> {
         let [lens, none] = truth.each_ref().map(Exposure::ideal);
         let ideal = ImageSimilarity::of(image, &lens.demosaiced())?;
         let sharp = if none == lens { ideal } else { ImageSimilarity::of(image, &none.demosaiced())? };
@@ -155,7 +155,7 @@ impl TrueExposures {
         let truth = self.of(frame, sensor, seed)?;
         Ok(match unwrapped {
             None if is_saturated => RecoveryQuality::of_saturated(&shown.frame, truth),
-            None => RecoveryQuality::of_shown(&shown.frame, truth),
+            None => RecoveryQuality::of_merged(&shown.frame, truth),
             Some(topics) => {
                 // A detector that leaves the recovered image has no other one to be compared.
                 let (picture, counts) = (image(out, &topics.picture), image(out, &topics.counts));

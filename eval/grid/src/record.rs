@@ -1,4 +1,4 @@
-//! [`record`]: runs the nodes of a launch file for what people look at: a bag, the images of the streams, a video with the boxes that the
+//! [`Timelines`]: runs the nodes of a launch file for what people look at: a bag, the images of the streams, a video with the boxes that the
 //! detectors draw.
 
 use std::collections::BTreeMap;

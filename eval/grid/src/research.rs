@@ -6,7 +6,7 @@ use modulo_camera::CameraParameters;
 use modulo_runtime::{NodeName, ParameterSet as _, SensorModel};
 
 use crate::GridError;
-use crate::makers::{OF_PAPER, PAPER};
+use crate::makers::{BRACKETS, OF_PAPER, PAPER};
 use crate::paper::SPUD_AS_PUBLISHED;
 use crate::plan::{CAMERA, DETECTOR, PlannedNode, Variant};
 
@@ -16,8 +16,8 @@ pub fn sensor_of_paper(alpha: f64) -> SensorModel {
     SensorModel { psf, psf_sigma, alpha, headroom: 1.0, ..SensorModel::unknown() }
 }
 
-/// Returns the variants of these nodes: the nodes themselves, and for what the `method` `spud_as_published` recovers, the detector
-/// behind a maker. `streams`: those that are wanted.
+/// Returns the variants of these nodes: the nodes themselves, and for streams that no node makes, such as merged captures and what the `method`
+/// `spud_as_published` recovers, the detector behind a maker. `streams`: those that are wanted.
 ///
 /// # Errors
 /// [`GridError`] of a method that the paper does not have, and of nodes without a camera and a detector.
@@ -34,21 +34,22 @@ pub fn variants(
         let streams = OF_PAPER.into_iter().filter(is_wanted).collect();
         return Ok(vec![made_by(maker, &nodes, streams, true)?]);
     }
-    let own = Variant { nodes, wanted: streams.map(<[_]>::to_vec), more: BTreeMap::new() };
-    if method != SPUD_AS_PUBLISHED {
-        return Ok(vec![own]);
+    // Of all streams of a launch file, these have to be asked for.
+    let brackets = BRACKETS.into_iter().filter(|stream| streams.is_some() && is_wanted(stream));
+    let mut makers: Vec<(&'static str, &'static str)> = brackets.map(|stream| (stream, stream)).collect();
+    if method == SPUD_AS_PUBLISHED && is_wanted(&"recovered") {
+        makers.push((SPUD_AS_PUBLISHED, "recovered"));
     }
-    let mut variants = Vec::new();
-    if is_wanted(&"recovered") {
-        variants.push(made_by(SPUD_AS_PUBLISHED, &own.nodes, vec!["recovered"], false)?);
-    }
-    // Of all streams of a launch file, those of the nodes have to be asked for.
-    let wanted = own.wanted.map(|wanted| {
-        wanted.into_iter().filter(|stream| !["recovered", "metered"].contains(&stream.as_str()))
-    });
-    let wanted: Vec<String> = wanted.into_iter().flatten().collect();
-    if !wanted.is_empty() {
-        variants.push(Variant { wanted: Some(wanted), ..own });
+    let made = makers.iter().map(|(maker, stream)| made_by(maker, &nodes, vec![*stream], false));
+    let mut variants = made.collect::<Result<Vec<_>, _>>()?;
+    let is_made = |stream: &str| {
+        makers.iter().any(|(_, own)| *own == stream) || method == SPUD_AS_PUBLISHED && stream == "metered"
+    };
+    let wanted =
+        streams.map(|streams| streams.iter().filter(|stream| !is_made(stream)).cloned().collect::<Vec<_>>());
+    let is_whole = wanted.is_none() && makers.is_empty();
+    if is_whole || wanted.as_ref().is_some_and(|wanted| !wanted.is_empty()) {
+        variants.push(Variant { nodes, wanted, more: BTreeMap::new() });
     }
     Ok(variants)
 }
@@ -75,7 +76,8 @@ fn made_by(
     let mut made = vec![camera];
     for stream in streams {
         let name = NodeName { name: format!("detector_{stream}"), ..detector.name.clone() };
-        let parameters = detector.parameters.with_text(&[("input", stream), ("cameras", "[]")])?;
+        let input = if BRACKETS.contains(&stream) { format!("/{stream}") } else { stream.to_owned() };
+        let parameters = detector.parameters.with_text(&[("input", input.as_str()), ("cameras", "[]")])?;
         made.push(PlannedNode { executable: DETECTOR, name, parameters });
     }
     let protocol = is_paper.then(|| ("protocol".to_owned(), "paper".to_owned()));

@@ -125,7 +125,16 @@ impl Input {
 }
 
 /// The streams of the suite, in the order in which they are shown.
-const STREAMS: [&str; 6] = ["ideal", "saturated", "auto_exposed", "modulo", "recovered", "metered"];
+const STREAMS: [&str; 8] = [
+    "ideal",
+    "saturated",
+    "auto_exposed",
+    "modulo",
+    "recovered",
+    "metered",
+    "multi_exposure",
+    "multi_exposure_still",
+];
 
 /// All that decides the boxes of one cell.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -254,7 +263,7 @@ pub struct Cell {
     /// Number of frames that the method trusts although less than 99.9 % of the samples have the true wrap count.
     pub trusted_wrong: Option<usize>,
     /// PSNR against the ideal image of the same lens, dB; infinite (`"inf"` in JSON) for equal images. This and the next figures
-    /// exist for recovered and saturated streams.
+    /// exist for recovered, merged and saturated streams.
     #[serde(with = "psnr")]
     pub psnr_db: Option<f64>,
     /// Mean SSIM against that image.

@@ -457,7 +457,7 @@ impl<'a> Scorer<'a> {
     }
 }
 
-/// A cell with the figures of its recovered or saturated images alone.
+/// A cell with the figures of its recovered, merged or saturated images alone.
 fn recovered(all: &[RecoveryQuality]) -> Cell {
     let recoveries = all.iter();
     let samples: u64 = recoveries.clone().map(|r| r.samples).sum();

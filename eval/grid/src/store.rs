@@ -70,7 +70,7 @@ pub struct FrameFound {
     /// The boxes from a score of 0.001 on, by descending score; `None` where the detector gave no answer.
     #[serde(with = "rows::boxes")]
     pub boxes: Option<Vec<Detection>>,
-    /// Quality of a recovered or saturated image.
+    /// Quality of a recovered, merged or saturated image.
     pub recovery: Option<RecoveryQuality>,
 }
 

@@ -1,4 +1,4 @@
-//! [`variants`]: the nodes of a launch file for each combination of what varies.
+//! [`Axes`]: the nodes of a launch file for each combination of what varies.
 
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -77,7 +77,8 @@ const METHOD: [&str; 2] = ["unwrap.method", "method"];
 #[derive(Clone, Debug, PartialEq, Parser)]
 #[command(mut_arg("alpha", |option| option.default_value("1.5,2,3,4")))]
 pub struct Axes {
-    /// Streams to evaluate, of those that detectors read [default without FILE: ideal,saturated,modulo,recovered]
+    /// Streams to evaluate, of those that detectors read; also multi_exposure and multi_exposure_still, three merged captures of a normal camera
+    /// [default without FILE: ideal,saturated,modulo,recovered]
     #[arg(long, value_delimiter = ',')]
     pub stream: Vec<String>,
     /// Unwrapping methods, and spud_as_published: SPUD as the scripts of the paper have it, on the image before

@@ -1,4 +1,4 @@
-//! Runs on rendered scenes. Two runs are equal, however they are cut; each
+//! Runs on rendered scenes. Two runs are equal, however they are cut; three merged captures have ghosts where one capture has none; each
 //! frame of several sources in one bag has its own time stamp and labels.
 
 use std::ops::{ControlFlow, Range};
@@ -308,26 +308,43 @@ fn scores_follow_from_the_boxes_that_are_stored() {
 }
 
 #[test]
-fn the_frame_that_differs_most_is_drawn_and_the_page_is_written_again_from_the_files() {
+fn what_moves_has_ghosts_in_three_captures_and_none_in_one() {
     let folder = tempfile::tempdir().expect("a folder");
-    let scene = "scene://glare?seed=3&frames=3&width=480&height=144";
-    let streams = format!("{STILL} --stream ideal,recovered,saturated");
+    let scene = "scene://glare?seed=3&frames=6&width=480&height=144";
+    let streams = format!("{STILL} --stream ideal,recovered,multi_exposure,multi_exposure_still");
     let mut request = request(scenes(&[scene]), &streams, folder.path());
     request.timing.time_frames = 1;
     let results = results(&request).expect("results");
-    assert!(cell(&results, "saturated").latency_ms.contains_key("infer"));
+    let psnr = |stream| cell(&results, stream).psnr_db.unwrap_or(f64::INFINITY);
+    let [one, moving, still] = ["recovered", "multi_exposure", "multi_exposure_still"].map(psnr);
+    assert!(still > 45.0, "merged captures of a still scene are nearly ideal: {still} dB");
+    assert!(moving < still - 10.0, "the ghosts: {moving} dB against {still} dB");
+    assert!(one > moving + 10.0, "one capture has none: {one} dB against {moving} dB");
+    let merged = cell(&results, "multi_exposure");
+    assert_eq!((merged.frames, merged.exact_k), (6, None));
+    assert!(merged.latency_ms.contains_key("merge"));
 
     let pictures = draw_pictures(&request, &SystemClock::default(), &results).expect("pictures");
     report::save_pictures(folder.path(), &pictures.expect("a chart")).expect("kept");
     let page =
         std::fs::read_to_string(report::write(folder.path(), &results).expect("a page")).expect("readable");
-    assert!(page.contains("data:image/jpeg;base64,"));
+    assert!(page.contains("multi_exposure_still") && page.contains("data:image/jpeg;base64,"));
     assert!(folder.path().join(report::GRID).is_file());
     // The page is the same if it is written again from the files.
     assert_eq!(
         page,
         std::fs::read_to_string(report::write(folder.path(), &results).expect("a page")).expect("readable")
     );
+}
+
+#[test]
+fn frames_that_do_not_follow_each_other_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write_kitti(folder.path(), 1, 10);
+    let data = Data::Kitti { folder: folder.path().to_owned(), list: None };
+    let why = results(&request(data, &format!("{STILL} --stream multi_exposure"), folder.path()))
+        .expect_err("refused");
+    assert!(why.to_string().contains("multi_exposure_still"), "{why}");
 }
 
 /// A picture in linear light, through camera and unwrapping: the recovered image is the ideal one, and the picture.
