@@ -10,9 +10,7 @@ use clap_complete::CompleteEnv;
 use modulo_runtime::input::in_home;
 
 use crate::LONG_VERSION;
-use crate::command::{
-    bag, bench, demo, detect, eval, graph, images, launch, model, param, run, terminal, view,
-};
+use crate::command::{bag, demo, detect, eval, graph, images, launch, model, param, run, terminal, view};
 
 /// Simulate a modulo camera, unwrap its images to high dynamic range and detect objects in them, as ROS 2 nodes
 #[derive(Parser)]
@@ -36,10 +34,7 @@ pub enum Cli {
     /// Simulate the sensor on image files, and unwrap the result
     Simulate(images::Simulate),
     /// Unwrap modulo images of your own
-    Unwrap(modulo_bench::recover::UnwrapRequest),
-    /// Measure the inference engines and the whole pipeline
-    #[command(subcommand)]
-    Bench(bench::Bench),
+    Unwrap(modulo_eval::images::recover::UnwrapRequest),
     /// Record, replay, describe, convert and repair bags
     #[command(subcommand)]
     Bag(bag::Bag),

@@ -1,7 +1,8 @@
 //! The scenes of the stability suite, and SSIM, by which methods of any origin are compared in Python.
 
-use modulo_bench::stability::{self, Case};
-use modulo_core::{Exposure, metric};
+use modulo_core::{Exposure, Recovered, metric};
+use modulo_eval::stability::{self, Case};
+use modulo_eval::up_to_offset;
 use pyo3::prelude::*;
 
 use crate::image::{eight_bits, frame_to_numpy, to_numpy, value_error};
@@ -41,7 +42,7 @@ pub fn stability_scene(py: Python<'_>, number: usize) -> PyResult<Scene<'_>> {
         })?;
         let exposure = case.expose().map_err(value_error)?;
         let own = of_suite(case, &exposure)?;
-        let described = (case.name.clone(), case.family(), case.what.clone(), case.is_observable());
+        let described = (case.name.clone(), case.family.as_str(), case.what.clone(), case.is_observable());
         Ok::<_, PyErr>((described, exposure, own))
     });
     let ((name, family, what, observable), exposure, own) = examined?;
@@ -52,9 +53,11 @@ pub fn stability_scene(py: Python<'_>, number: usize) -> PyResult<Scene<'_>> {
 
 fn of_suite(case: &Case, exposure: &Exposure) -> PyResult<Vec<Own>> {
     let y = exposure.modulo();
-    let own = case.methods().into_iter().map(|mut method| {
-        let (score, _) = stability::score(method.as_mut(), &y, exposure).map_err(value_error)?;
-        Ok((method.name(), score.exact, score.up_to_offset, score.report.trust.claim()))
+    let own = case.methods().map_err(value_error)?.into_iter().map(|mut method| {
+        let mut out = Recovered::default();
+        method.unwrap(&y, &exposure.range().into(), &mut out).map_err(value_error)?;
+        let exact = exposure.exact_share(&out.k).expect("a method keeps the shape of its image");
+        Ok((method.name(), exact, up_to_offset(exposure, &out.k), out.report.trust.claim()))
     });
     own.collect()
 }

@@ -9,6 +9,7 @@ use clap::{Args, Subcommand};
 use modulo_bags::bag::{BagWriter, Compression};
 use modulo_bags::source::{FrameList, SourceError, is_endless};
 use modulo_camera::CameraParameters;
+use modulo_core::{SensorError, UnwrapError, WorkersError};
 use modulo_detector::EngineChoice;
 use modulo_eval::data::Data;
 use modulo_eval::plan::{PlannedNode, Variant, cameras};
@@ -23,6 +24,7 @@ use modulo_eval::timing::Timing;
 use modulo_eval::variants::{Axes, Resolve, Varied};
 use modulo_eval::video::AnnotatedVideo;
 use modulo_eval::{GridError, below_100, coco, draw_pictures, report};
+use modulo_images::ImageError;
 use modulo_launch::Plan;
 use modulo_middleware::process::signals::first_signal;
 use modulo_runtime::clock::utc;
@@ -32,11 +34,10 @@ use modulo_runtime::sensor::options::{CHIP, CodingOptions};
 use modulo_runtime::{Clock as _, Parameters, SystemClock, Value};
 use modulo_video::VideoAddress;
 
-use super::bench::processor;
 use super::launch::{prepare, refuse};
 use super::progress::{FrameProgress, ProgressLine};
 use super::run::kind_of;
-use super::{completion, pairs, start_log, usage};
+use super::{completion, images, pairs, start_log, usage};
 use crate::{Ended, Failure, message_of};
 
 /// The options of frames that no camera reads.
@@ -175,6 +176,12 @@ pub enum Verb {
         #[arg(long, value_name = "FOLDER")]
         coco: Option<PathBuf>,
     },
+    /// Run every unwrapping method on scenes that are hard to unwrap, and compare the results with the expected ones
+    Stability {
+        /// Folder for the report, results.json and the pictures; without it a new one in runs
+        #[arg(short, long, value_name = "FOLDER")]
+        out: Option<PathBuf>,
+    },
 }
 
 /// Reads `FIRST:END`.
@@ -189,8 +196,10 @@ fn places(text: &str) -> Result<Range<usize>, String> {
 
 pub fn eval(args: &Eval) -> Result<Ended, Failure> {
     start_log(if args.verbose { "debug" } else { "warn" });
-    if let Some(Verb::Report { folders, score, coco }) = &args.verb {
-        return show(folders, score, coco.as_deref());
+    match &args.verb {
+        Some(Verb::Report { folders, score, coco }) => return show(folders, score, coco.as_deref()),
+        Some(Verb::Stability { out }) => return images::stability(out.as_deref()),
+        None => {}
     }
     let file = args.file.clone().unwrap_or_else(|| PathBuf::from(COMPARE));
     let file = modulo_launch::launch_file(&file).map_err(usage)?;
@@ -213,12 +222,9 @@ pub fn eval(args: &Eval) -> Result<Ended, Failure> {
     check(&request).map_err(failure)?;
     let mut recordings = args.record.open(&request.variants, out.path())?;
     let asked = first_signal().context("signal handlers")?;
-    let progress = FrameProgress::new();
     let timer = SystemClock::default();
     let stopped = || asked.load(Ordering::Relaxed);
-    let listener = Listener { tell: &|event| tell(&progress, event), stopped: &stopped };
-    let results = run(&request, &timer, &listener).map_err(failure)?;
-    progress.end();
+    let results = with_progress(|tell| run(&request, &timer, &Listener { tell, stopped: &stopped }))?;
     recordings.iter_mut().try_for_each(|recordings| args.record(recordings, &nodes, &asked))?;
     if !stopped() {
         picture(&request, &results)?;
@@ -394,20 +400,47 @@ impl LabelledFrames {
 
 /// What the command line names is a matter of its own; the others come from results or from the run.
 fn failure(why: GridError) -> Failure {
-    match why {
-        GridError::Request(_) | GridError::Parameter(_) | GridError::Detector(_) | GridError::Source(_) => {
-            usage(why)
+    let of_command_line = match &why {
+        GridError::Request(_)
+        | GridError::Parameter(_)
+        | GridError::Detector(_)
+        | GridError::Source(_)
+        | GridError::Output(_)
+        | GridError::NotCodes(..)
+        | GridError::Video(_)
+        | GridError::Image(ImageError::Coding(..))
+        | GridError::Unwrap(UnwrapError::Method { .. } | UnwrapError::Workers(WorkersError::Threads(_))) => {
+            true
         }
-        _ => why.into(),
+        GridError::Sensor(why) => !matches!(why, SensorError::Shape(_) | SensorError::NotFinite(..)),
+        _ => false,
+    };
+    if of_command_line { usage(why) } else { why.into() }
+}
+
+/// The model of the processor from `/proc/cpuinfo`, or its architecture.
+fn processor() -> String {
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+    match model {
+        Some((_, name)) => name.split_whitespace().collect::<Vec<_>>().join(" "),
+        None => std::env::consts::ARCH.to_owned(),
     }
 }
 
-fn tell(progress: &FrameProgress, event: GridEvent<'_>) {
-    match event {
+/// Runs `work` and shows its progress.
+pub(super) fn with_progress<T>(
+    work: impl FnOnce(&(dyn Fn(GridEvent<'_>) + Sync)) -> Result<T, GridError>,
+) -> Result<T, Failure> {
+    let progress = FrameProgress::new();
+    let done = work(&|event| match event {
         GridEvent::Cell { frames, name } => progress.begin(frames, name),
         GridEvent::Frame => progress.frame(),
         GridEvent::Warning(warning) => progress.warn(warning),
-    }
+    });
+    let done = done.map_err(failure)?;
+    progress.end();
+    Ok(done)
 }
 
 fn print_cell(cell: &Cell) {

@@ -1,18 +1,19 @@
-//! `modulo simulate` and `modulo unwrap`: the unwrapping methods on image files.
+//! `modulo simulate`, `modulo unwrap` and `modulo eval stability`: the unwrapping methods on images.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use modulo_bench::recover::{UnwrapRequest, unwrap_files};
-use modulo_bench::runner::{Row, RunOutcome};
-use modulo_bench::simulate::SimulationRequest;
-use modulo_bench::{below_100, quantile, simulate as simulation};
 use modulo_camera::CameraParameters;
+use modulo_eval::images::recover::{UnwrapRequest, unwrap_files};
+use modulo_eval::images::runner::{Row, RunOutcome, median};
+use modulo_eval::images::simulate::{self as simulation, SimulationRequest};
+use modulo_eval::{below_100, stability};
 use modulo_images::WHITE_PERCENTILE;
+use modulo_runtime::output::ResultFolder;
 use modulo_runtime::sensor::options::CHIP;
 
-use super::bench::{tell, with_bar};
+use super::eval::with_progress;
 use super::usage;
 use crate::{Ended, Failure};
 
@@ -31,11 +32,22 @@ pub fn simulate(args: Simulate) -> Result<Ended, Failure> {
     if let Some(file) = sensor_file {
         request.sensor.take_chip(&CameraParameters::read_sensor(&file).map_err(usage)?);
     }
-    Ok(report(&with_bar(tell, |tell| simulation::simulate(&request, tell))?))
+    Ok(report(&with_progress(|tell| simulation::simulate(&request, tell))?))
 }
 
 pub fn unwrap(request: &UnwrapRequest) -> Result<Ended, Failure> {
-    Ok(report(&with_bar(tell, |tell| unwrap_files(request, tell))?))
+    Ok(report(&with_progress(|tell| unwrap_files(request, tell))?))
+}
+
+/// Runs the methods on the scenes of the stability suite.
+pub fn stability(out: Option<&Path>) -> Result<Ended, Failure> {
+    let folder = ResultFolder::take(out, "stability", None).map_err(usage)?;
+    let outcome = with_progress(|tell| stability::run(folder.path(), tell))?;
+    outcome.better.iter().for_each(|what| say!("better than expected: {what}"));
+    outcome.broken.iter().for_each(|what| say!("worse than expected: {what}"));
+    say!("{} expectations held, {} broke", outcome.held, outcome.broken.len());
+    say!("{}", outcome.page.display());
+    Ok(Ended::of(!outcome.broken.is_empty()))
 }
 
 /// Prints the results of a command.
@@ -95,7 +107,7 @@ fn print_methods(rows: &[Row]) {
         let exact: Option<f64> = rows.iter().map(|row| Some(row.simulated.as_ref()?.exact_k)).sum();
         let exact = exact.map_or("-".to_owned(), |sum| format!("{}%", below_100(sum / count as f64, 3)));
         let trusted = rows.iter().filter(|row| row.trusted == Some(true)).count();
-        let ms = quantile(rows.iter().map(|row| row.ms), 0.5);
+        let ms = median(rows.iter().map(|row| row.ms).collect());
         say!("{count:>6} {:>5} {method:<16} {exact:>12} {trusted:>7} {ms:>9.2}", f64::from_bits(alpha));
     }
 }

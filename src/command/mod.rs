@@ -15,7 +15,6 @@ macro_rules! note {
 }
 
 pub mod bag;
-pub mod bench;
 mod camera_end;
 pub mod colour;
 pub mod completion;
@@ -35,6 +34,7 @@ pub mod run;
 pub mod terminal;
 pub mod view;
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, anyhow};
@@ -69,7 +69,6 @@ pub fn dispatch(cli: Cli) -> Result<Ended, Failure> {
         Cli::Eval(args) => eval::eval(&args),
         Cli::Simulate(args) => images::simulate(args),
         Cli::Unwrap(request) => images::unwrap(&request),
-        Cli::Bench(command) => bench::bench(&command),
         Cli::Param(args) => param::param(&args),
         Cli::Topic(args) => graph::topic(&args),
         Cli::Node(args) => graph::node(&args),
@@ -142,6 +141,10 @@ fn open_session() -> Result<(Arc<dyn Clock>, ZenohTransport), Failure> {
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
     let transport = ZenohTransport::open(domain()?, hashes()?, clock.clone())?;
     Ok((clock, transport))
+}
+
+fn this_program() -> Result<PathBuf, Failure> {
+    Ok(std::env::current_exe().context("this program")?)
 }
 
 /// `name:=value` pairs.

@@ -24,9 +24,9 @@ use modulo_unwrap::UnwrapParameters;
 use ndarray::Array3;
 use serde_json::json;
 
-use super::bench::{style, this_program};
 use super::launch::quoted;
-use super::{domain, start_log, usage};
+use super::progress::style;
+use super::{domain, start_log, this_program, usage};
 use crate::{Ended, Failure};
 
 /// Sizes (height, width) at which the speed is measured: those of the scenes and of KITTI, padded.

@@ -4,13 +4,17 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use modulo_launch::NodeReport;
 use modulo_runtime::report::{Histogram, quantile};
 use modulo_runtime::{Clock as _, SystemClock};
 
-use super::bench::{progress_bar, style};
 use super::terminal::{LINE, takes_log};
+
+/// Returns the style of a line in the form of `template`.
+pub fn style(template: &str) -> ProgressStyle {
+    ProgressStyle::with_template(template).expect("the templates of this program are valid")
+}
 
 /// Shortest time between two texts of the line.
 const PAUSE: Duration = Duration::from_millis(100);
@@ -71,7 +75,8 @@ pub struct FrameProgress {
 impl FrameProgress {
     pub fn new() -> Self {
         // The message is cut where the line ends.
-        let bar = progress_bar("{bar:20} {pos}/{len} frames, {eta} left: {wide_msg}");
+        let bar =
+            ProgressBar::new(0).with_style(style("{bar:20} {pos}/{len} frames, {eta} left: {wide_msg}"));
         Self { bar, clock: SystemClock::default(), lines: Mutex::default() }
     }
 

@@ -14,8 +14,7 @@ use modulo_viewer::{RECORDING_BEGIN, ViewAddresses, ViewOptions};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-use super::bench::this_program;
-use super::{open_session, start_log, stop_on_signals, usage};
+use super::{open_session, start_log, stop_on_signals, this_program, usage};
 use crate::{Ended, Failure};
 
 #[derive(Args)]

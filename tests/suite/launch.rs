@@ -246,7 +246,7 @@ fn an_output_that_cannot_be_written_is_refused_before_the_run() {
         "eval --source scene://day?frames=4 --engine rten -o /proc/x",
         "eval launch/raw.launch.yaml -o OUT",
         "eval launch/raw.launch.yaml -o /proc/x",
-        "bench stability -o OUT",
+        "eval stability -o OUT",
     ] {
         let line = line.replace("RECOVERED", RECOVERED).replace("OUT", &out);
         let complaint = bench.says(2, &line);

@@ -131,7 +131,7 @@ fn no_command_writes_over_a_file_that_it_has_not_made() {
         "eval --source scene://day?frames=1&width=96&height=64 --engine rten -o @/own",
         "eval --source scene://day?frames=1&width=96&height=64 --engine rten -o @/own --fresh",
         "eval --source scene://day?frames=1&width=96&height=64 --engine rten -o @/images --fresh",
-        "bench stability -o @/own",
+        "eval stability -o @/own",
         &format!("launch {raw} --summary @/own/drive.mp4"),
         &format!("launch {raw} --compose --summary @/own/results.json"),
         &format!("launch {raw} --trace @/hard.mp4"),

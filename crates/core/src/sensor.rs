@@ -444,17 +444,21 @@ impl Exposure {
         self.converted().mapv(|x| (whole(x) >> bits) as u8)
     }
 
-    /// Returns the share of the samples of full gain with the true wrap count in `k`; 1 if there are none. `None` if `k` has
+    /// Returns the number of the samples of full gain with the true wrap count in `k`, and that of all of full gain. `None` if `k` has
     /// another shape.
-    pub fn exact_share(&self, k: &Array3<u8>) -> Option<f64> {
+    pub fn exact_counts(&self, k: &Array3<u8>) -> Option<(u64, u64)> {
         let wraps = self.wraps();
         if k.dim() != wraps.dim() {
             return None;
         }
         let full =
             wraps.indexed_iter().zip(k).filter(|(((row, column, _), _), _)| self.gain(*row, *column) == 1.0);
-        let (exact, all) = full
-            .fold((0u64, 0u64), |(exact, all), ((_, true_k), k)| (exact + u64::from(true_k == k), all + 1));
+        Some(full.fold((0, 0), |(exact, all), ((_, true_k), k)| (exact + u64::from(true_k == k), all + 1)))
+    }
+
+    /// Returns the share of [`exact_counts`](Self::exact_counts); 1 if there are no samples.
+    pub fn exact_share(&self, k: &Array3<u8>) -> Option<f64> {
+        let (exact, all) = self.exact_counts(k)?;
         Some(if all == 0 { 1.0 } else { exact as f64 / all as f64 })
     }
 

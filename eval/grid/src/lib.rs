@@ -21,6 +21,7 @@ mod engine;
 mod feeds;
 pub mod frames;
 mod handed;
+pub mod images;
 mod labels;
 mod makers;
 pub mod messages;
@@ -37,6 +38,7 @@ pub mod results;
 mod rows;
 pub mod run;
 pub mod score;
+pub mod stability;
 pub mod store;
 mod stored;
 mod timeline;
@@ -53,18 +55,22 @@ pub mod report;
 pub mod video;
 
 use std::fmt::Display;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use modulo_bags::FileError;
 use modulo_bags::source::SourceError;
 use modulo_core::SensorError;
 use modulo_detector::DetectorError;
 pub use modulo_draw::below_100;
+use modulo_images::{ImageError, SaveError};
 use modulo_runtime::ParameterError;
 use modulo_runtime::lockstep::LockstepError;
+use modulo_runtime::output::OutputError;
+use modulo_video::VideoError;
 pub use pictures::draw_pictures;
+pub use quality::up_to_offset;
 
-/// Error of a grid run. The message names the value and the possible ones.
+/// Error of an evaluation. The message names the value and the possible ones.
 #[derive(Debug, thiserror::Error)]
 pub enum GridError {
     /// The request is impossible, or its folder holds results of another one or takes none. The sentence names the possible
@@ -80,6 +86,21 @@ pub enum GridError {
     /// The data cannot be read.
     #[error(transparent)]
     Source(#[from] SourceError),
+    /// The folder takes no results.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    /// A file cannot hold the codes of the sensor as they are. The text is the reason and the remedy.
+    #[error("{path}: {1}", path = .0.display())]
+    NotCodes(PathBuf, String),
+    /// An image cannot be read, or the white point is impossible.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    /// A video cannot be read.
+    #[error(transparent)]
+    Video(#[from] VideoError),
+    /// An image cannot be written.
+    #[error(transparent)]
+    Save(#[from] SaveError),
     /// The captures cannot be merged.
     #[error(transparent)]
     Bracket(#[from] modulo_core::BracketError),

@@ -6,7 +6,7 @@ use modulo_core::{Exposure, Frame, Gains, Psf, Sensor, SensorConfig, tone};
 use modulo_runtime::SensorModel;
 use modulo_runtime::lockstep::OnTopic;
 use modulo_runtime::sensor::recovery::Recovery;
-use ndarray::Array3;
+use ndarray::{Array3, ArrayView2, Axis};
 use serde::{Deserialize, Serialize};
 
 use crate::GridError;
@@ -14,22 +14,6 @@ use crate::chain::shared;
 use crate::handed::HandedFrame;
 use crate::messages::{image, recovery};
 use crate::plan::{CAMERA, Cell};
-
-/// The true exposures that a recovered image is compared with: through the lens of the cell, and without a lens.
-struct Truth([Sensor; 2]);
-
-impl Truth {
-    /// The exposures of this sensor.
-    fn of(sensor: SensorConfig) -> Result<Self, GridError> {
-        Ok(Self([Sensor::new(sensor)?, Sensor::new(SensorConfig { psf: Psf::None, ..sensor })?]))
-    }
-
-    /// The exposures to a scene: its radiance, and the seed of the noise.
-    fn expose(&self, (radiance, seed): (&Array3<f32>, u64)) -> Result<[Exposure; 2], GridError> {
-        let [blurred, sharp] = &self.0;
-        Ok([blurred.expose(radiance.view(), seed)?, sharp.expose(radiance.view(), seed)?])
-    }
-}
 
 /// How close an image for a detector is to the true one.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -77,21 +61,9 @@ impl RecoveryQuality {
         said: Recovery<'_>,
         truth: &[Exposure; 2],
     ) -> Option<Self> {
-        let peak = truth[0].range().peak();
-        let (wraps, counts) = (truth[0].wraps(), counts.to_f32());
-        let (_, width, channels) = wraps.dim();
-        let of_full_gain = |sample: usize| {
-            let pixel = sample / channels;
-            truth[0].gains() == Gains::One || truth[0].gain(pixel / width, pixel % width) == 1.0
-        };
-        let (mut exact, mut samples) = (0, 0);
-        for (sample, (wraps, count)) in wraps.as_slice()?.iter().zip(counts.as_slice()?).enumerate() {
-            if of_full_gain(sample) {
-                samples += 1;
-                // x_hat = y + k P with y < P, so that the integer part of x_hat / P is k.
-                exact += u64::from((count / peak) as u8 == *wraps);
-            }
-        }
+        // x_hat = y + k P with y < P, so that the integer part of x_hat / P is k.
+        let (peak, counts) = (truth[0].range().peak(), counts.to_f32());
+        let (exact, samples) = truth[0].exact_counts(&counts.mapv(|count| (count / peak) as u8))?;
         Some(Self {
             exact,
             samples,
@@ -129,8 +101,22 @@ impl RecoveryQuality {
     }
 }
 
+/// Returns the share of the samples that have the most frequent error of their channel in the wrap counts `k`, which have the shape of the
+/// exposure.
+pub fn up_to_offset(truth: &Exposure, k: &Array3<u8>) -> f64 {
+    let off = k.mapv(i16::from) - truth.wraps().mapv(i16::from);
+    let most_frequent = |off: ArrayView2<'_, i16>| {
+        // Wrap counts are bytes, so that their differences lie between -255 and 255: 511 values.
+        let mut counts = [0usize; 511];
+        off.iter().for_each(|off| counts[usize::from(off.abs_diff(-255))] += 1);
+        counts.into_iter().max().expect("there are counts")
+    };
+    off.axis_iter(Axis(2)).map(most_frequent).sum::<usize>() as f64 / off.len() as f64
+}
+
 impl ImageSimilarity {
-    fn of(left: &Frame, right: &Frame) -> Option<Self> {
+    /// The similarity of two images; `None` if they have no common shape, or not 8 bits.
+    pub(crate) fn of(left: &Frame, right: &Frame) -> Option<Self> {
         let (left, right) = (left.as_u8()?, right.as_u8()?);
         let mse = mse(left, right).ok()?;
         let (height, width, _) = left.dim();
@@ -147,13 +133,10 @@ impl ImageSimilarity {
     }
 }
 
-/// The true exposures of the frame at hand.
+/// The true exposures of a frame that its images are compared with: the sensor, the place of the frame, and the exposures through the lens
+/// of the sensor and without a lens.
 #[derive(Default)]
-pub struct TrueExposures {
-    sensor: Option<(SensorModel, Truth)>,
-    /// The place of the last frame, and its exposures.
-    last: Option<(usize, [Exposure; 2])>,
-}
+pub struct TrueExposures(Option<(SensorModel, usize, [Exposure; 2])>);
 
 impl TrueExposures {
     /// Returns how close the image of a cell is to the true exposure of `sensor` to a frame. `None` if nothing is compared.
@@ -190,15 +173,14 @@ impl TrueExposures {
         sensor: &SensorModel,
         seed: u64,
     ) -> Result<&[Exposure; 2], GridError> {
-        if self.sensor.as_ref().is_none_or(|(own, _)| own != sensor) {
-            *self = Self { sensor: Some((sensor.clone(), Truth::of(sensor.config()?)?)), last: None };
+        let is_at_hand = |(own, place, _): &(SensorModel, usize, _)| own == sensor && *place == frame.place;
+        if !self.0.as_ref().is_some_and(is_at_hand) {
+            let (config, seed) = (sensor.config()?, seed.wrapping_add(frame.place as u64));
+            let expose = |config| Sensor::new(config)?.expose(frame.frame.radiance.view(), seed);
+            let truth = [expose(config)?, expose(SensorConfig { psf: Psf::None, ..config })?];
+            self.0 = Some((sensor.clone(), frame.place, truth));
         }
-        if self.last.as_ref().is_none_or(|(place, _)| *place != frame.place) {
-            let (_, truth) = self.sensor.as_ref().expect("it was made");
-            let seed = seed.wrapping_add(frame.place as u64);
-            self.last = Some((frame.place, truth.expose((&frame.frame.radiance, seed))?));
-        }
-        Ok(&self.last.as_ref().expect("it was made").1)
+        Ok(&self.0.as_ref().expect("it was made").2)
     }
 }
 

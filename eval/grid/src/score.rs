@@ -25,7 +25,7 @@ use crate::stored::{Scene, Stored, StoredCell};
 use crate::verdict::{self, Judged};
 
 /// Least share of exact wrap counts of a frame that may be trusted: docs/explanation/trust.md promises it.
-const LEAST_TRUSTED_SHARE: f64 = 0.999;
+pub(crate) const LEAST_TRUSTED_SHARE: f64 = 0.999;
 
 /// How boxes are scored. Other values need no other run.
 #[derive(Args, Clone, Debug, Default, PartialEq)]

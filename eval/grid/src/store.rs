@@ -358,11 +358,11 @@ pub fn figures(folder: &Path) -> Result<Option<Results>, GridError> {
     if version == Some(0.into()) { read(&folder.join(RESULTS)) } else { Ok(None) }
 }
 
-/// Writes the figures of all cells as [`RESULTS`], for other programs. Creates `folder` if it is missing.
+/// Writes figures, such as those of all cells, as [`RESULTS`] for other programs. Creates `folder` if it is missing.
 ///
 /// # Errors
 /// [`GridError`] if it cannot be written.
-pub fn save(folder: &Path, results: &Results) -> Result<(), GridError> {
+pub fn save(folder: &Path, results: &impl Serialize) -> Result<(), GridError> {
     let mut text = serde_json::to_vec_pretty(results).expect("results have text keys");
     text.push(b'\n');
     replace(&folder.join(RESULTS), &text)

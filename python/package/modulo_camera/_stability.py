@@ -18,7 +18,7 @@ class Scene(NamedTuple):
     """The result of a method on a scene of the stability suite."""
 
     name: str
-    """The name of the scene, as in `modulo bench stability`."""
+    """The name of the scene, as in `modulo eval stability`."""
     family: str
     """The family of the scene, such as `Steps`."""
     what: str
@@ -91,7 +91,7 @@ class Stability:
 def stability(method: Method, *, time_limit_s: float | None = 100.0) -> Stability:
     """Runs a method on the scenes on which unwrapping methods fail, and compares it with the methods of the suite.
 
-    The scenes are those of `modulo bench stability`: steps, islands, lamps, noise, sensors of 1 to 16 bits, tiny images, and more. Their
+    The scenes are those of `modulo eval stability`: steps, islands, lamps, noise, sensors of 1 to 16 bits, tiny images, and more. Their
     sensors with a mosaic give H x W with one colour a pixel, and those with two gains leave every second pixel unwrapped,
     which `f(codes, bits, alpha)` is not told.
 

@@ -19,7 +19,6 @@ pub fn page(results: &Results, charts: &[RenderedChart]) -> String {
     let (done, all) = (results.cells.len(), results.setup.grid.len());
     let title = format!("modulo eval: {}", results.setup.source);
     let body = html! {
-        h1 { (title) }
         @if done < all {
             p.warning { (done) " of " (all) " cells are here: this is a part of the grid, or a run that was ended." }
         }
@@ -30,9 +29,14 @@ pub fn page(results: &Results, charts: &[RenderedChart]) -> String {
         (figures(charts))
         (tables::cells(results))
         (setup(results))
-        script { (PreEscaped(include_str!("sort.js"))) }
     };
-    html_page(&title, include_str!("style.css"), body)
+    html(&title, body)
+}
+
+/// A page with the style of all reports, whose tables can be sorted.
+pub(crate) fn html(title: &str, body: Markup) -> String {
+    let body = html! { h1 { (title) } (body) script { (PreEscaped(include_str!("sort.js"))) } };
+    html_page(title, include_str!("style.css"), body)
 }
 
 /// All charts. The first one of each kind is open.

@@ -1,26 +1,28 @@
-//! The common work of `simulate` and `unwrap`: each image, taken by each sensor, goes through each method. That gives a
-//! picture and a [`Row`].
+//! The common work of `simulate`, `unwrap` and the stability suite: each image, taken by each sensor, goes through each method. That gives
+//! a picture and a [`Row`].
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::slice;
-use std::time::Instant;
 
 use clap::{Args, value_parser};
-use modulo_core::metric::{mse, psnr_db, ssim};
+use modulo_core::metric::{psnr_db, quantile};
 use modulo_core::unwrap::{METHODS, Options, Scene, by_name, of_gains};
 use modulo_core::{
-    Exposure, Frame, Gains, MAX_THREADS, Psf, Range, Recovered, TwoGains, Unwrap, UnwrapError, tone,
+    Exposure, Frame, Gains, MAX_THREADS, Range, Recovered, TwoGains, Unwrap, UnwrapError, tone,
 };
 use modulo_images::{save_exr, save_png};
-use modulo_runtime::SensorModel;
+use modulo_runtime::{Clock as _, SensorModel, SystemClock};
 use ndarray::Array3;
 use serde::Serialize;
 
-use crate::{BenchError, BenchEvent, RESULTS, quantile, write_json};
+use crate::GridError;
+use crate::progress::GridEvent;
+use crate::quality::{ImageSimilarity, up_to_offset};
+use crate::store::save;
 
 /// The word that stands for the names of all methods.
-const ALL: &str = "all";
+pub(crate) const ALL: &str = "all";
 
 /// The options of both commands.
 #[derive(Clone, Debug, PartialEq, Args)]
@@ -70,7 +72,7 @@ pub struct Row {
 }
 
 /// The exposure of a simulated image, and how near to it the result is.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Simulated {
     /// The radiance that became full scale, of a float image without a given white point.
     pub white: Option<f32>,
@@ -83,6 +85,8 @@ pub struct Simulated {
     pub ssim: Option<f64>,
     /// Share of the samples with the true wrap count, 0 to 1; with two gains, of those of full gain.
     pub exact_k: f64,
+    /// Share of all samples with the true wrap count after the best offset for each channel.
+    pub exact_up_to_offset: f64,
 }
 
 /// Result of a command.
@@ -90,7 +94,7 @@ pub struct Simulated {
 pub struct RunOutcome {
     /// The folder of the results.
     pub folder: PathBuf,
-    /// One row for each image, sensor and method. Also in [`RESULTS`].
+    /// One row for each image, sensor and method. Also in [`RESULTS`](crate::results::RESULTS).
     pub rows: Vec<Row>,
     /// The files and frames that cannot be used, each with the reason.
     pub skipped: Vec<String>,
@@ -102,15 +106,14 @@ pub(crate) struct Picture<T> {
     /// The beginning of the names of the written images.
     pub name: String,
     /// The image, or the reason why it cannot be read.
-    pub content: Result<T, BenchError>,
+    pub content: Result<T, GridError>,
 }
 
-pub(crate) struct Capture<'a> {
+pub(crate) struct Capture {
     pub y: Frame,
-    pub sensor: &'a SensorModel,
-    pub range: Range,
-    /// The blur of its lens, where it is known.
-    pub lens: Option<Psf>,
+    pub sensor: SensorModel,
+    /// What the methods are told.
+    pub scene: Scene,
     /// The beginning of the names of the written images.
     pub name: String,
     /// Whether wrap counts and code units are written, too.
@@ -121,84 +124,57 @@ pub(crate) struct Capture<'a> {
     pub truth: Option<(Exposure, Option<f32>, u64)>,
 }
 
-pub(crate) struct Runner<'a> {
-    options: &'a RunOptions,
-    /// The folder of the results.
-    out: &'a Path,
-    /// The methods for a sensor with one gain.
-    methods: Vec<Box<dyn Unwrap>>,
-    outcome: RunOutcome,
-}
-
-impl<'a> Runner<'a> {
-    /// Makes the methods for images of `sensor`, whose results go into the folder `out`. Where the gains decide the method, none may be
-    /// named.
-    pub fn new(options: &'a RunOptions, out: &'a Path, sensor: &SensorModel) -> Result<Self, BenchError> {
-        let methods = methods(options, sensor.gains)?;
-        Ok(Self {
-            options,
-            out,
-            methods,
-            outcome: RunOutcome { folder: out.to_owned(), ..RunOutcome::default() },
-        })
-    }
-
-    /// Takes the pictures of each of `files`, `total` in number, by each of `sensors` with `capture`, and unwraps them. After each
-    /// file it writes [`RESULTS`] with all rows so far. A picture that cannot be used is skipped, unless it is the only one.
-    pub fn run<'s, T, S>(
-        &mut self,
-        (files, total): (impl IntoIterator<Item = impl Iterator<Item = Picture<T>>>, usize),
-        sensors: &'s [S],
-        capture: impl Fn(&str, &T, &'s S) -> Result<Capture<'s>, BenchError>,
-        tell: &mut dyn FnMut(BenchEvent<'_>),
-    ) -> Result<RunOutcome, BenchError> {
-        let (mut done, steps) = (0, total * sensors.len());
-        for file in files {
-            for Picture { file, name, content } in file {
-                let rows = content.and_then(|content| {
-                    let mut rows = Vec::new();
-                    for (sensor, done) in sensors.iter().zip(done..) {
-                        tell(BenchEvent::Step { done, total: steps, next: &file });
-                        rows.extend(self.recover_all(&file, &capture(&name, &content, sensor)?)?);
+/// Takes the pictures of each of `files`, `total` in number, by each of `sensors` with `capture`, and unwraps them by `methods`, or that of the
+/// gains. After each file it writes [`RESULTS`](crate::results::RESULTS) with all rows so far into the folder `out`. A picture that cannot be
+/// used is skipped, unless it is the only one.
+pub(crate) fn run<T, S>(
+    (options, out, mut methods): (&RunOptions, &Path, Vec<Box<dyn Unwrap>>),
+    (files, total): (impl IntoIterator<Item = impl Iterator<Item = Picture<T>>>, usize),
+    sensors: &[S],
+    capture: impl Fn(&str, &T, &S) -> Result<Capture, GridError>,
+    tell: &dyn Fn(GridEvent<'_>),
+) -> Result<RunOutcome, GridError> {
+    let mut outcome = RunOutcome { folder: out.to_owned(), ..RunOutcome::default() };
+    let (mut done, steps) = (0, total * sensors.len());
+    for file in files {
+        for Picture { file, name, content } in file {
+            let rows = content.and_then(|content| {
+                let mut rows = Vec::new();
+                for (sensor, done) in sensors.iter().zip(done..) {
+                    tell(GridEvent::Cell { frames: (done as u64, steps as u64), name: &file });
+                    let capture = capture(&name, &content, sensor)?;
+                    // The ratio of the gains depends on alpha, so that this method belongs to one sensor.
+                    let mut of_gains = of_gains(capture.sensor.gains()?);
+                    let methods = of_gains.as_mut().map_or(&mut methods[..], slice::from_mut);
+                    for method in methods {
+                        rows.push(recover((options, out), (&file, &capture), method.as_mut())?);
                     }
-                    Ok(rows)
-                });
-                done += sensors.len();
-                match rows {
-                    Ok(rows) => self.outcome.rows.extend(rows),
-                    Err(why) if total > 1 && is_of_a_picture(&why) => {
-                        tell(BenchEvent::Warning(&format!("skipped: {why}")));
-                        self.outcome.skipped.push(why.to_string());
-                    }
-                    Err(why) => return Err(why),
+                    tell(GridEvent::Frame);
                 }
+                Ok(rows)
+            });
+            done += sensors.len();
+            match rows {
+                Ok(rows) => outcome.rows.extend(rows),
+                Err(why) if total > 1 && is_of_a_picture(&why) => {
+                    tell(GridEvent::Warning(&format!("skipped: {why}")));
+                    outcome.skipped.push(why.to_string());
+                }
+                Err(why) => return Err(why),
             }
-            write_json(&self.out.join(RESULTS), &self.outcome.rows)?;
         }
-        Ok(std::mem::take(&mut self.outcome))
+        save(out, &outcome.rows)?;
     }
-
-    fn recover_all(&mut self, file: &str, capture: &Capture<'_>) -> Result<Vec<Row>, BenchError> {
-        // The ratio of the gains depends on alpha, so that this method belongs to one sensor.
-        let mut of_gains = of_gains(capture.sensor.gains()?);
-        let methods = of_gains.as_mut().map_or(&mut self.methods[..], slice::from_mut);
-        methods
-            .iter_mut()
-            .map(|method| recover((self.options, self.out), (file, capture), method.as_mut()))
-            .collect()
-    }
+    Ok(outcome)
 }
 
 /// Whether an error is that of one picture. One of a method or of the disk would come back with every picture.
-fn is_of_a_picture(why: &BenchError) -> bool {
-    matches!(
-        why,
-        BenchError::Image(_) | BenchError::Sensor(_) | BenchError::Video(_) | BenchError::NotCodes(..)
-    )
+fn is_of_a_picture(why: &GridError) -> bool {
+    matches!(why, GridError::Image(_) | GridError::Sensor(_) | GridError::Video(_) | GridError::NotCodes(..))
 }
 
-/// Makes the methods that are asked for, or `auto`.
-fn methods(options: &RunOptions, has_two_gains: bool) -> Result<Vec<Box<dyn Unwrap>>, BenchError> {
+/// Makes the methods that are asked for, or `auto`. Where the gains decide the method, none may be named.
+pub(crate) fn methods(options: &RunOptions, has_two_gains: bool) -> Result<Vec<Box<dyn Unwrap>>, GridError> {
     let names: Vec<&str> = options.method.iter().map(String::as_str).collect();
     let names = match &names[..] {
         [] => vec!["auto"],
@@ -206,7 +182,7 @@ fn methods(options: &RunOptions, has_two_gains: bool) -> Result<Vec<Box<dyn Unwr
         _ => names,
     };
     if has_two_gains && !options.method.is_empty() {
-        return Err(BenchError::Request(format!(
+        return Err(GridError::Request(format!(
             "--method {} has no effect with --gains {}, whose images are unwrapped by {}: leave out one of these options",
             options.method.join(","),
             Gains::word(true),
@@ -215,7 +191,7 @@ fn methods(options: &RunOptions, has_two_gains: bool) -> Result<Vec<Box<dyn Unwr
     }
     // The method of the scripts of the paper is none for y.
     if names.contains(&"spud_as_published") {
-        return Err(BenchError::Request(
+        return Err(GridError::Request(
             "spud_as_published needs the image before quantisation, which only modulo eval gives it; spud is the same \
              method on the modulo image"
                 .to_owned(),
@@ -227,22 +203,21 @@ fn methods(options: &RunOptions, has_two_gains: bool) -> Result<Vec<Box<dyn Unwr
 
 fn recover(
     (options, out): (&RunOptions, &Path),
-    (file, capture): (&str, &Capture<'_>),
+    (file, capture): (&str, &Capture),
     method: &mut dyn Unwrap,
-) -> Result<Row, BenchError> {
-    let Capture { y, sensor, range, lens, truth, .. } = capture;
-    let mut recovered = Recovered::default();
-    let scene = Scene { lens: *lens, noise: sensor.noise(), ..Scene::from(*range) };
-    let ms = median_time(options.repeats, || method.unwrap(y, &scene, &mut recovered));
+) -> Result<Row, GridError> {
+    let Capture { y, sensor, scene, truth, .. } = capture;
+    let (mut recovered, range) = (Recovered::default(), scene.range);
+    let ms = median_time(options.repeats, || method.unwrap(y, scene, &mut recovered));
     let ms = ms.map_err(|why| match truth {
         Some(_) => why.into(),
         // A file may hold codes that the sensor cannot have.
-        None => BenchError::NotCodes(file.into(), why.to_string()),
+        None => GridError::NotCodes(file.into(), why.to_string()),
     })?;
     let path = |what: &str| out.join(format!("{}_{}{what}.png", capture.name, method.name()));
     let colours = sensor.mosaic.map(|mosaic| mosaic.demosaic(recovered.x.view()));
     let x = colours.as_ref().unwrap_or(&recovered.x);
-    let picture = tone::picture(x, *range, sensor.transfer).map_err(UnwrapError::from)?;
+    let picture = tone::picture(x, range, sensor.transfer).map_err(UnwrapError::from)?;
     save_png(&path(""), &picture)?;
     if options.exr {
         let scale = f64::from(capture.full_scale) / range.white();
@@ -251,11 +226,11 @@ fn recover(
         save_exr(&out.join(format!("{}_{}.exr", capture.name, method.name())), &radiance)?;
     }
     if capture.counts {
-        save_counts(|what| path(&format!("_{what}")), &recovered.k, &recovered.x, *range)?;
+        save_counts(|what| path(&format!("_{what}")), &recovered.k, &recovered.x, range)?;
     }
     Ok(Row {
         file: file.to_owned(),
-        sensor: (*sensor).clone(),
+        sensor: sensor.clone(),
         method: method.name().to_owned(),
         method_used: recovered.report.method.to_owned(),
         trusted: recovered.report.trust.claim(),
@@ -271,17 +246,23 @@ fn median_time(
     repeats: u32,
     mut unwrap: impl FnMut() -> Result<(), UnwrapError>,
 ) -> Result<f64, UnwrapError> {
+    let clock = SystemClock::default();
     let mut call = || {
-        let start = Instant::now();
-        unwrap().map(|()| start.elapsed().as_secs_f64() * 1e3)
+        let start = clock.ticks_ns();
+        unwrap().map(|()| (clock.ticks_ns() - start) as f64 / 1e6)
     };
     // The first call allocates buffers and fills caches.
     let first = call()?;
     if repeats == 1 {
         return Ok(first);
     }
-    let times = (0..repeats).map(|_| call()).collect::<Result<Vec<f64>, UnwrapError>>()?;
-    Ok(quantile(times, 0.5))
+    Ok(median((0..repeats).map(|_| call()).collect::<Result<_, UnwrapError>>()?))
+}
+
+/// Returns the median of `values`, of which there is one.
+pub fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    quantile(&values, 0.5).expect("there is a value")
 }
 
 fn compare(
@@ -290,14 +271,14 @@ fn compare(
     picture: &Frame,
 ) -> Simulated {
     const SHAPE: &str = "a method keeps the shape of its image";
-    let ideal = exposure.ideal().demosaiced().into_owned();
-    let [ideal, picture] = [&ideal, picture].map(|frame| frame.as_u8().expect("these pictures have 8 bits"));
+    let ideal = ImageSimilarity::of(picture, &exposure.ideal().demosaiced()).expect(SHAPE);
     Simulated {
         white: *white,
         seed: *seed,
-        psnr_db: psnr_db(mse(picture, ideal).expect(SHAPE)),
-        ssim: ssim(picture, ideal).expect(SHAPE),
+        psnr_db: psnr_db(ideal.mse),
+        ssim: ideal.ssim,
         exact_k: exposure.exact_share(k).expect(SHAPE),
+        exact_up_to_offset: up_to_offset(exposure, k),
     }
 }
 
@@ -321,7 +302,7 @@ pub(crate) fn save_counts(
     k: &Array3<u8>,
     x: &Array3<f32>,
     range: Range,
-) -> Result<(), BenchError> {
+) -> Result<(), GridError> {
     save_png(&path("k"), &Frame::from_u8(k.clone()).map_err(UnwrapError::from)?)?;
     Ok(save_png(&path("x"), &tone::hdr(x, range).map_err(UnwrapError::from)?)?)
 }

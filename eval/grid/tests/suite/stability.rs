@@ -1,19 +1,53 @@
 //! Compares every method on every scene of the catalogue with the expected result.
 
+use std::cell::Cell;
 use std::collections::HashSet;
 
-use modulo_bench::stability::{Case, cases, run};
 use modulo_core::Recovered;
 use modulo_core::unwrap::{METHODS, Options, by_name};
+use modulo_eval::images::runner::Row;
+use modulo_eval::progress::GridEvent;
+use modulo_eval::results::RESULTS;
+use modulo_eval::stability::{Case, Trial, cases, run};
+use modulo_images::read_image;
 use ndarray::{Array3, Axis, Slice};
 
+/// Nothing is worse than expected, and the report shows the truth, the modulo image and each result that is not exact.
 #[test]
-fn nothing_is_worse_than_expected() {
+fn nothing_is_worse_than_expected_and_all_is_shown() {
     let folder = tempfile::tempdir().unwrap();
-    let outcome = run(folder.path(), |_| {}).unwrap();
+    let steps = Cell::new(0);
+    let outcome =
+        run(folder.path(), &|event| steps.set(steps.get() + usize::from(event == GridEvent::Frame))).unwrap();
     outcome.better.iter().for_each(|line| println!("better than expected: {line}"));
-    println!("{} held; {} of {} recovered results trusted", outcome.held, outcome.trusted, outcome.judged);
     assert!(outcome.broken.is_empty(), "broken:\n{}", outcome.broken.join("\n"));
+    let results: usize = cases().iter().map(|case| case.methods().unwrap().len()).sum();
+    assert_eq!((steps.get(), outcome.trials.len()), (cases().len(), results));
+    assert_eq!(outcome.held + outcome.better.len(), results);
+
+    let page = std::fs::read_to_string(&outcome.page).unwrap();
+    let pictures: Vec<_> = page.split("src=\"").skip(1).map(|rest| rest.split('"').next().unwrap()).collect();
+    let is_exact = |trial: &&Trial| trial.result().exact_k == 1.0;
+    let exact: Vec<&Trial> = outcome.trials.iter().filter(is_exact).collect();
+    assert_eq!(pictures.len(), 2 * cases().len() + results - exact.len());
+    let missing: Vec<_> = pictures.iter().filter(|path| !folder.path().join(path).is_file()).collect();
+    assert!(missing.is_empty(), "{missing:?}");
+    assert!(!page.contains("http"), "nothing is fetched");
+    // What the page leaves out is its first picture, but for the order in which a mosaic is demosaiced and rounded, and for the coarser codes
+    // of pixels of low gain.
+    for Trial { row: Row { file, method, .. }, .. } in
+        exact.into_iter().filter(|trial| trial.row.sensor.mosaic.is_none() && !trial.row.sensor.gains)
+    {
+        let [own, truth] = [method, "truth"]
+            .map(|name| read_image(&folder.path().join(format!("pictures/{file}_{name}.png"))).unwrap());
+        assert!(own == truth, "{file}, {method}");
+    }
+    let text = std::fs::read_to_string(folder.path().join(RESULTS)).unwrap();
+    let written: Vec<serde_json::Value> = serde_json::from_str(&text).unwrap();
+    assert_eq!(written.len(), results);
+    let first = written.iter().find(|trial| trial["file"] == "step_140").unwrap();
+    assert_eq!((&first["verdict"], &first["alpha"]), (&"held".into(), &4.0.into()), "{first}");
+    assert!(first["expected"].as_str().unwrap().starts_with("fails, at least 49.00 %"), "{first}");
 }
 
 /// Largest absolute first difference, and largest absolute second or mixed difference, within a channel.
@@ -59,26 +93,6 @@ fn names_are_unique_and_fit_for_files() {
     assert_eq!(names.len(), cases.len());
     let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
     assert!(names.iter().all(|name| name.chars().all(plain)), "{names:?}");
-}
-
-#[test]
-fn page_stands_on_its_own() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut steps = 0;
-    let outcome = run(folder.path(), |_| steps += 1).unwrap();
-    assert_eq!(steps, cases().len());
-    let page = std::fs::read_to_string(folder.path().join("index.html")).unwrap();
-    let pictures: Vec<_> = page.split("src=\"").skip(1).map(|rest| rest.split('"').next().unwrap()).collect();
-    // The truth, the modulo image, and the result of each method.
-    let expected: usize = cases().iter().map(|case| 2 + case.methods().len()).sum();
-    assert_eq!(pictures.len(), expected);
-    let missing: Vec<_> = pictures.iter().filter(|path| !folder.path().join(path).is_file()).collect();
-    assert!(missing.is_empty(), "{missing:?}");
-    assert!(!page.contains("http") && !page.contains("<script"), "nothing is fetched, nothing runs");
-    let json = std::fs::read_to_string(folder.path().join("results.json")).unwrap();
-    let results: serde_json::Value = serde_json::from_str(&json).unwrap();
-    assert_eq!(results["outcome"]["held"], outcome.held);
-    assert_eq!(results["scenes"].as_array().map(Vec::len), Some(cases().len()));
 }
 
 #[test]

@@ -1,15 +1,17 @@
 //! `simulate` and `unwrap` on synthetic images.
 
+use std::cell::RefCell;
 use std::path::Path;
 
 use clap::Parser;
-use modulo_bench::RESULTS;
-use modulo_bench::recover::{self, UnwrapRequest};
-use modulo_bench::runner::{Row, Simulated};
-use modulo_bench::simulate::{self, SimulationRequest};
-use modulo_bench::{BenchError, BenchEvent};
 use modulo_core::unwrap::METHODS;
 use modulo_core::{Frame, Mosaic};
+use modulo_eval::GridError;
+use modulo_eval::images::recover::{self, UnwrapRequest};
+use modulo_eval::images::runner::{Row, Simulated};
+use modulo_eval::images::simulate::{self, SimulationRequest};
+use modulo_eval::progress::GridEvent;
+use modulo_eval::results::RESULTS;
 use modulo_images::{FileFormat, encode, read_image, save_exr, save_png};
 use modulo_scene::{Preset, Scene};
 use ndarray::{Array3, s};
@@ -55,12 +57,12 @@ fn a_picture_returns_from_the_sensor_whatever_its_headroom() {
             &simulated,
             &[&file],
         );
-        let rows = simulate::simulate(&with, &mut |_| {}).unwrap().rows;
+        let rows = simulate::simulate(&with, &|_| ()).unwrap().rows;
         assert!(truth(&rows[0]).exact_k == 1.0, "headroom {headroom}: {rows:?}");
         let modulo = simulated.join("slope_alpha4_modulo.png");
         let words = ["unwrap", "--alpha", "4", "--headroom", headroom, "-o"].map(Path::new);
         let words = words.into_iter().chain([out.as_path(), modulo.as_path()]);
-        recover::unwrap_files(&UnwrapRequest::parse_from(words), &mut |_| {}).unwrap();
+        recover::unwrap_files(&UnwrapRequest::parse_from(words), &|_| ()).unwrap();
         for shown in [
             simulated.join("slope_alpha4_ideal.png"),
             simulated.join("slope_alpha4_auto.png"),
@@ -80,7 +82,7 @@ fn radiance_goes_in_and_comes_out() {
     let radiance = Array3::from_shape_fn((40, 128, 3), |(i, j, c)| (2 * j + i + c) as f32 * 0.1);
     save_exr(&file, &radiance).expect("a writable folder");
     let options = "--psf-sigma 1.4 --optical-black 0 --headroom 1 --white 64 --exr";
-    let rows = simulate::simulate(&request_with(options, &out, &[&file]), &mut |_| {}).unwrap().rows;
+    let rows = simulate::simulate(&request_with(options, &out, &[&file]), &|_| ()).unwrap().rows;
     assert_eq!((rows[0].trusted, truth(&rows[0]).exact_k), (Some(false), 1.0), "{rows:?}");
     assert_eq!(rows[0].reason, Some("the absolute level is unknown: no dark reference"));
     let recovered = read_image(&out.join("slope_alpha4_auto.exr")).expect("an EXR image").to_f32();
@@ -102,7 +104,7 @@ fn two_gains_have_a_method_of_their_own() {
     let (file, out) = (folder.path().join("street.png"), folder.path().join("out"));
     street(&file);
     let request = request_with("--psf-sigma 0 --gains checkerboard", &out, &[&file]);
-    let rows = simulate::simulate(&request, &mut |_| {}).unwrap().rows;
+    let rows = simulate::simulate(&request, &|_| ()).unwrap().rows;
     let [row] = &rows[..] else { panic!("one alpha, one method: {rows:?}") };
     assert_eq!((row.sensor.gains, row.method.as_str()), (true, "checkerboard_gains"));
     assert!(truth(row).exact_k > 0.95, "{row:?}");
@@ -115,7 +117,7 @@ fn a_mosaic_is_unwrapped_and_demosaiced() {
     let (file, out) = (folder.path().join("street.png"), folder.path().join("out"));
     street(&file);
     let request = request_with("--psf-sigma 0 --mosaic gbrg --alpha 2", &out, &[&file]);
-    let rows = simulate::simulate(&request, &mut |_| {}).unwrap().rows;
+    let rows = simulate::simulate(&request, &|_| ()).unwrap().rows;
     let [row] = &rows[..] else { panic!("one alpha, one method: {rows:?}") };
     assert_eq!(row.sensor.mosaic.map(Mosaic::word), Some("gbrg"));
     assert!(truth(row).exact_k > 0.99, "{row:?}");
@@ -130,14 +132,14 @@ fn every_file_alpha_and_method_has_a_row_and_a_picture() {
     street(&file);
     let methods: Vec<String> = METHODS.iter().map(|&name| name.to_owned()).collect();
     let request = request_with("--psf-sigma 0 --alpha 1,2.5 --method all", &out, &[&file]);
-    let mut steps = Vec::new();
-    let outcome = simulate::simulate(&request, &mut |event| {
-        if let BenchEvent::Step { done, total, .. } = event {
-            steps.push((done, total));
+    let steps = RefCell::default();
+    let outcome = simulate::simulate(&request, &|event| {
+        if let GridEvent::Cell { frames, .. } = event {
+            RefCell::<Vec<_>>::borrow_mut(&steps).push(frames);
         }
     })
     .unwrap();
-    assert_eq!(steps, [(0, 2), (1, 2)]);
+    assert_eq!(steps.into_inner(), [(0, 2), (1, 2)]);
     let written: serde_json::Value =
         serde_json::from_slice(&std::fs::read(out.join(RESULTS)).unwrap()).unwrap();
     assert_eq!(written, serde_json::to_value(&outcome.rows).unwrap());
@@ -170,20 +172,21 @@ fn a_file_that_cannot_be_read_is_named_and_the_others_go_on() {
     std::fs::write(&bad, b"no picture").unwrap();
     let out = folder.path().join("out");
     let request = |files: &[&Path]| request_with("--psf-sigma 0 --method spud", &out, files);
-    let mut wanted = Vec::new();
-    let outcome = simulate::simulate(&request(&[&bad, &good]), &mut |event| {
-        if let BenchEvent::Warning(skipped) = event {
-            wanted.push(skipped.trim_start_matches("skipped: ").to_owned());
+    let wanted = RefCell::default();
+    let outcome = simulate::simulate(&request(&[&bad, &good]), &|event| {
+        if let GridEvent::Warning(skipped) = event {
+            RefCell::<Vec<_>>::borrow_mut(&wanted).push(skipped.trim_start_matches("skipped: ").to_owned());
         }
     })
     .unwrap();
+    let wanted = wanted.into_inner();
     assert_eq!(outcome.rows.len(), 1);
     assert_eq!(outcome.skipped, wanted);
     assert!(wanted[0].contains("bad.png"), "{}", wanted[0]);
     std::fs::remove_dir_all(&out).unwrap();
-    let alone = simulate::simulate(&request(&[&bad]), &mut |_| ()).unwrap_err();
+    let alone = simulate::simulate(&request(&[&bad]), &|_| ()).unwrap_err();
     assert!(!out.exists(), "a single picture that is refused leaves nothing behind");
-    assert!(matches!(&alone, BenchError::Image(_)) && alone.to_string().contains("bad.png"), "{alone}");
+    assert!(matches!(&alone, GridError::Image(_)) && alone.to_string().contains("bad.png"), "{alone}");
 }
 
 #[test]
@@ -193,7 +196,7 @@ fn a_wrong_simulation_is_refused_before_anything_is_written() {
     let with = |options: &str, change: &dyn Fn(&mut SimulationRequest)| {
         let mut request = request_with(options, &out, &[Path::new("x.png")]);
         change(&mut request);
-        simulate::simulate(&request, &mut |_| ()).unwrap_err().to_string()
+        simulate::simulate(&request, &|_| ()).unwrap_err().to_string()
     };
     let request = |change| with("", change);
     assert_eq!(request(&|r| r.images.clear()), "the list of files is empty; at least one entry is needed");
@@ -232,7 +235,7 @@ fn repeated_calls_give_the_result_of_one() {
     let run = |more: &str| {
         let out = folder.path().join("out");
         let with = format!("--method all --hot-pixels 0.0002 --optical-black 8 {more}");
-        let mut rows = simulate::simulate(&request_with(&with, &out, &[&file]), &mut |_| {}).unwrap().rows;
+        let mut rows = simulate::simulate(&request_with(&with, &out, &[&file]), &|_| ()).unwrap().rows;
         assert_eq!(rows.len(), METHODS.len());
         assert!(rows.iter().all(|row| row.ms > 0.0), "{rows:?}");
         rows.iter_mut().for_each(|row| row.ms = 0.0);
@@ -241,7 +244,7 @@ fn repeated_calls_give_the_result_of_one() {
         let words = words.map(Path::new).into_iter().chain([&*unwrapped]);
         let words = words.chain(more.split_whitespace().map(Path::new));
         let words = words.chain([modulo.as_path()]);
-        recover::unwrap_files(&UnwrapRequest::parse_from(words), &mut |_| {}).unwrap();
+        recover::unwrap_files(&UnwrapRequest::parse_from(words), &|_| ()).unwrap();
         let k = std::fs::read(unwrapped.join("street_alpha4_modulo_auto_k.png")).unwrap();
         std::fs::remove_dir_all(&out).unwrap();
         (rows, k)
@@ -257,7 +260,7 @@ fn rows_of_different_sensors_differ() {
     let (file, out) = (folder.path().join("street.png"), folder.path().join("out"));
     street(&file);
     let request = request_with("--read-noise 3 --seed 9 --prnu 0.01", &out, &[&file]);
-    simulate::simulate(&request, &mut |_| {}).unwrap();
+    simulate::simulate(&request, &|_| ()).unwrap();
     let text = std::fs::read_to_string(out.join(RESULTS)).unwrap();
     for field in ["bits", "psf", "psf_sigma", "shot_noise", "hot_pixels"] {
         assert!(text.contains(&format!("\"{field}\": ")), "{field}: {text}");
@@ -274,7 +277,7 @@ fn a_modulo_image_is_unwrapped_as_the_simulation_did() {
     let [file, simulated, out] = ["street.png", "simulated", "out"].map(|name| folder.path().join(name));
     street(&file);
     let with = request_with("--counts --psf-sigma 1.4 --optical-black 8", &simulated, &[&file]);
-    let expected = simulate::simulate(&with, &mut |_| {}).unwrap().rows;
+    let expected = simulate::simulate(&with, &|_| ()).unwrap().rows;
     let path = |what: &str| simulated.join(format!("street_alpha4_{what}.png"));
     let (y, k, x) = (pixels(&path("modulo")), pixels(&path("k")), read_image(&path("x")).unwrap());
     assert!(k.iter().any(|&k| k > 0), "the scene must wrap");
@@ -284,7 +287,7 @@ fn a_modulo_image_is_unwrapped_as_the_simulation_did() {
     let modulo = path("modulo");
     let words = ["unwrap", "--alpha", "4", "--optical-black", "8", "-o"].map(Path::new);
     let words = words.into_iter().chain([out.as_path(), modulo.as_path()]);
-    let rows = recover::unwrap_files(&UnwrapRequest::parse_from(words), &mut |_| {}).unwrap().rows;
+    let rows = recover::unwrap_files(&UnwrapRequest::parse_from(words), &|_| ()).unwrap().rows;
     let [row] = &rows[..] else { panic!("one file, one method: {rows:?}") };
     assert_eq!((&row.method_used, row.trusted), (&expected[0].method_used, expected[0].trusted));
     for (ours, theirs) in [("auto", "auto"), ("auto_k", "auto_k"), ("auto_x", "auto_x")] {
@@ -301,7 +304,7 @@ fn what_is_no_image_of_the_sensor_is_not_unwrapped() {
     let fails = |more: &[&str]| {
         let words = ["unwrap", file.to_str().unwrap(), "-o", out.to_str().unwrap()];
         match UnwrapRequest::try_parse_from(words.iter().chain(more)) {
-            Ok(request) => recover::unwrap_files(&request, &mut |_| {}).unwrap_err().to_string(),
+            Ok(request) => recover::unwrap_files(&request, &|_| ()).unwrap_err().to_string(),
             Err(why) => why.to_string(),
         }
     };
@@ -325,21 +328,21 @@ fn only_files_that_keep_the_codes_are_unwrapped() {
     let [file, simulated, out] = ["street.png", "simulated", "out"].map(|name| folder.path().join(name));
     street(&file);
     let with = request_with("--psf-sigma 1.4 --optical-black 8", &simulated, &[&file]);
-    simulate::simulate(&with, &mut |_| {}).unwrap();
+    simulate::simulate(&with, &|_| ()).unwrap();
     let good = simulated.join("street_alpha4_modulo.png");
     let jpeg = folder.path().join("jpeg.png");
     std::fs::write(&jpeg, encode(&read_image(&good).unwrap(), FileFormat::Jpeg).unwrap()).unwrap();
     let unwrap = |files: &[&Path], bits: &str| {
         let words = ["unwrap", "--alpha", "4", "--optical-black", "8", "--bits", bits, "-o"].map(Path::new);
         let words = words.into_iter().chain([out.as_path()]).chain(files.iter().copied());
-        recover::unwrap_files(&UnwrapRequest::parse_from(words), &mut |_| {})
+        recover::unwrap_files(&UnwrapRequest::parse_from(words), &|_| ())
     };
     for (file, bits, wanted) in
         [(&jpeg, "8", "destroys the wraps"), (&good, "10", "not the codes of a sensor of 10 bits")]
     {
         let why = unwrap(&[file], bits).expect_err("no codes");
         let name = file.display().to_string();
-        assert!(matches!(&why, BenchError::NotCodes(..)), "{why}");
+        assert!(matches!(&why, GridError::NotCodes(..)), "{why}");
         assert!(why.to_string().contains(wanted) && why.to_string().contains(&name), "{why}");
         assert!(!out.exists(), "{why}");
     }
@@ -357,12 +360,13 @@ fn a_folder_stands_for_its_images() {
     for other in ["notes.txt", "labels.json", "._a.png"] {
         std::fs::write(pictures.join(other), "no picture").unwrap();
     }
-    let mut wanted = Vec::new();
-    let rows = simulate::simulate(&request(&simulated, &[&pictures]), &mut |event| {
-        if let BenchEvent::Warning(warning) = event {
-            wanted.push(warning.to_owned());
+    let wanted = RefCell::default();
+    let rows = simulate::simulate(&request(&simulated, &[&pictures]), &|event| {
+        if let GridEvent::Warning(warning) = event {
+            RefCell::<Vec<_>>::borrow_mut(&wanted).push(warning.to_owned());
         }
     });
+    let wanted = wanted.into_inner();
     let files: Vec<_> = rows.unwrap().rows.into_iter().map(|row| row.file).collect();
     assert_eq!(files, ["a.png", "b.png"].map(|name| pictures.join(name).display().to_string()));
     assert!(
@@ -373,9 +377,9 @@ fn a_folder_stands_for_its_images() {
     std::fs::create_dir(&codes).unwrap();
     std::fs::copy(simulated.join("a_alpha4_modulo.png"), codes.join("a.png")).unwrap();
     let words = ["unwrap", "--alpha", "4", "-o"].map(Path::new).into_iter().chain([out.as_path(), &codes]);
-    let rows = recover::unwrap_files(&UnwrapRequest::parse_from(words), &mut |_| {}).unwrap().rows;
+    let rows = recover::unwrap_files(&UnwrapRequest::parse_from(words), &|_| ()).unwrap().rows;
     assert_eq!(rows.len(), 1);
     std::fs::remove_file(codes.join("a.png")).unwrap();
-    let none = simulate::simulate(&request(&codes.join("none"), &[&codes]), &mut |_| ()).unwrap_err();
+    let none = simulate::simulate(&request(&codes.join("none"), &[&codes]), &|_| ()).unwrap_err();
     assert!(none.to_string().contains("there is no readable image"), "{none}");
 }

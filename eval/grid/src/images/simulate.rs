@@ -2,11 +2,13 @@
 //!
 //! Files are independent of each other: even the white point of a file is not used for another.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
+use std::iter;
 use std::path::{Path, PathBuf};
 
 use clap::Parser;
-use modulo_core::{AutoExposure, Sensor, Transfer};
+use modulo_core::unwrap::Scene;
+use modulo_core::{AutoExposure, Transfer};
 use modulo_images::{ImageError, White, read_image, save_png};
 use modulo_runtime::SensorModel;
 use modulo_runtime::output::ResultFolder;
@@ -14,8 +16,10 @@ use modulo_runtime::sensor::options::{CodingOptions, SensorCommand, SensorOption
 use modulo_video::{VideoAddress, VideoFile};
 use ndarray::{Array3, Axis};
 
-use crate::runner::{Capture, Picture, RunOptions, RunOutcome, Runner, names, save_counts};
-use crate::{BenchError, BenchEvent, files};
+use super::files;
+use super::runner::{Capture, Picture, RunOptions, RunOutcome, methods, names, run, save_counts};
+use crate::GridError;
+use crate::progress::GridEvent;
 
 /// Every parameter of the sensor is an option.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,7 +59,7 @@ pub struct SimulationRequest {
 }
 
 /// Runs the simulation. For each image and alpha it writes `NAME_alphaA_ideal.png`, `.._saturated.png`, `.._auto_exposed.png`,
-/// `.._modulo.png` and `NAME_alphaA_METHOD.png` for each method, and [`RESULTS`](crate::RESULTS).
+/// `.._modulo.png` and `NAME_alphaA_METHOD.png` for each method, and [`RESULTS`](crate::results::RESULTS).
 ///
 /// `ideal` and the recovered images have 8 bits as by [`modulo_core::tone::picture`], and are demosaiced; the others hold
 /// codes of b bits, with 8 bits a sample for b <= 8, else 16. `auto_exposed` has the exposure at which the image alone
@@ -63,22 +67,20 @@ pub struct SimulationRequest {
 /// becomes `srgb` in the images of theirs that a transfer function encodes.
 ///
 /// # Errors
-/// [`BenchError`] before anything is written if the request is wrong, and later if a result cannot be written. An image
+/// [`GridError`] before anything is written if the request is wrong, and later if a result cannot be written. An image
 /// that cannot be used is skipped, unless it is the only one.
-pub fn simulate(
-    request: &SimulationRequest,
-    tell: &mut dyn FnMut(BenchEvent<'_>),
-) -> Result<RunOutcome, BenchError> {
-    let sensors = request.sensors()?;
+pub fn simulate(request: &SimulationRequest, tell: &dyn Fn(GridEvent<'_>)) -> Result<RunOutcome, GridError> {
+    let cameras = request.cameras()?;
     let folder = ResultFolder::take(request.run.out.as_deref(), "images", None)?;
     let out = folder.path();
-    let mut runner = Runner::new(&request.run, out, &sensors[0][0].model)?;
+    let methods = methods(&request.run, cameras[0].0.gains)?;
     let files = files(&request.images, tell)?;
-    let inputs = files.iter().zip(names(&files)).map(|(file, name)| InputFile::open(request, file, name));
+    let inputs = files.iter().zip(names(&files)).map(|(file, name)| request.open(file, name));
     let inputs = inputs.collect::<Result<Vec<_>, _>>()?;
-    let total = inputs.iter().map(InputFile::len).sum();
-    let expose = |name: &str, image: &_, sensor| request.expose((out, name), image, sensor);
-    runner.run((inputs, total), &sensors, expose, tell)
+    let total = inputs.iter().map(|(count, _)| count).sum();
+    let inputs = (inputs.into_iter().map(|(_, images)| images), total);
+    let expose = |name: &str, image: &_, camera: &_| request.expose((out, name), image, camera);
+    run((&request.run, out, methods), inputs, &cameras, expose, tell)
 }
 
 /// An image of a file.
@@ -94,36 +96,20 @@ struct Radiance {
 }
 
 /// A sensor, with the normal camera beside it.
-struct Camera {
-    model: SensorModel,
-    sensor: Sensor,
-    normal: RefCell<AutoExposure>,
-}
-
-impl Camera {
-    fn new(model: SensorModel) -> Result<Self, BenchError> {
-        let (sensor, normal) = (model.simulated()?, RefCell::new(model.auto_exposure()?));
-        Ok(Self { model, sensor, normal })
-    }
-}
-
-/// The camera for pictures, and that for images of floats.
-type Cameras = [Camera; 2];
+type Camera = (SensorModel, RefCell<AutoExposure>);
 
 impl SimulationRequest {
-    fn sensors(&self) -> Result<Vec<Cameras>, BenchError> {
+    fn cameras(&self) -> Result<Vec<Camera>, GridError> {
         self.white()?;
-        let models = self.sensor.sensors(&["alpha"]).into_iter();
-        let sensors = models.map(|model| {
-            let shown = if model.transfer == Transfer::Linear { Transfer::Srgb } else { model.transfer };
-            Ok([Camera::new(model.clone())?, Camera::new(SensorModel { transfer: shown, ..model })?])
-        });
-        let sensors = sensors.collect::<Result<Vec<_>, BenchError>>()?;
-        if self.counts && sensors.iter().any(|[camera, _]| camera.sensor.range().limit() > 65536.0) {
-            let why = "--counts writes images of 16 bits, which cannot hold alpha * 2^bits above 65536";
-            return Err(BenchError::Request(why.to_owned()));
-        }
-        Ok(sensors)
+        let camera = |model: SensorModel| {
+            if self.counts && model.range()?.limit() > 65536.0 {
+                let why = "--counts writes images of 16 bits, which cannot hold alpha * 2^bits above 65536";
+                return Err(GridError::Request(why.to_owned()));
+            }
+            let normal = RefCell::new(model.auto_exposure()?);
+            Ok((model, normal))
+        };
+        self.sensor.sensors(&["alpha"]).into_iter().map(camera).collect()
     }
 
     fn white(&self) -> Result<White, ImageError> {
@@ -131,18 +117,21 @@ impl SimulationRequest {
     }
 
     /// Exposes the sensor to an image, and writes its streams into the folder `out`.
-    fn expose<'s>(
+    fn expose(
         &self,
         (out, name): (&Path, &str),
         Radiance { pixels, is_float, white, is_first }: &Radiance,
-        cameras: &'s Cameras,
-    ) -> Result<Capture<'s>, BenchError> {
-        let Camera { model, sensor, normal } = &cameras[usize::from(*is_float)];
+        (model, normal): &Camera,
+    ) -> Result<Capture, GridError> {
+        let mut sensor = model.clone();
+        if *is_float && sensor.transfer == Transfer::Linear {
+            sensor.transfer = Transfer::Srgb;
+        }
         if *is_first {
             // The exposure of a file must not depend on the files before it.
-            normal.replace(model.auto_exposure()?);
+            normal.replace(sensor.auto_exposure()?);
         }
-        let exposure = sensor.expose(pixels.view(), self.seed)?;
+        let exposure = sensor.simulated()?.expose(pixels.view(), self.seed)?;
         let name = format!("{name}_alpha{}", exposure.range().alpha());
         let path = |stream: &str| out.join(format!("{name}_{stream}.png"));
         let y = exposure.modulo();
@@ -154,70 +143,45 @@ impl SimulationRequest {
             // The sensor counts whole codes.
             save_counts(path, &exposure.wraps(), &exposure.x().mapv(f32::floor), exposure.range())?;
         }
-        let (range, lens) = (model.range()?, model.of_channels(pixels.len_of(Axis(2))).lens());
+        let lens = sensor.of_channels(pixels.len_of(Axis(2))).lens();
+        let scene = Scene { lens, noise: sensor.noise(), ..sensor.range()?.into() };
         let given = Some(self.coding.white).filter(|white| *white > 0.0);
         let full_scale = white.or(given).filter(|_| *is_float).unwrap_or(1.0);
         let truth = Some((exposure, *white, self.seed));
-        Ok(Capture { y, sensor: model, range, lens, name, counts: self.counts, full_scale, truth })
+        Ok(Capture { y, sensor, scene, name, counts: self.counts, full_scale, truth })
     }
-}
 
-/// A file of the request, as its images.
-struct InputFile<'a> {
-    request: &'a SimulationRequest,
-    file: &'a Path,
-    name: String,
-    /// The frames that are left of a video.
-    video: Option<VideoFile>,
-    /// Images that were taken.
-    number_of_frames: usize,
-    /// Whether an image of a video could be read.
-    was_read: bool,
-}
-
-impl<'a> InputFile<'a> {
-    /// Opens a video; an image is read later.
-    fn open(request: &'a SimulationRequest, file: &'a Path, name: String) -> Result<Self, BenchError> {
-        let video = match VideoAddress::of(&file.to_string_lossy())? {
-            Some(VideoAddress::File(path)) => Some(VideoFile::open(&path)?),
-            Some(VideoAddress::Live(_)) | None => None,
+    /// Opens a file: the number of its images, and these. A video is opened at once; an image is read when its turn comes.
+    fn open<'a>(&'a self, file: &'a Path, name: String) -> Result<(usize, Images<'a>), GridError> {
+        let shown = file.display().to_string();
+        let Some(VideoAddress::File(path)) = VideoAddress::of(&file.to_string_lossy())? else {
+            let read = move || Picture { file: shown, name, content: self.read(file) };
+            return Ok((1, Box::new(iter::once_with(read))));
         };
-        Ok(Self { request, file, name, video, number_of_frames: 0, was_read: false })
+        let (mut video, coding) = (VideoFile::open(&path)?, self.coding.of(&self.sensor.first()));
+        let (count, was_read) = (usize::try_from(video.frames()).unwrap_or(usize::MAX), Cell::new(false));
+        let frames = iter::from_fn(move || video.next_frame()).enumerate().map(move |(number, frame)| {
+            let pixels = frame.map_err(GridError::from);
+            let pixels = pixels.and_then(|frame| Ok(frame.pixels.radiance(&coding, &shown)?));
+            let content = pixels.map(|pixels| Radiance {
+                pixels,
+                is_float: false,
+                white: None,
+                is_first: !was_read.replace(true),
+            });
+            Picture { file: format!("{shown} {number}"), name: format!("{name}_{number:06}"), content }
+        });
+        Ok((count, Box::new(frames)))
     }
 
-    fn len(&self) -> usize {
-        self.video.as_ref().map_or(1, |video| usize::try_from(video.frames()).unwrap_or(usize::MAX))
-    }
-
-    fn read(&self) -> Result<Radiance, BenchError> {
+    fn read(&self, file: &Path) -> Result<Radiance, GridError> {
         // A white point for each file: with a common one, the result of a file would depend on the files before it.
-        let mut white = self.request.white()?;
-        let image = read_image(self.file)?;
-        let pixels = white.radiance(&image, self.file.display())?;
+        let mut white = self.white()?;
+        let image = read_image(file)?;
+        let pixels = white.radiance(&image, file.display())?;
         Ok(Radiance { pixels, is_float: image.depth() == 32, white: white.found(), is_first: true })
     }
 }
 
-impl Iterator for InputFile<'_> {
-    type Item = Picture<Radiance>;
-
-    fn next(&mut self) -> Option<Self::Item> {
-        let (file, number) = (self.file.display().to_string(), self.number_of_frames);
-        self.number_of_frames += 1;
-        let Some(video) = &mut self.video else {
-            return (number == 0).then(|| Picture { file, name: self.name.clone(), content: self.read() });
-        };
-        let coding = self.request.coding.of(&self.request.sensor.first());
-        let frame = video.next_frame()?.map_err(BenchError::from);
-        let pixels = frame.and_then(|frame| Ok(frame.pixels.radiance(&coding, &file)?));
-        let content = pixels.map(|pixels| {
-            let is_first = !std::mem::replace(&mut self.was_read, true);
-            Radiance { pixels, is_float: false, white: None, is_first }
-        });
-        Some(Picture {
-            file: format!("{file} {number}"),
-            name: format!("{}_{number:06}", self.name),
-            content,
-        })
-    }
-}
+/// The images of a file.
+type Images<'a> = Box<dyn Iterator<Item = Picture<Radiance>> + 'a>;

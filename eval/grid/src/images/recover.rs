@@ -1,17 +1,21 @@
 //! `unwrap`: unwraps modulo images of a real or simulated sensor, given as files.
 
 use std::path::{Path, PathBuf};
+use std::slice;
 
 use clap::Parser;
 use clap::builder::Resettable;
 use modulo_core::Frame;
+use modulo_core::unwrap::Scene;
 use modulo_images::read_codes;
 use modulo_runtime::SensorModel;
 use modulo_runtime::output::ResultFolder;
 use modulo_runtime::sensor::options::{SensorCommand, SensorOptions};
 
-use crate::runner::{Capture, Picture, RunOptions, RunOutcome, Runner, names};
-use crate::{BenchError, BenchEvent, files};
+use super::files;
+use super::runner::{Capture, Picture, RunOptions, RunOutcome, methods, names, run};
+use crate::GridError;
+use crate::progress::GridEvent;
 
 /// The parameters of the sensor that unwrapping needs are options, with one value each.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,24 +49,21 @@ pub struct UnwrapRequest {
 
 /// Unwraps the images. For each method it writes `NAME_METHOD.png` (8 bits as by [`modulo_core::tone::picture`], demosaiced),
 /// `NAME_METHOD_x.png` (16 bits, x in code units), `NAME_METHOD_k.png` (8 bits, the wrap counts), and
-/// [`RESULTS`](crate::RESULTS).
+/// [`RESULTS`](crate::results::RESULTS).
 ///
 /// # Errors
-/// [`BenchError`] before anything is written if the request is wrong, and later if a result cannot be written. A file
+/// [`GridError`] before anything is written if the request is wrong, and later if a result cannot be written. A file
 /// that cannot be used is skipped, unless it is the only one.
-pub fn unwrap_files(
-    request: &UnwrapRequest,
-    tell: &mut dyn FnMut(BenchEvent<'_>),
-) -> Result<RunOutcome, BenchError> {
+pub fn unwrap_files(request: &UnwrapRequest, tell: &dyn Fn(GridEvent<'_>)) -> Result<RunOutcome, GridError> {
     let sensor = request.sensor.first();
-    let (lens, range) = (sensor.lens(), sensor.range()?);
-    if range.limit() > 65536.0 {
+    let scene = Scene { lens: sensor.lens(), noise: sensor.noise(), ..sensor.range()?.into() };
+    if scene.range.limit() > 65536.0 {
         let why = "the results have 16 bits, which cannot hold alpha * 2^bits above 65536; use the node unwrap for floats";
-        return Err(BenchError::Request(why.to_owned()));
+        return Err(GridError::Request(why.to_owned()));
     }
     sensor.gains()?;
     let folder = ResultFolder::take(request.run.out.as_deref(), "images", None)?;
-    let mut runner = Runner::new(&request.run, folder.path(), &sensor)?;
+    let methods = methods(&request.run, sensor.gains)?;
     let files = files(&request.images, tell)?;
     let pictures = files.iter().zip(names(&files)).map(|(file, name)| {
         std::iter::once(Picture {
@@ -71,16 +72,16 @@ pub fn unwrap_files(
             content: modulo_image(file, &sensor),
         })
     });
-    let capture = |name: &str, y: &Frame, sensor| {
-        let (y, name) = (y.clone(), name.to_owned());
-        Ok(Capture { y, sensor, range, lens, name, counts: true, full_scale: 1.0, truth: None })
+    let capture = |name: &str, y: &Frame, sensor: &SensorModel| {
+        let (y, sensor, name) = (y.clone(), sensor.clone(), name.to_owned());
+        Ok(Capture { y, sensor, scene, name, counts: true, full_scale: 1.0, truth: None })
     };
-    let sensors = std::slice::from_ref(&sensor);
-    runner.run((pictures, files.len()), sensors, capture, tell)
+    let (by, pictures) = ((&request.run, folder.path(), methods), (pictures, files.len()));
+    run(by, pictures, slice::from_ref(&sensor), capture, tell)
 }
 
-fn modulo_image(file: &Path, sensor: &SensorModel) -> Result<Frame, BenchError> {
-    let refuse = |why: String| Err(BenchError::NotCodes(file.to_owned(), why));
+fn modulo_image(file: &Path, sensor: &SensorModel) -> Result<Frame, GridError> {
+    let refuse = |why: String| Err(GridError::NotCodes(file.to_owned(), why));
     let (y, depth) = read_codes(file)?;
     let Some(depth) = depth else {
         return refuse(

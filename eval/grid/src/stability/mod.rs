@@ -1,0 +1,141 @@
+//! The stability suite: every method on the scenes on which methods fail, compared with the expected results.
+//!
+//! `case` has the scenes with their expectations, `radiance` draws them, `expect` judges, `page` shows the results. A run reads no file.
+
+mod case;
+mod expect;
+mod page;
+mod radiance;
+
+use std::path::{Path, PathBuf};
+
+use modulo_core::{Frame, SensorError};
+use modulo_images::save_png;
+use serde::Serialize;
+
+use crate::GridError;
+use crate::images::runner::{self, ALL, Capture, Picture, Row, RunOptions, Simulated};
+use crate::progress::GridEvent;
+use crate::report::PAGE;
+use crate::store::{replace, save};
+pub use case::{Case, cases};
+pub use expect::Judgement;
+
+/// Folder of the pictures beside the report.
+const PICTURES: &str = "pictures";
+
+/// The result of a method on a scene.
+#[derive(Clone, Debug, Serialize)]
+pub struct Trial {
+    /// The figures.
+    #[serde(flatten)]
+    pub row: Row,
+    /// The expectation in words.
+    pub expected: String,
+    /// Whether it holds.
+    pub verdict: Judgement,
+}
+
+impl Trial {
+    /// The accuracy.
+    pub fn result(&self) -> &Simulated {
+        self.row.simulated.as_ref().expect("the images of all scenes are simulated")
+    }
+
+    fn is_trusted(&self) -> bool {
+        self.row.trusted == Some(true)
+    }
+}
+
+/// What became of the expectations.
+#[derive(Clone, Debug, Default)]
+pub struct StabilityOutcome {
+    /// The path of the report.
+    pub page: PathBuf,
+    /// One for each scene and method. Also in [`RESULTS`](crate::results::RESULTS).
+    pub trials: Vec<Trial>,
+    /// Number of expectations that held.
+    pub held: usize,
+    /// `scene, method: what` for each documented failure that no longer occurs.
+    pub better: Vec<String>,
+    /// `scene, method: what` for each broken expectation.
+    pub broken: Vec<String>,
+}
+
+/// Runs all methods on all scenes, and writes the report, [`RESULTS`](crate::results::RESULTS) and the pictures into the folder `out`.
+///
+/// # Errors
+/// [`GridError`] if `out` cannot be written. A broken expectation is not an error: see [`StabilityOutcome`].
+pub fn run(out: &Path, tell: &dyn Fn(GridEvent<'_>)) -> Result<StabilityOutcome, GridError> {
+    let pictures = out.join(PICTURES);
+    std::fs::create_dir_all(&pictures).map_err(|why| GridError::io(&pictures, why))?;
+    let options = RunOptions { method: vec![ALL.to_owned()], threads: 1, repeats: 1, exr: false, out: None };
+    let by = (&options, out, runner::methods(&options, false)?);
+    let cases = cases();
+    let scenes = cases.iter().map(|&case| {
+        let (file, name) = (case.name.clone(), format!("{PICTURES}/{}", case.name));
+        std::iter::once(Picture { file, name, content: Ok(case) })
+    });
+    let capture = |name: &str, case: &&Case, (): &()| capture(out, name, case);
+    let run = runner::run(by, (scenes, cases.len()), &[()], capture, tell)?;
+    let mut outcome =
+        StabilityOutcome { page: out.join(PAGE), broken: run.skipped, ..StabilityOutcome::default() };
+    run.rows.into_iter().for_each(|row| outcome.judge(row));
+    save(out, &outcome.trials)?;
+    replace(&outcome.page, page::html(&outcome).as_bytes())?;
+    Ok(outcome)
+}
+
+/// Exposes the sensor of a case, and writes the true and the modulo image into the folder `out`. The methods are told the range alone.
+fn capture(out: &Path, name: &str, case: &Case) -> Result<Capture, GridError> {
+    let exposure = case.expose()?;
+    let (y, scene, name) = (exposure.modulo(), exposure.range().into(), name.to_owned());
+    save_png(&out.join(format!("{name}_truth.png")), &exposure.ideal().demosaiced())?;
+    // Codes of all bits as pixels of 8 bits.
+    let shown = y.to_f32().mapv(|code| (255.0 * code / exposure.range().peak() + 0.5) as u8);
+    save_png(&out.join(format!("{name}_modulo.png")), &Frame::from_u8(shown).map_err(SensorError::from)?)?;
+    let (sensor, truth) = (case.sensor.clone(), Some((exposure, None, case::SEED)));
+    Ok(Capture { y, sensor, scene, name, counts: false, full_scale: 1.0, truth })
+}
+
+impl StabilityOutcome {
+    /// Compares a result with what is expected of it.
+    fn judge(&mut self, row: Row) {
+        let case = cases().into_iter().find(|case| case.name == row.file).expect("a row is of a case");
+        let (expected, place) = (case.expected(&row.method), format!("{}, {}", row.file, row.method));
+        let mut trial = Trial { expected: expected.words(), row, verdict: Judgement::Held };
+        trial.verdict = expected.judge(trial.result(), trial.is_trusted(), case.is_observable());
+        match &trial.verdict {
+            Judgement::Held => self.held += 1,
+            Judgement::Better => self.better.push(format!("{place}: expected was \"{}\"", trial.expected)),
+            Judgement::Broken(how) => self.broken.push(format!("{place}: {how}")),
+        }
+        self.trials.push(trial);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_result_that_is_worse_than_expected_is_named() {
+        let mut outcome = StabilityOutcome::default();
+        for (file, exact_k) in [("step_120", 0.9), ("step_140", 1.0), ("step_200", 0.9)] {
+            outcome.judge(Row {
+                file: file.to_owned(),
+                sensor: Default::default(),
+                method: "lines".to_owned(),
+                method_used: "lines".to_owned(),
+                trusted: None,
+                reason: None,
+                most_k: 3,
+                ms: 1.0,
+                simulated: Some(Simulated { exact_k, ..Simulated::default() }),
+            });
+        }
+        assert_eq!(outcome.broken, ["step_120, lines: 90.00 % exact, 100.00 % expected"]);
+        assert!(outcome.held == 1 && outcome.better[0].starts_with("step_140, lines: expected was \"fails"));
+        assert!(page::html(&outcome).contains("90.0 \u{2717}"), "the page marks it");
+    }
+}
