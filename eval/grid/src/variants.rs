@@ -105,6 +105,17 @@ pub struct Axes {
 /// Gives the nodes of the launch file with these arguments.
 pub type Resolve<'a> = dyn Fn(&[(String, String)]) -> Result<Vec<PlannedNode>, GridError> + 'a;
 
+/// Refuses two of `varied` that set the same parameter.
+fn refuse_twice(varied: &[&Varied]) -> Result<(), GridError> {
+    for (place, one) in varied.iter().enumerate() {
+        if let Some(Varied { name: first, .. }) = varied[..place].iter().find(|other| one.is_same(other)) {
+            let why = "set the same parameter; give all its values at once, by --vary or by its short form";
+            return Err(GridError::Request(format!("{first} and {} {why}", one.name)));
+        }
+    }
+    Ok(())
+}
+
 /// One value of everything that varies, by its name.
 type Combination<'a> = Vec<(&'a str, &'a str)>;
 
@@ -133,13 +144,7 @@ impl Axes {
         let own = self.varied(is_short, varied);
         // A parameter of a node is set after a short form, which is that of all nodes.
         let all: Vec<&Varied> = own.iter().chain(varied).collect();
-        let twice = all.iter().enumerate().find_map(|(place, one)| {
-            all[..place].iter().find(|other| one.is_same(other)).map(|other| [&other.name, &one.name])
-        });
-        if let Some([first, second]) = twice {
-            let why = "set the same parameter; give all its values at once, by --vary or by its short form";
-            return Err(GridError::Request(format!("{first} and {second} {why}")));
-        }
+        refuse_twice(&all)?;
         let streams = match &self.stream[..] {
             [] => is_short.then(|| OF_PAPER.map(str::to_owned).into()),
             given => Some(given.to_vec()),
