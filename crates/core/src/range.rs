@@ -82,6 +82,12 @@ impl Range {
         self.black
     }
 
+    /// Returns a number of columns at the left border beside which no column is shaded by the edge of the field stop.
+    pub(crate) fn shaded(self) -> usize {
+        // With less than four columns, one of them is black.
+        if self.black == 0 { 0 } else { 4 * self.black + 3 }
+    }
+
     /// Returns b, the bits of the converter.
     pub fn bits(self) -> u8 {
         self.bits
