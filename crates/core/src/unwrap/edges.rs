@@ -57,12 +57,12 @@ const BESIDE: f32 = 0.35;
 /// The lone steps over the second differences of the same height: a perfect lens has 1/2, noise 0.17, lenses from 0.5 px on have at most 0.11.
 const SHARP: f64 = 0.25;
 
-/// The least lone steps per sample of an image whose edges are sharp.
-const FEWEST_STEPS: f64 = 2e-4;
+/// A lone step counts from this share of a height on: the second differences on both sides of a step that is hardly smaller than
+/// this height are above it by noise.
+const LONE: f32 = 0.85;
 
-/// The least second differences of edges per sample of an image that shows its lens. Frames of KITTI have 0.05 and more;
-/// in fewer, it is noise that makes edges of less than a sixteenth of the peak count.
-const FEWEST_BENDS: f64 = 1e-2;
+/// The least lone steps per sample, and the least second differences of the edges of an image.
+const FEWEST_STEPS: f64 = 2e-4;
 
 /// Where the next samples of the same gain and colour are.
 #[derive(Clone, Copy, PartialEq)]
@@ -144,20 +144,28 @@ fn has_soft_edges(x: &Array3<f32>, range: Range) -> bool {
     let (samples, stride) = (in_order(x.view()), width * channels);
     let row = |at: usize| &samples[at * stride..][first * channels..stride];
     let mut counts = [[0u64; 2]; STEPS.len()];
-    let mut add = |lines: [&[f32]; 4]| {
+    let mut add = |lines: [&[f32]; 4], of: [u64; 2]| {
         let more = widest!(lone_steps(lines, range.peak()));
-        let sums = counts.as_flattened_mut().iter_mut().zip(more.as_flattened());
-        sums.for_each(|(sum, &count)| *sum += u64::from(count));
+        for (sums, counts) in counts.iter_mut().zip(more) {
+            (0..2).for_each(|kind| sums[kind] += of[kind] * u64::from(counts[kind]));
+        }
     };
-    if width > first + 3 {
-        let inner = (width - first - 3) * channels;
-        (0..height).for_each(|at| add([0, 1, 2, 3].map(|column| &row(at)[column * channels..][..inner])));
+    for at in 0..height {
+        let columns = |from: usize, count: usize| {
+            [0, 1, 2, 3].map(|next| &samples[at * stride + (from + next) * channels..][..count * channels])
+        };
+        if width > first + 3 {
+            add(columns(first, width - first - 3), [1, 1]);
+        }
+        // The second differences beside the shade are those of this step, too.
+        if first > 0 && width > first + 2 {
+            add(columns(first - 1, 1), [1, 0]);
+        }
     }
-    (3..height).for_each(|at| add([3, 2, 1, 0].map(|before| row(at - before))));
-    let samples = (height * (width - first) * channels) as f64;
-    let is_sharp =
-        |&[lone, bent]: &[u64; 2]| lone as f64 > FEWEST_STEPS * samples && lone as f64 > SHARP * bent as f64;
-    counts.iter().any(|&[_, bent]| bent as f64 > FEWEST_BENDS * samples) && !counts.iter().any(is_sharp)
+    (3..height).for_each(|at| add([3, 2, 1, 0].map(|before| row(at - before)), [1, 1]));
+    let least = FEWEST_STEPS * (height * (width - first) * channels) as f64;
+    let is_sharp = |&[lone, bent]: &[u64; 2]| lone as f64 > least && lone as f64 > SHARP * bent as f64;
+    counts.iter().any(|&[_, bent]| bent as f64 > least) && !counts.iter().any(is_sharp)
 }
 
 /// Returns, for each height of [`STEPS`], how many steps between the second and the third line stand alone, modulo the peak, and how many
@@ -175,7 +183,7 @@ fn lone_steps([a, b, c, d]: [&[f32]; 4], peak: f32) -> [[u32; 2]; STEPS.len()] {
         let (before, here, after) = (wrapped(b - a), wrapped(c - b), wrapped(d - c));
         let (is_alone, bend) = (before.max(after) < BESIDE * here, wrapped(a + c - b - b));
         for ([lone, bent], step) in counts.iter_mut().zip(STEPS) {
-            *lone += u32::from(is_alone & (here > step));
+            *lone += u32::from(is_alone & (here > LONE * step));
             *bent += u32::from(bend > step);
         }
     }
