@@ -19,13 +19,15 @@ def test_boxes_are_those_of_the_node(binary: Path, tmp_path: Path) -> None:
     options: list[str | Path] = ["--alpha", "4", "--optical-black", "0", "--time-frames", "0", "--out", tmp_path]
     subprocess.run([*command, *options], check=True, capture_output=True)
     frames = list(modulo.read_source(source))
-    for stream in ("saturated", "recovered"):
-        (file,) = (tmp_path / "frames").glob(f"*_{stream}_*.jsonl")
-        for line, frame in zip(file.read_text().splitlines(), frames, strict=True):
+    cells = [json.loads(file.read_text()) for file in (tmp_path / "cells").glob("*.json")]
+    assert sorted(cell["key"]["point"]["stream"] for cell in cells) == ["recovered", "saturated"]
+    for cell in cells:
+        for stored, frame in zip(cell["frames"], frames, strict=True):
             exposure = SENSOR.expose(frame.image)
-            picture = exposure.saturated if stream == "saturated" else SENSOR.tone_map(SENSOR.unwrap(exposure.modulo).radiance)
-            expected = sorted((box["score"], box["class"], *box["corners"]) for box in json.loads(line)["boxes"])
-            found = sorted((one.score, one.class_name, *one[:4]) for one in modulo.detect(picture, threshold=0.05))
+            is_saturated = cell["key"]["point"]["stream"] == "saturated"
+            picture = exposure.saturated if is_saturated else SENSOR.tone_map(SENSOR.unwrap(exposure.modulo).radiance)
+            expected = sorted((score, name, *corners) for corners, score, name in stored["boxes"])
+            found = sorted((one.score, one.class_name, *one[:4]) for one in modulo.detect(picture, threshold=0.001))
             assert [one[1] for one in found] == [one[1] for one in expected]
             assert np.allclose([one[:1] + one[2:] for one in found], [one[:1] + one[2:] for one in expected], rtol=0, atol=1e-4)
 
