@@ -257,10 +257,10 @@ fn circle(plan: &Plan) -> Option<String> {
     ))
 }
 
-/// What is set of the parameters of a node as text, in order.
+/// The parameters of a node that are set, with their values as text, in order.
 type SetParameters = Vec<(String, String)>;
 
-/// Returns the name of a node, its parameters as declared, and what is set of them.
+/// Returns the name of a node, its parameters as declared, and those that are set.
 fn settings(node: &NodePlan) -> anyhow::Result<(NodeName, Parameters, SetParameters)> {
     let kind = kind_of(&node.executable)?;
     let (ros, _) = RosArgs::parse(&modulo_launch::ros_arguments(node))?;

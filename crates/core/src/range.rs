@@ -82,9 +82,9 @@ impl Range {
         self.black
     }
 
-    /// Returns a number of columns at the left border beside which no column is shaded by the edge of the field stop.
+    /// Returns the number of columns at the left border that a field stop may shade, the black ones included.
     pub(crate) fn shaded(self) -> usize {
-        // With less than four columns, one of them is black.
+        // A quarter of the shaded columns is black, rounded down, but at least one.
         if self.black == 0 { 0 } else { 4 * self.black + 3 }
     }
 

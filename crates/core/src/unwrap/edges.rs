@@ -57,8 +57,8 @@ const BESIDE: f32 = 0.35;
 /// The lone steps over the second differences of the same height: a perfect lens has 1/2, noise 0.17, lenses from 0.5 px on have at most 0.11.
 const SHARP: f64 = 0.25;
 
-/// A lone step counts from this share of a height on: the second differences on both sides of a step that is hardly smaller than
-/// this height are above it by noise.
+/// A lone step counts from this share of a height on. Noise raises the second differences beside a step that is a little
+/// lower than this height above it.
 const LONE: f32 = 0.85;
 
 /// The least lone steps per sample, and the least second differences of the edges of an image.
@@ -157,7 +157,7 @@ fn has_soft_edges(x: &Array3<f32>, range: Range) -> bool {
         if width > first + 3 {
             add(columns(first, width - first - 3), [1, 1]);
         }
-        // The second differences beside the shade are those of this step, too.
+        // The first second differences that count are those of the step between these columns, too.
         if first > 0 && width > first + 2 {
             add(columns(first - 1, 1), [1, 0]);
         }
@@ -168,8 +168,8 @@ fn has_soft_edges(x: &Array3<f32>, range: Range) -> bool {
     counts.iter().any(|&[_, bent]| bent as f64 > least) && !counts.iter().any(is_sharp)
 }
 
-/// Returns, for each height of [`STEPS`], how many steps between the second and the third line stand alone, modulo the peak, and how many
-/// second differences at the second line are as high.
+/// Returns, for each height of [`STEPS`], how many steps of about this height between the second and the third line stand
+/// alone, modulo the peak, and how many second differences at the second line are higher.
 #[inline(always)]
 fn lone_steps([a, b, c, d]: [&[f32]; 4], peak: f32) -> [[u32; 2]; STEPS.len()] {
     let per_peak = peak.recip();

@@ -112,7 +112,7 @@ pub(crate) struct Picture<T> {
 pub(crate) struct Capture {
     pub y: Frame,
     pub sensor: SensorModel,
-    /// What the methods are told.
+    /// The description of the sensor that the methods get.
     pub scene: Scene,
     /// The beginning of the names of the written images.
     pub name: String,

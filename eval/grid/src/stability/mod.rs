@@ -47,7 +47,7 @@ impl Trial {
     }
 }
 
-/// What became of the expectations.
+/// The outcome of all expectations.
 #[derive(Clone, Debug, Default)]
 pub struct StabilityOutcome {
     /// The path of the report.

@@ -12,7 +12,7 @@ use modulo_eval::stability::{Case, Trial, cases, run};
 use modulo_images::read_image;
 use ndarray::{Array3, Axis, Slice};
 
-/// Nothing is worse than expected, and the report shows the truth, the modulo image and each result that is not exact.
+/// No result is worse than expected, and the report shows the truth, the modulo image and each result that is not exact.
 #[test]
 fn nothing_is_worse_than_expected_and_all_is_shown() {
     let folder = tempfile::tempdir().unwrap();
