@@ -1,20 +1,37 @@
 //! `modulo demo`: the suite on a scene that a normal camera clips, with nothing to download.
 
+use std::collections::BTreeMap;
 use std::net::{IpAddr, Ipv4Addr};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::mpsc::{Receiver, sync_channel};
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
 use clap::Args;
-use modulo_eval::recordings::BOXES;
+use modulo_draw::{Picture, sheet};
+use modulo_middleware::transport::{Incoming, Transport as _};
 use modulo_runtime::output::{prepare_file, replace};
+use modulo_runtime::{Address, Message, MessageKind, NodeName, Stop, Topic, Urgency};
 
-use super::usage;
 use super::view::{Running, ViewCommand, quiet_program, serve};
+use super::{open_session, stop_on_signals, usage};
 use crate::{Ended, Failure};
 
 /// The launch file of the scene and its detectors.
 const FILE: &str = "demo.launch.yaml";
+
+/// The streams that have a detector, and what the picture says of them.
+const STREAMS: [(&str, &str); 3] = [
+    ("saturated", "saturated: a normal camera clips what is bright, and its detector is blind there"),
+    ("modulo", "modulo: each pixel starts again at 0 when it is full"),
+    ("recovered", "recovered: the same exposure, its wraps counted and undone"),
+];
+/// The most images and moments that wait.
+const QUEUE: usize = 16;
+/// The program ends with an error after this time without a picture: loading three detectors takes seconds.
+const PATIENCE: Duration = Duration::from_secs(60);
+const GLANCE: Duration = Duration::from_millis(100);
 
 /// What the page shows first, as the parameters of its address.
 const VIEW: &str = "layout=wipe&left=/saturated&right=/recovered&topics=/saturated,/modulo,/recovered";
@@ -37,34 +54,80 @@ pub fn demo(args: &Demo) -> Result<Ended, Failure> {
     }
 }
 
-/// Writes the picture of the first frame.
+/// Writes the picture of the first frame of which all detectors have published their image.
 fn picture(file: &Path) -> Result<Ended, Failure> {
     prepare_file(file, None).map_err(usage)?;
+    let stop = stop_on_signals()?;
+    let (_, transport) = open_session()?;
+    let name = NodeName::new("demo", "/", &[]).map_err(usage)?;
+    let (sender, received) = sync_channel(QUEUE);
+    // Before the suite starts, so that the detectors draw from the first frame on.
+    let subscribe = |(at, (stream, _)): (usize, &(&str, &str))| {
+        let topic = Topic::new(format!("detector_{stream}/annotated"), MessageKind::Image);
+        let sender = sender.clone();
+        // The later ones are not needed.
+        let deliver = Box::new(move |incoming| drop(sender.try_send((at, incoming))));
+        transport
+            .subscribe(&name, &Address::resolve(&name, &topic).map_err(usage)?, deliver)
+            .map_err(Failure::from)
+    };
+    let subscriptions = STREAMS.iter().enumerate().map(subscribe).collect::<Result<Vec<_>, _>>()?;
+    let mut running = Running::start(suite()?.stderr(Stdio::null()))?;
+    let pictures = one_of_each(&received, &stop);
+    running.stop();
+    drop(subscriptions);
+    let Some(pictures) = pictures? else { return Ok(Ended::Done) };
+    let titled: Vec<_> = STREAMS.iter().map(|(_, title)| title).zip(pictures.map(Some)).collect();
+    let drawn = sheet(&titled, &[]).ok_or_else(|| anyhow!("the images are too large to be drawn"))?;
     let folder = tempfile::tempdir().context("temporary folder")?;
-    let mut eval = suite("eval", &["frames:=1", "--images", "-o"])?;
-    let status = eval.arg(folder.path()).stdout(Stdio::null()).status().context("modulo eval")?;
-    if !status.success() {
-        return Err(anyhow!("modulo eval {FILE} has failed: {status}").into());
-    }
-    let written = std::fs::read(folder.path().join(BOXES).join("000000.png"))
-        .and_then(|picture| replace(file, &picture));
-    written.with_context(|| file.display().to_string())?;
-    say!(
-        "{}: a normal camera clips, a modulo camera wraps, and the recovered image has it all",
-        file.display()
-    );
+    let png = folder.path().join("demo.png");
+    drawn.save(&png).context("a temporary file")?;
+    std::fs::read(png).and_then(|png| replace(file, &png)).with_context(|| file.display().to_string())?;
+    say!("{}: what the detectors have read and found, as they have published it", file.display());
     Ok(Ended::Done)
+}
+
+/// Returns the images of one moment, of each stream one; `None` if it was asked for an end.
+fn one_of_each(
+    received: &Receiver<(usize, Incoming)>,
+    stop: &Stop,
+) -> Result<Option<[Picture; STREAMS.len()]>, Failure> {
+    let mut moments: BTreeMap<u64, [Option<Picture>; STREAMS.len()]> = BTreeMap::new();
+    let started = Instant::now();
+    while stop.urgency() == Urgency::None {
+        if started.elapsed() > PATIENCE {
+            let seconds = PATIENCE.as_secs();
+            return Err(anyhow!("no moment with the images of all detectors came within {seconds} s; `modulo launch {FILE}` shows why").into());
+        }
+        let Ok((at, incoming)) = received.recv_timeout(GLANCE) else { continue };
+        let Message::Image(image) = incoming.open(MessageKind::Image).context("an image of a detector")?
+        else {
+            continue;
+        };
+        let pixels = image.frame.as_u8().context("an annotated image has 8 bits")?;
+        let (height, width, _) = pixels.dim();
+        let picture = Picture::new(width as u32, height as u32, pixels.iter().copied().collect(), Vec::new());
+        let moment = moments.entry(image.header.stamp.as_ns()).or_default();
+        moment[at] = Some(picture.context("an annotated image")?);
+        if let [Some(_), Some(_), Some(_)] = moment {
+            return Ok(Some(std::mem::take(moment).map(|picture| picture.expect("each of them is there"))));
+        }
+        if moments.len() > QUEUE {
+            moments.pop_first();
+        }
+    }
+    Ok(None)
 }
 
 /// Starts the suite beside the viewer. Both end together.
 fn page(port: u16) -> Result<Ended, Failure> {
-    let mut running = Running::start(&mut suite("launch", &[])?)?;
+    let mut running = Running::start(&mut suite()?)?;
     let address = IpAddr::V4(Ipv4Addr::LOCALHOST);
     let with = ViewCommand { replayed: None, port, address, token: None, foxglove: None, record: None };
     let ended = serve(&with, |at| {
         let address = format!("{}&{VIEW}", at.page);
         say!(
-            "A low sun over a wet street. Left of the wipe, a normal camera clips what is bright, and its detector misses it."
+            "A low sun over a street. Left of the wipe, a normal camera clips what is bright, and its detector misses it."
         );
         say!(
             "Right of it, the same exposure of a modulo camera, unwrapped. Raise alpha on the page until it is no longer trusted."
@@ -76,10 +139,10 @@ fn page(port: u16) -> Result<Ended, Failure> {
     ended
 }
 
-/// Returns the command of this program that runs the launch file.
-fn suite(command: &str, more: &[&str]) -> Result<Command, Failure> {
+/// Returns the command of this program that starts the three nodes.
+fn suite() -> Result<Command, Failure> {
     let mut program = quiet_program()?;
-    program.args([command, FILE]).args(more);
+    program.args(["launch", FILE]);
     Ok(program)
 }
 

@@ -224,16 +224,22 @@ const SHEET_TEXT: f32 = 15.0;
 /// Height of a line of text, px.
 const SHEET_LINE: u32 = 24;
 
-/// Draws images in two columns, or three of them in one row, each below its name, in places of the size of the largest one; the place of a missing
-/// image is empty. A legend below them names the colours of `classes`; entries that have no room are left out. `None` without
-/// images, or if they are too large.
+/// Draws images in two columns, each below its name, in places of the size of the largest one; three of them in one row, or below each
+/// other where they are wide. The place of a missing image is empty. A legend below them names the colours of `classes`; entries that
+/// have no room are left out. `None` without images, or if they are too large.
 pub fn sheet<S: AsRef<str>>(pictures: &[(S, Option<Picture>)], classes: &[&str]) -> Option<RgbImage> {
     let sizes = pictures.iter().filter_map(|(_, picture)| Some(picture.as_ref()?.size()));
     let (width, height) = sizes.reduce(|a, b| (a.0.max(b.0), a.1.max(b.1)))?;
     let count = pictures.len() as u32;
-    let columns = if count == 3 { 3 } else { count.min(2) };
+    let columns = match count {
+        // Wide images are readable below each other.
+        ..=3 if width >= 2 * height => 1,
+        3 => 3,
+        _ => count.min(2),
+    };
     let rows = count.div_ceil(columns);
-    let total = (columns * (width + SHEET_GAP) - SHEET_GAP, rows * (SHEET_LINE + height) + SHEET_LINE);
+    let below = if classes.is_empty() { 0 } else { SHEET_LINE };
+    let total = (columns * (width + SHEET_GAP) - SHEET_GAP, rows * (SHEET_LINE + height) + below);
     let mut sheet = Pixmap::new(total.0, total.1)?;
     sheet.fill(Color::WHITE);
     let text = Lettering { font: Font::new(), size: SHEET_TEXT };
@@ -293,11 +299,13 @@ mod tests {
 
     #[test]
     fn images_of_other_sizes_and_missing_ones_have_places_of_one_size() {
-        let pictures = [("one", Some(plain(1, 3))), ("two", None), ("three", Some(plain(3, 4)))];
-        let sheet = sheet(&pictures, &[]).expect("a sheet");
-        assert_eq!(sheet.dimensions(), (3 * 4 + 2 * SHEET_GAP, 2 * SHEET_LINE + 2), "three are one row");
-        let at = |x| sheet.get_pixel(x, SHEET_LINE).0[0];
-        assert_eq!([at(0), at(3), at(4 + SHEET_GAP), at(2 * (4 + SHEET_GAP))], [1, 255, 255, 3]);
-        assert_eq!(super::sheet::<&str>(&[], &[]), None);
+        let pictures = [("one", Some(plain(1, 2))), ("two", None), ("three", Some(plain(3, 3)))];
+        let narrow = sheet(&pictures, &[]).expect("a sheet");
+        assert_eq!(narrow.dimensions(), (3 * 3 + 2 * SHEET_GAP, SHEET_LINE + 2), "three are one row");
+        let at = |x| narrow.get_pixel(x, SHEET_LINE).0[0];
+        assert_eq!([at(0), at(2), at(3 + SHEET_GAP), at(2 * (3 + SHEET_GAP))], [1, 255, 255, 3]);
+        let wide = sheet(&[1, 2, 3].map(|value| ("", Some(plain(value, 4)))), &[]).expect("a sheet");
+        assert_eq!(wide.dimensions(), (4, 3 * SHEET_LINE + 6), "three wide ones are one column");
+        assert_eq!(sheet::<&str>(&[], &[]), None);
     }
 }
