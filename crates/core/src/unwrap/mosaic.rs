@@ -294,9 +294,9 @@ mod tests {
         Sensor::new(config).unwrap().expose(radiance.view(), 0).unwrap()
     }
 
-    fn unwrapped(method: Method, y: &Frame, range: Range) -> Recovered {
+    fn unwrapped(method: Method, y: &Frame, scene: &Scene) -> Recovered {
         let mut out = Recovered::default();
-        method.build(&Options::default()).unwrap().unwrap(y, &range.into(), &mut out).unwrap();
+        method.build(&Options::default()).unwrap().unwrap(y, scene, &mut out).unwrap();
         out
     }
 
@@ -308,7 +308,7 @@ mod tests {
         ) {
             let mosaic = Mosaic::WORDS[which].1.unwrap();
             let exposure = exposure(dim, alpha, mosaic);
-            let out = unwrapped(Method::Auto, &exposure.modulo(), exposure.range());
+            let out = unwrapped(Method::Auto, &exposure.modulo(), &Scene { lens: Some(Psf::of_sigma(2.0)), ..exposure.scene() });
             prop_assert_eq!(exposure.exact_share(&out.k), Some(1.0));
             prop_assert_eq!(out.report.trust, Trust::Trusted);
         }
@@ -362,7 +362,7 @@ mod tests {
                 let mosaic = Some(Mosaic::Rggb);
                 let config = SensorConfig { alpha, psf, mosaic, ..SensorConfig::default() };
                 let exposure = Sensor::new(config).unwrap().expose(radiance.view(), 0).unwrap();
-                let out = unwrapped(Method::Auto, &exposure.modulo(), exposure.range());
+                let out = unwrapped(Method::Auto, &exposure.modulo(), &exposure.scene());
                 let is_exact = exposure.exact_share(&out.k) == Some(1.0);
                 let is_trusted = out.report.trust == Trust::Trusted;
                 let what = format!("{seed}, alpha {alpha}, lens of {sigma} px: {:?}", out.report);
@@ -393,7 +393,7 @@ mod tests {
         let psf = Psf::Gaussian { sigma: 1.4 };
         let config = SensorConfig { alpha: 2.0, psf, mosaic: Some(Mosaic::Rggb), ..SensorConfig::default() };
         let exposure = Sensor::new(config).unwrap().expose(radiance.view(), 0).unwrap();
-        let out = unwrapped(Method::Auto, &exposure.modulo(), exposure.range());
+        let out = unwrapped(Method::Auto, &exposure.modulo(), &exposure.scene());
         assert_eq!(exposure.exact_share(&out.k), Some(1.0));
     }
 }

@@ -183,7 +183,7 @@ impl Picture {
 }
 
 #[test]
-fn never_trusted_and_wrong() {
+fn pictures_are_never_trusted_and_wrong() {
     let pictures = Picture::all();
     let count =
         std::env::var("MODULO_TRUST").map_or(FEW, |count| count.parse().expect("a number of sensors"));
@@ -285,8 +285,8 @@ enum Kind {
     Checkerboard,
 }
 
-/// Exposes a sharp shape of any step by any sensor of a kind, whose lens is described as so many times as wide; returns what was drawn, if it is trusted and wrong, and whether it is trusted.
-fn drawn(seed: u64, kind: Kind, described: f64) -> (Option<String>, bool) {
+/// Exposes a sharp shape of any step by any sensor of a kind, whose lens is described as so many times as wide, or not; returns what was drawn, if it is trusted and wrong, and whether it is trusted.
+fn drawn(seed: u64, kind: Kind, described: Option<f64>) -> (Option<String>, bool) {
     let mut draws = Draws(seed);
     let dim = (draws.of(40.0, 130.0) as usize, draws.of(60.0, 180.0) as usize);
     let alpha =
@@ -320,7 +320,7 @@ fn drawn(seed: u64, kind: Kind, described: f64) -> (Option<String>, bool) {
     let method = of_gains(sensor.gains().unwrap());
     let mut method = method.unwrap_or_else(|| by_name("auto", &Options::default()).unwrap());
     let mut out = Recovered::default();
-    let lens = Some(Psf::of_sigma(psf_sigma * described));
+    let lens = described.map(|times| Psf::of_sigma(psf_sigma * times));
     let scene = unwrap::Scene { lens, ..exposure.scene() };
     method.unwrap(&exposure.modulo(), &scene, &mut out).unwrap();
     let (exact, is_trusted) = (exposure.exact_share(&out.k).unwrap(), out.report.trust == Trust::Trusted);
@@ -333,39 +333,44 @@ fn drawn(seed: u64, kind: Kind, described: f64) -> (Option<String>, bool) {
     ((is_trusted && exact < 0.999).then(what), is_trusted)
 }
 
-/// Tests 600 shapes; `MODULO_DRAWS=10000` tests so many of them.
-fn never_trusted_and_wrong_behind_a_known_lens(kind: Kind, described: f64) {
+/// Tests 600 shapes; `MODULO_DRAWS=10000` tests so many of them. Behind a lens that is not described, one of a hundred trusted ones may be
+/// wrong: a shape behind a sharp lens can be the twin of one behind a soft lens.
+fn never_trusted_and_wrong(kind: Kind, described: Option<f64>) {
     let count: u64 =
         std::env::var("MODULO_DRAWS").map_or(600, |count| count.parse().expect("a number of draws"));
     let first: u64 = std::env::var("MODULO_FIRST_DRAW").map_or(0, |first| first.parse().expect("a number"));
     let results: Vec<_> = (first..first + count).map(|seed| drawn(seed, kind, described)).collect();
     let trusted = results.iter().filter(|(_, trusted)| *trusted).count();
     let wrong: Vec<_> = results.into_iter().filter_map(|(wrong, _)| wrong).collect();
-    println!("lens times {described}: {count} shapes, {trusted} trusted, {} of them wrong", wrong.len());
-    assert!(wrong.is_empty(), "{wrong:#?}");
-    assert!(trusted * 12 > count as usize, "{trusted} of {count} are trusted");
+    println!("lens times {described:?}: {count} shapes, {trusted} trusted, {} of them wrong", wrong.len());
+    let (most, least) = if described.is_some() { (0, 12) } else { (1 + trusted / 100, 100) };
+    assert!(wrong.len() <= most, "{wrong:#?}");
+    assert!(trusted * least > count as usize, "{trusted} of {count} are trusted");
 }
 
 #[test]
 fn sharp_shapes_behind_a_known_lens_are_never_trusted_and_wrong() {
-    never_trusted_and_wrong_behind_a_known_lens(Kind::OneGain, 1.0);
+    never_trusted_and_wrong(Kind::OneGain, Some(1.0));
 }
 
 #[test]
 fn sharp_shapes_on_a_mosaic_behind_a_known_lens_are_never_trusted_and_wrong() {
-    never_trusted_and_wrong_behind_a_known_lens(Kind::Mosaic, 1.0);
+    never_trusted_and_wrong(Kind::Mosaic, Some(1.0));
 }
 
 #[test]
 fn sharp_shapes_with_two_gains_behind_a_known_lens_are_never_trusted_and_wrong() {
-    never_trusted_and_wrong_behind_a_known_lens(Kind::Checkerboard, 1.0);
+    never_trusted_and_wrong(Kind::Checkerboard, Some(1.0));
 }
 
 #[test]
 fn sharp_shapes_behind_a_lens_that_is_described_a_fifth_too_wide_or_narrow_are_never_trusted_and_wrong() {
-    [0.8, 1.2]
-        .iter()
-        .for_each(|described| never_trusted_and_wrong_behind_a_known_lens(Kind::OneGain, *described));
+    [0.8, 1.2].map(|described| never_trusted_and_wrong(Kind::OneGain, Some(described)));
+}
+
+#[test]
+fn sharp_shapes_behind_an_unknown_lens_are_hardly_ever_trusted_and_wrong() {
+    [Kind::OneGain, Kind::Mosaic].map(|kind| never_trusted_and_wrong(kind, None));
 }
 
 /// Stairs whose steps are half a peak look like stairs that fall, which leave the range.
