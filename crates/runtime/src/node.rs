@@ -116,7 +116,7 @@ pub trait Node: Send {
 
     /// Gets ready for the first frame, as far as it is known what will come. A driver of live nodes calls it before the node reports
     /// ready. It returns the inputs that would tell more: the driver waits for a message on those that are published, for at most
-    /// a second, and calls it again after each one.
+    /// half a second, and calls it again after each one.
     fn get_ready(&mut self) -> Vec<Topic> {
         Vec::new()
     }

@@ -65,7 +65,10 @@ impl Loaded {
                 continue;
             }
             match self.engine.warm_up(size) {
-                Ok(_) => self.sizes.push(size),
+                Ok(_) => {
+                    tracing::info!("the model has run at {}x{}", size.1, size.0);
+                    self.sizes.push(size);
+                }
                 // The frames of this size report it.
                 Err(_) => self.asked.push(size),
             }

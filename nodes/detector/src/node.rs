@@ -277,9 +277,10 @@ impl Detector {
         Ok(())
     }
 
-    /// Returns (height, width) of the last image of each camera, as far as they are known.
+    /// Returns (height, width) of the last image of each camera, as far as they are known, else that of a first run.
     fn images(&self) -> Vec<(usize, usize)> {
-        self.cameras.iter().filter_map(|camera| camera.image).collect()
+        let known: Vec<_> = self.cameras.iter().filter_map(|camera| camera.image).collect();
+        if known.is_empty() { vec![FIRST_RUN] } else { known }
     }
 
     /// Returns what the samples of an image mean, and warns once where that is doubtful.
@@ -447,7 +448,6 @@ impl Node for Detector {
         let [before, after] = [now, next].map(DetectorParameters::from);
         if !after.same_engine(&before) {
             let (now, next, images) = (now.clone(), next.clone(), self.images());
-            let images = if images.is_empty() { vec![FIRST_RUN] } else { images };
             return Some(Box::new(move || Ok(Box::new(Loaded::after(&now, &next, &images)?))));
         }
         let names = self.loaded.engine.layout.names.clone();

@@ -41,7 +41,7 @@ use watch::Silence;
 /// An idle node wakes this often for its periodic tasks.
 const IDLE: Duration = Duration::from_millis(250);
 /// A node waits this long for messages that tell what it will get, where they are published, before it reports ready.
-const UNTOLD: Duration = Duration::from_secs(1);
+const UNTOLD: Duration = Duration::from_millis(500);
 /// Parameter requests that wait for a busy node; each caller waits for its answer.
 const REQUESTS: usize = 64;
 
