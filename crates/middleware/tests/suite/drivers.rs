@@ -1,7 +1,7 @@
 //! The three drivers run the same steps to the same results, and sessions that are opened at the same moment meet.
 
 use std::io::Write;
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Barrier, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -12,12 +12,11 @@ use modulo_middleware::driver::{CommonParameters, composed};
 use modulo_middleware::transport::local::LocalTransport;
 use modulo_middleware::transport::zenoh::ZenohTransport;
 use modulo_middleware::transport::{
-    Claim, Deliver, Guard, Incoming, NodeId, ParameterAnswer, ParameterPort, ParameterRequest, Publisher,
-    Transport, TransportError,
+    Claim, Guard, Incoming, ParameterAnswer, ParameterPort, ParameterRequest, Publisher, Transport,
 };
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::lockstep::Lockstep;
-use modulo_runtime::wire::keys::{EntityKind, Hashes};
+use modulo_runtime::wire::keys::Hashes;
 use modulo_runtime::{
     Address, Clock, Context, Flow, Job, ManualClock, Message, MessageKind, Node, NodeName, NodeReport,
     ParameterError, ParameterSet, Parameters, Part, PlannedInputs, StampedFrame, StepError, Stop,
