@@ -62,6 +62,28 @@ fn a_node_without_input_names_the_topics_that_exist() {
     status(&diagnostics, "unwrap", |status| status.level == DiagnosticStatus::OK);
 }
 
+/// Also between processes, where the description of the sensor was sent before the detector was there.
+#[test]
+fn a_detector_is_ready_when_its_model_has_run_at_the_size_that_its_camera_tells() {
+    let bench = Bench::new();
+    let peer = Peer::new(&bench);
+    let log = peer.hear_as("/rosout", MessageKind::Log, Qos::Logs);
+    let scene = "source:=scene://day?seed=1&frames=2&width=160&height=96";
+    let _camera =
+        bench.start(&["run", "modulo_camera", "--ros-args", "-p", scene, "-p", "wait_for:=[detector]"]);
+    wait_until("the camera is there", || !peer.transport.publishers("/sensor_info").is_empty());
+    let _detector = bench.start(&["run", "detector", "--ros-args", "-p", "engine:=rten"]);
+    let mut told = Vec::new();
+    while told.last().is_none_or(|line| line != "ready") {
+        let next = log.next(Duration::from_secs(60)).expect("the detector becomes ready");
+        told.extend(match next {
+            Message::Log(line) if line.name.contains("detector") => Some(line.msg.clone()),
+            _ => None,
+        });
+    }
+    assert!(told.iter().any(|line| line == "the model has run at 160x128"), "{told:?}");
+}
+
 /// A replay of rate 0 waits for each node that reads it: one that lacks the description of the sensor lets it go on.
 #[test]
 fn a_replay_without_sensor_descriptions_is_not_held_up() {

@@ -644,8 +644,9 @@ fn recorded_codes_have_the_bits_of_the_sensor_beside_them() {
         // The rest is told by names, as in bags of earlier versions.
         let odd = format!("/odd{camera}");
         let streams = [(&*odd, StreamKind::Saturated)];
-        let info =
-            sensor_info::message(&Header::default(), &sensor, camera, streams).encode().expect("encodes");
+        let info = sensor_info::message((&Header::default(), (2, 3)), &sensor, camera, streams)
+            .encode()
+            .expect("encodes");
         messages.push((format!("{camera}/sensor_info"), "diagnostic_msgs/msg/DiagnosticArray", info));
         for (stream, code) in
             [("saturated", 1u16 << (bits - 1)), ("hdr", 1 << bits), ("ideal", 128), ("image", 128)]

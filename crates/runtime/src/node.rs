@@ -108,6 +108,19 @@ pub trait Node: Send {
         let _ = position;
     }
 
+    /// Sends what other nodes need to get ready for the first frame, such as the description of a sensor. A driver of live nodes calls
+    /// it once, before it waits for other nodes.
+    fn introduce(&mut self, cx: &mut Context<'_>) {
+        let _ = cx;
+    }
+
+    /// Gets ready for the first frame, as far as it is known what will come. A driver of live nodes calls it before the node reports
+    /// ready. It returns the inputs that would tell more: the driver waits for a message on those that are published, for at most
+    /// half a second, and calls it again after each one.
+    fn get_ready(&mut self) -> Vec<Topic> {
+        Vec::new()
+    }
+
     /// Takes a whole validated set of parameters, between two steps. Files are read in the job of [`Node::prepare`].
     ///
     /// # Errors
@@ -120,7 +133,8 @@ pub trait Node: Send {
         None
     }
 
-    /// Takes a set of parameters as [`Node::configure`] does, together with the `part` that was made for it.
+    /// Takes a set of parameters as [`Node::configure`] does, together with the `part` that was made for it, or for the steps that
+    /// come ([`Context::make_beside`]).
     ///
     /// # Errors
     /// The same as those of [`Node::configure`].
@@ -191,6 +205,8 @@ pub struct Context<'a> {
     stream: Option<&'a str>,
     clock: &'a dyn Clock,
     wanted: &'a [bool],
+    /// Whether the driver is making a part beside the steps; `None` where it never does.
+    busy: Option<bool>,
     output: StepOutput,
 }
 
@@ -198,7 +214,8 @@ impl<'a> Context<'a> {
     /// Creates the context of one step. `node` is the fully qualified name of the node, such as `/unwrap`; `wanted[i]`
     /// is whether `outputs()[i]` has a reader.
     pub fn new(node: &'a str, clock: &'a dyn Clock, wanted: &'a [bool]) -> Self {
-        Self { node, topics: &[], stream: None, clock, wanted, output: StepOutput::default() }
+        let output = StepOutput::default();
+        Self { node, topics: &[], stream: None, clock, wanted, busy: None, output }
     }
 
     /// Names the topics of the outputs, absolute and remapped.
@@ -209,6 +226,21 @@ impl<'a> Context<'a> {
     /// Returns the topic of output `output`, absolute and remapped, if the driver has named it.
     pub fn topic(&self, output: usize) -> Option<&'a str> {
         self.topics.get(output).copied()
+    }
+
+    /// Says that the driver makes parts beside the steps, and whether it is `busy` with one.
+    pub fn with_parts(self, busy: bool) -> Self {
+        Self { busy: Some(busy), ..self }
+    }
+
+    /// Has the driver make a part on a thread of its own, while the node goes on with what it has; [`Node::exchange`] brings it.
+    /// Returns whether the driver makes one now: `job` is not asked for where it does so already. Where it makes none, as in lockstep,
+    /// the step itself waits for what it needs.
+    pub fn make_beside(&mut self, job: impl FnOnce() -> Option<Job>) -> bool {
+        if self.busy == Some(false) {
+            self.output.job = job();
+        }
+        self.busy == Some(true) || self.output.job.is_some()
     }
 
     /// Names the declared stream of the message that the step is about ([`stream_of`]), which may be one that the node is leaving.
@@ -263,7 +295,7 @@ impl<'a> Context<'a> {
 }
 
 /// The output of one step for its driver.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub struct StepOutput {
     /// Messages to send, by output.
     pub messages: Vec<(usize, Message)>,
@@ -273,4 +305,6 @@ pub struct StepOutput {
     pub stages: Vec<(&'static str, u64)>,
     /// Ticks of the clock at which these stages began, in the same order.
     pub begins: Vec<u64>,
+    /// The part to make beside the next steps.
+    pub job: Option<Job>,
 }

@@ -76,9 +76,9 @@ impl<'c> Chain<'c> {
 
     /// Makes the nodes behind the camera, with detectors that share `sessions` and have this number of threads of an inference, or without
     /// detectors.
-    pub fn complete(&mut self, mut sessions: Option<&mut Sessions>, threads: usize) -> Result<(), GridError> {
+    pub fn complete(&mut self, sessions: Option<&Sessions>, threads: usize) -> Result<(), GridError> {
         for node in std::mem::take(&mut self.rest) {
-            let made: Box<dyn Node> = match (node.executable, &mut sessions) {
+            let made: Box<dyn Node> = match (node.executable, sessions) {
                 (UNWRAP, _) => Box::new(UnwrapNode::new(&(&node.parameters).into())?),
                 (DETECTOR, Some(sessions)) => {
                     Box::new(Detector::sharing(&detector(node, threads), sessions)?)

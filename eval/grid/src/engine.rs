@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::thread::ScopedJoinHandle;
 
-use modulo_detector::Sessions;
+use modulo_detector::{EngineDevice, Sessions};
 use modulo_runtime::Clock;
 
 use crate::GridError;
@@ -68,7 +68,7 @@ pub struct Hooks<'a> {
 /// Runs units one after the other. It keeps the sessions of the detector while its model and input size stay.
 pub struct Engine<'a> {
     timer: &'a dyn Clock,
-    /// One of each job.
+    /// Those of each job.
     sessions: Vec<Sessions>,
     /// The model, input size, engine and device of the sessions.
     loaded: Option<[String; 4]>,
@@ -95,7 +95,7 @@ impl<'a> Engine<'a> {
         if self.loaded.as_ref() != Some(&session) {
             // The old models are freed before the new ones are loaded, so that the memory never holds both.
             self.sessions.clear();
-            self.sessions.resize_with(self.jobs, || Sessions::remembering(REMEMBERED));
+            self.sessions = sessions(&session[3], self.jobs);
             self.loaded = Some(session);
         }
         let is_still = frames.is_still();
@@ -114,7 +114,7 @@ impl<'a> Engine<'a> {
         let known = std::thread::scope(|scope| {
             let work = &work;
             let start = |sessions| scope.spawn(move || work.run(sessions));
-            let workers: Vec<_> = self.sessions.iter_mut().take(most).map(start).collect();
+            let workers: Vec<_> = self.sessions.iter().take(most).map(start).collect();
             let join = |worker: ScopedJoinHandle<'_, _>| {
                 worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
             };
@@ -123,6 +123,14 @@ impl<'a> Engine<'a> {
         })?;
         Ok(work.runs(&known))
     }
+}
+
+/// Sessions for this number of threads: a thread of the processor runs a model of its own, and a GPU runs one, by turns.
+fn sessions(device: &str, jobs: usize) -> Vec<Sessions> {
+    if device.parse() == Ok(EngineDevice::Cpu) {
+        return std::iter::repeat_with(|| Sessions::remembering(REMEMBERED)).take(jobs).collect();
+    }
+    vec![Sessions::remembering(REMEMBERED * jobs); jobs]
 }
 
 /// The frames before a slice that its first images depend on.
@@ -150,7 +158,7 @@ struct Work<'w, 'f> {
 
 impl Work<'_, '_> {
     /// Takes frames until there is none left. Returns the classes that the model of each cell knows.
-    fn run(&self, sessions: &mut Sessions) -> Result<Vec<Vec<String>>, GridError> {
+    fn run(&self, sessions: &Sessions) -> Result<Vec<Vec<String>>, GridError> {
         let known = vec![Vec::new(); self.cells.len()];
         let mut worker =
             Worker { work: self, sessions, chain: None, drive: None, truth: TrueExposures::default(), known };
@@ -182,7 +190,7 @@ impl Work<'_, '_> {
 /// The cells of a unit on one thread.
 struct Worker<'w, 'f> {
     work: &'w Work<'w, 'f>,
-    sessions: &'w mut Sessions,
+    sessions: &'w Sessions,
     chain: Option<Chain<'w>>,
     /// The drive of the chain.
     drive: Option<usize>,

@@ -121,11 +121,11 @@ fn measure_group(
     cells: &[Cell<'_>],
     done: &dyn Fn(),
 ) -> Result<Vec<(Point, CellTimes)>, GridError> {
-    let (mut sessions, mut timed) = (Sessions::default(), Vec::with_capacity(cells.len()));
+    let (sessions, mut timed) = (Sessions::default(), Vec::with_capacity(cells.len()));
     let cells: Vec<[&Cell<'_>; 1]> = cells.iter().map(|cell| [cell]).collect();
     for cell in &cells {
         let mut chain = Chain::new(cell, clock, false)?;
-        chain.complete(Some(&mut sessions), timing.threads)?;
+        chain.complete(Some(&sessions), timing.threads)?;
         timed.push(TimedCell { cell: cell[0], chain, wall: Vec::new(), cpu: Vec::new() });
     }
     let (mut sizes, mut index, is_still) = (BTreeSet::new(), 0, frames.is_still());

@@ -52,6 +52,17 @@ impl InputSize {
         }
     }
 
+    /// Returns (height, width) of the tensors for images of these sizes, each one once.
+    pub fn tensors(self, images: &[(usize, usize)]) -> Vec<(usize, usize)> {
+        let mut sizes = Vec::new();
+        for size in images.iter().map(|&(height, width)| self.tensor(height, width)) {
+            if !sizes.contains(&size) {
+                sizes.push(size);
+            }
+        }
+        sizes
+    }
+
     /// Returns the position of an image of `height x width` in the tensor.
     pub fn place(self, height: usize, width: usize) -> Result<Letterbox, LetterboxError> {
         let align = match self {

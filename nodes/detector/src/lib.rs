@@ -14,6 +14,7 @@ mod draw;
 mod engine;
 mod head;
 mod input_size;
+mod loaded;
 mod measure;
 mod model;
 mod names;
@@ -22,6 +23,9 @@ mod parameter;
 mod plausible;
 mod post;
 mod pre;
+#[cfg(test)]
+#[path = "tests/ready.rs"]
+mod ready;
 mod sessions;
 mod trust;
 

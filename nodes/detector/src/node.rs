@@ -1,8 +1,6 @@
 //! [`Detector`]: the node's step.
 
-use std::path::Path;
-
-use modulo_core::{Detection, Frame, Letterbox};
+use modulo_core::{Detection, Frame};
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_msgs::vision_msgs::{Detection2D, Detection2DArray, LabelInfo, VisionInfo};
@@ -11,22 +9,17 @@ use modulo_runtime::sensor_info::{self, Descriptions, SensorHistory};
 use modulo_runtime::topic::RECOVERY_TOPIC;
 use modulo_runtime::{
     Context, Flow, Job, Message, MessageKind, Node, ParameterError, Parameters, Part, PlannedInputs,
-    StampedFrame, StepError, StreamScale, Topic, Trigger, stream_of, warn_once,
+    StampedFrame, StepError, StreamScale, Topic, Trigger, stream_of,
 };
-use ndarray::{Array2, ArrayView4};
 
 use crate::DetectorError;
 use crate::classes::ClassMap;
 use crate::code_range::CodeRange;
 use crate::draw::annotated;
-use crate::engine::{Engine as _, OpenedEngine};
-use crate::head::Head;
 use crate::input_size::InputSize;
+use crate::loaded::Loaded;
 use crate::measure::FIRST_RUN;
-use crate::model::ModelLayout;
 use crate::parameter::{DetectorParameters, Settings, StreamChoice};
-use crate::plausible::EXPORT;
-use crate::post::{are_shares, detections};
 use crate::pre::Preprocessor;
 use crate::sessions::Sessions;
 use crate::trust::TrustFollower;
@@ -94,6 +87,8 @@ struct Camera {
     codes: CodeRange,
     /// Bits of the samples of the last image; 0 before the first one.
     bits: u8,
+    /// (height, width) of the last image, or of those that its sensor makes.
+    image: Option<(usize, usize)>,
     /// (height, width) of the model's input for the last image.
     size: Option<(usize, usize)>,
 }
@@ -140,102 +135,24 @@ impl Camera {
     }
 }
 
-/// A model that has run with these parameters.
-struct Loaded {
-    parameters: DetectorParameters,
-    settings: Settings,
-    engine: OpenedEngine,
-    /// The form of the output of the model.
-    head: Head,
-    /// Whether boxes of this model were looked at, which should not be shares of its input.
-    boxes_checked: bool,
-}
-
-impl Loaded {
-    /// Loads the model and runs it once at (height, width) of an image, so that the first frame is as fast as all others; or takes one of
-    /// `sessions` that has.
-    fn new(
-        parameters: &DetectorParameters,
-        size: (usize, usize),
-        sessions: &mut Sessions,
-    ) -> Result<Self, DetectorError> {
-        let settings = |layout: &ModelLayout| {
-            Ok(Settings::new(parameters, layout, ClassMap::read(&parameters.class_map, &layout.names)?)?)
-        };
-        let (engine, head) = sessions.open(
-            parameters.model()?,
-            parameters.engine_options()?,
-            (&parameters.input_size, size),
-            |layout| settings(layout).map(|settings| settings.input_size),
-        )?;
-        let settings = settings(&engine.layout)?;
-        tracing::info!("model {} runs on {} ({}); output {head}", parameters.model, engine.name, engine.note);
-        Ok(Self { parameters: parameters.clone(), settings, engine, head, boxes_checked: false })
-    }
-
-    fn infer(&mut self, tensor: ArrayView4<'_, f32>) -> Result<Array2<f32>, String> {
-        let output = self.engine.engine.run(tensor).map_err(|why| why.to_string())?;
-        if self.head.fits(output.dim()) {
-            return Ok(output);
-        }
-        Err(format!(
-            "output is [1, {}, {}], and that of the first run was {}",
-            output.nrows(),
-            output.ncols(),
-            self.head
-        ))
-    }
-
-    /// Returns the boxes in an output of the model for an image at the place `letterbox`.
-    fn detections(&mut self, output: &Array2<f32>, letterbox: &Letterbox) -> Vec<Detection> {
-        let found = detections(output, self.head, letterbox, &self.settings);
-        if !self.boxes_checked && !found.is_empty() {
-            self.boxes_checked = true;
-            if are_shares(&found, letterbox) {
-                let why = "no box is larger than one pixel: its boxes seem to be shares of its input, and pixels are needed";
-                warn_once(format!("model '{}': {why}; {EXPORT}", self.parameters.model));
-            }
-        }
-        found
-    }
-
-    /// Loads the model of `next` in place of that of `last`.
-    fn after(last: &Parameters, next: &Parameters, size: (usize, usize)) -> Result<Self, ParameterError> {
-        Self::new(&next.into(), size, &mut Sessions::default()).map_err(|why| match why {
-            DetectorError::Parameter(why) => why,
-            DetectorError::Engine(why) => {
-                let loaded_with = ["model", "engine", "device", "input_size", "threads"];
-                let first = last.changed(next).find(|(name, _)| loaded_with.contains(name));
-                let (name, value) = first.expect("a model is loaded again where one of them has changed");
-                ParameterError::new(name, value.plain(), why.to_string())
-            }
-        })
-    }
-
-    fn model_file(&self) -> String {
-        let model = Path::new(&self.parameters.model);
-        model.file_name().unwrap_or(model.as_os_str()).to_string_lossy().into_owned()
-    }
-}
-
 impl Detector {
-    /// Loads the model and runs it once, so that the first frame is as fast as all others and a model that cannot work
-    /// is known now.
+    /// Loads the model and runs it once, so that a model that cannot work is known now. A driver of live nodes has it run at the size of
+    /// the first frame as well, where a camera tells it, so that this frame is as fast as all others.
     ///
     /// # Errors
     /// [`DetectorError::Parameter`] for a parameter that is not possible (with this model), [`DetectorError::Engine`]
     /// for a model that does not run.
     pub fn new(parameters: &DetectorParameters) -> Result<Self, DetectorError> {
-        Self::sharing(parameters, &mut Sessions::default())
+        Self::sharing(parameters, &Sessions::default())
     }
 
     /// Creates a detector whose model is one of `sessions`, which load it if none of them has it.
     ///
     /// # Errors
     /// The same as those of [`Detector::new`].
-    pub fn sharing(parameters: &DetectorParameters, sessions: &mut Sessions) -> Result<Self, DetectorError> {
+    pub fn sharing(parameters: &DetectorParameters, sessions: &Sessions) -> Result<Self, DetectorError> {
         Ok(Self {
-            loaded: Loaded::new(parameters, FIRST_RUN, sessions)?,
+            loaded: Loaded::new(parameters, &[FIRST_RUN], sessions)?,
             pre: Preprocessor::default(),
             cameras: cameras(parameters),
             contradiction_reported: false,
@@ -335,10 +252,14 @@ impl Detector {
     ) -> Result<(), String> {
         let scale = self.scale((camera, stream), image)?;
         let [boxes_out, annotated_out] = outputs_at(camera);
+        let (height, width, _) = image.frame.dim();
+        self.cameras[camera].image = Some((height, width));
+        let images = self.images();
         let Self { loaded, pre, cameras, .. } = self;
+        let size = loaded.size_for((height, width), &images, cx);
         let (frame, letterbox) = cx.stage("pre", || {
             let frame = image.frame.demosaiced();
-            pre.fill(&frame, scale.most, loaded.settings.input_size).map(|letterbox| (frame, letterbox))
+            pre.fill(&frame, scale.most, size).map(|letterbox| (frame, letterbox))
         })?;
         (cameras[camera].bits, cameras[camera].size) = (scale.bits(), pre.size());
         let tensor = pre.tensor().expect("it was filled");
@@ -354,6 +275,12 @@ impl Detector {
             found.iter().map(|detection| Detection2D::from_detection(detection, header)).collect();
         cx.emit(boxes_out, Detection2DArray { header: header.clone(), detections });
         Ok(())
+    }
+
+    /// Returns (height, width) of the last image of each camera, as far as they are known, else that of a first run.
+    fn images(&self) -> Vec<(usize, usize)> {
+        let known: Vec<_> = self.cameras.iter().filter_map(|camera| camera.image).collect();
+        if known.is_empty() { vec![FIRST_RUN] } else { known }
     }
 
     /// Returns what the samples of an image mean, and warns once where that is doubtful.
@@ -398,6 +325,8 @@ impl Detector {
             camera.trust.note(Recovery::of(info).trusted != Some(false), now_ns);
         } else {
             camera.described.note(&stream, info).map_err(|why| why.to_string())?;
+            let sensor = camera.described.of(&camera.image_topic(wanted)).1;
+            camera.image = sensor.and_then(SensorHistory::size).or(camera.image);
         }
         let stream = camera.image_topic(wanted);
         if camera.stream(wanted) == before {
@@ -495,6 +424,21 @@ impl Node for Detector {
         outputs_of(&self.cameras)
     }
 
+    fn get_ready(&mut self) -> Vec<Topic> {
+        let images = self.images();
+        self.loaded.warm_up(&images);
+        let Settings { input, input_size, .. } = &self.loaded.settings;
+        let mut untold = Vec::new();
+        // A fixed size was run when the model was loaded.
+        let follows = matches!(input_size, InputSize::Auto(_));
+        let is_told = |camera: &Camera| camera.described.of(&camera.image_topic(input)).1.is_some();
+        for camera in self.cameras.iter().filter(|camera| follows && !is_told(camera)) {
+            let inputs = camera.inputs(input, camera.stream(input));
+            untold.extend(inputs.filter(|(role, _)| *role == Role::Sensor).map(|(_, topic)| topic));
+        }
+        untold
+    }
+
     fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError> {
         let map = self.loaded.settings.classes.map.clone();
         self.take(parameters, None, map)
@@ -503,8 +447,8 @@ impl Node for Detector {
     fn prepare(&self, now: &Parameters, next: &Parameters) -> Option<Job> {
         let [before, after] = [now, next].map(DetectorParameters::from);
         if !after.same_engine(&before) {
-            let (now, next, size) = (now.clone(), next.clone(), self.pre.size().unwrap_or(FIRST_RUN));
-            return Some(Box::new(move || Ok(Box::new(Loaded::after(&now, &next, size)?))));
+            let (now, next, images) = (now.clone(), next.clone(), self.images());
+            return Some(Box::new(move || Ok(Box::new(Loaded::after(&now, &next, &images)?))));
         }
         let names = self.loaded.engine.layout.names.clone();
         (after.class_map != before.class_map)

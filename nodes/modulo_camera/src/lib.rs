@@ -13,7 +13,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use modulo_bags::source;
-use modulo_bags::source::{FRAME_ID, Source, SourceFrame, SourceOptions, to_detections};
+use modulo_bags::source::{FRAME_ID, Source, SourceError, SourceFrame, SourceOptions, to_detections};
 use modulo_core::sensor::Sensor;
 use modulo_core::{AutoExposure, Frame};
 use modulo_images::{Coding, White};
@@ -170,13 +170,10 @@ impl ModuloCamera {
         // All seeds are allowed, so their sum with the number may pass the end of the range.
         let seed = self.parameters.seed.unsigned_abs().wrapping_add(number);
         self.sensed += 1;
-        // Before the frame that it describes, and for late readers also when there is no reader now.
         if let Some(control) = &mut self.control {
             control.exposed(header.stamp);
         }
-        let sensor = self.model.of_channels(radiance.len_of(Axis(2)));
-        let info = sensor_info::message_of(header, &sensor, cx, &STREAMS);
-        cx.emit(SENSOR_INFO, info);
+        self.describe(radiance, header, cx);
         if !self.calibration.is_on_topic_of(cx.node()) && cx.wanted(CAMERA_INFO) {
             let side = |axis| u32::try_from(radiance.len_of(Axis(axis))).unwrap_or(u32::MAX);
             let info = self.calibration.of((side(0), side(1)), header);
@@ -195,6 +192,13 @@ impl ModuloCamera {
             send(cx, header, AUTO_EXPOSED, || image);
         }
         Ok(())
+    }
+
+    /// Sends the description of the sensor before the frame that it describes, also when there is no reader now: late ones get it.
+    fn describe(&self, radiance: &Array3<f32>, header: &Header, cx: &mut Context<'_>) {
+        let (height, width, channels) = radiance.dim();
+        let sensor = self.model.of_channels(channels);
+        cx.emit(SENSOR_INFO, sensor_info::message_of((header, (height, width)), &sensor, cx, &STREAMS));
     }
 
     /// Follows the trust of the unwrapper in a frame.
@@ -309,6 +313,20 @@ impl Node for ModuloCamera {
         self.frames_read = position;
     }
 
+    fn introduce(&mut self, cx: &mut Context<'_>) {
+        if self.is_over() {
+            return;
+        }
+        let CameraInput::Frames(reader) = &mut self.input else { return };
+        reader.ahead = reader.ahead.take().or_else(|| Some(reader.source.next()));
+        let CameraInput::Frames(FrameReader { ahead: Some(Some(Ok(frame))), .. }) = &self.input else {
+            return;
+        };
+        // Images of a folder get their stamp when they are sent.
+        let header = self.header(Time::from_ns(frame.stamp_ns.unwrap_or(0)), &frame.frame_id);
+        self.describe(&frame.radiance, &header, cx);
+    }
+
     fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError> {
         let parameters = CameraParameters::from(parameters);
         if parameters.source != self.parameters.source {
@@ -407,6 +425,8 @@ enum CameraInput {
 /// A source that is read once or again and again.
 struct FrameReader {
     source: Box<dyn Source>,
+    /// What the source has given next, where it was asked before the frame is due.
+    ahead: Option<Option<Result<SourceFrame, SourceError>>>,
     repeat: bool,
     /// Whether a frame of this round was good.
     given: bool,
@@ -450,7 +470,7 @@ impl FrameReader {
     /// Returns the frames of `source` from its first one on; after its last one it is over, or starts again.
     fn new(source: Box<dyn Source>, repeat: bool) -> Self {
         let losses = source.losses();
-        Self { source, repeat, given: false, bad: None, losses }
+        Self { source, ahead: None, repeat, given: false, bad: None, losses }
     }
 
     /// Returns the next frame; `None` at the end.
@@ -459,7 +479,7 @@ impl FrameReader {
     /// [`StepError::Skip`] for a frame that cannot be read, [`StepError::Fatal`] when the source is over and its only frame was not
     /// good, and when it is to start again, but cannot, or no frame of it was good.
     fn next_frame(&mut self) -> Result<Option<SourceFrame>, StepError> {
-        let mut next = self.source.next();
+        let mut next = self.ahead.take().unwrap_or_else(|| self.source.next());
         if next.is_none() {
             // A source without a single good frame would repeat its errors without end.
             let is_vain = !self.given && (self.repeat || self.source.len() == Some(1));

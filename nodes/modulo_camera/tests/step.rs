@@ -15,6 +15,7 @@ use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::image::encode_frame;
 use modulo_msgs::sensor_msgs::{CameraInfo, RegionOfInterest};
 use modulo_msgs::std_msgs::{Header, Time};
+use modulo_runtime::sensor_info::SensorHistory;
 use modulo_runtime::{
     Context, Flow, ManualClock, Message, Node, ParameterSet as _, Parameters, Qos, StampedFrame, StepError,
     StepOutput, Trigger, change_parameters,
@@ -49,6 +50,18 @@ fn step(
     let flow = node.step(trigger, &mut cx)?;
     let StepOutput { messages, .. } = cx.finish();
     Ok((flow, messages))
+}
+
+/// The (height, width) of the next frame, as the camera tells them before the frame is due.
+fn introduced(node: &mut ModuloCamera) -> (usize, usize) {
+    let clock = ManualClock::at(0);
+    let mut cx = Context::new("/modulo_camera", &clock, &ALL);
+    node.introduce(&mut cx);
+    let messages = cx.finish().messages;
+    let [(4, Message::Diagnostics(info))] = &messages[..] else { panic!("a description: {messages:?}") };
+    let mut history = SensorHistory::default();
+    history.note(info).expect("a sensor");
+    history.size().expect("a size")
 }
 
 fn frame(messages: &[(usize, Message)], output: usize) -> &StampedFrame {
@@ -368,6 +381,8 @@ fn it_goes_on_behind_the_last_frame() {
         for position in 0..all.len() {
             let mut again = camera(&noisy);
             again.resume(position as u64);
+            let (height, width, _) = all[position].dim();
+            assert_eq!([(); 2].map(|()| introduced(&mut again)), [(height, width); 2], "{source}");
             assert_eq!(again.position(), Some(position as u64));
             assert_eq!(frames(&mut again), all[position..], "{source}, loop {repeat}, behind {position}");
         }
@@ -395,6 +410,22 @@ fn a_crash_in_a_later_round_changes_no_frame() {
         again.resume(position as u64);
         assert_eq!(sent(&mut again, 8 - position), whole[position..], "behind {position}");
     }
+}
+
+/// Nothing is told of a frame that is not there or cannot be read, and it counts when it is due.
+#[test]
+fn a_camera_without_a_good_first_frame_tells_nothing_before_it() {
+    let folder = folder_of(2);
+    std::fs::write(folder.path().join("0.png"), "no image").expect("writable");
+    let mut node = camera(&[("source", &folder.path().display().to_string())]);
+    let clock = ManualClock::at(0);
+    let mut cx = Context::new("/modulo_camera", &clock, &ALL);
+    node.introduce(&mut cx);
+    assert!(cx.finish().messages.is_empty());
+    assert!(
+        matches!(step(&mut node, Trigger::Tick, &ALL), Err(StepError::Skip(why)) if why.contains("0.png"))
+    );
+    assert_eq!(introduced(&mut node), (4, 8));
 }
 
 #[test]

@@ -229,7 +229,9 @@ impl UnwrapNode {
             .map_err(|why| skip(why.to_string()))?;
         self.counts.count(&self.recovered.report);
         if cx.wanted(SENSOR_INFO) {
-            cx.emit(SENSOR_INFO, sensor_info::message_of(&modulo.header, model, cx, &STREAMS));
+            let (height, width, _) = modulo.frame.dim();
+            let of_frame = (&modulo.header, (height, width));
+            cx.emit(SENSOR_INFO, sensor_info::message_of(of_frame, model, cx, &STREAMS));
         }
         let status = (cx.wanted(DIAGNOSTICS) | cx.wanted(RECOVERY)).then(|| {
             let report = &self.recovered.report;

@@ -70,7 +70,7 @@ fn frame_at(ns: u64) -> (usize, Message) {
 fn described_at(ns: u64, alpha: f64) -> (usize, Message) {
     let header = Header { stamp: Time::from_ns(ns), ..header() };
     let model = SensorModel { alpha, ..SensorModel::default() };
-    (1, sensor_info::message(&header, &model, "/modulo_camera", []))
+    (1, sensor_info::message((&header, (96, 160)), &model, "/modulo_camera", []))
 }
 
 fn step(node: &mut UnwrapNode, frame: Frame, wanted: &[bool]) -> Result<Vec<(usize, Message)>, StepError> {
@@ -255,7 +255,7 @@ fn the_recovered_image_is_shown_as_the_pictures_that_the_camera_sees() {
     let radiance = Array3::from_shape_fn((24, 40, 3), |(i, j, _)| (i + j) as f32 / 64.0);
     let (camera, own) = (Transfer::Srgb, Transfer::Rec709);
     let model = SensorModel { alpha: 2.0, headroom: 0.8, transfer: camera, ..SensorModel::default() };
-    let described = sensor_info::message(&header(), &model, "/modulo_camera", []);
+    let described = sensor_info::message((&header(), (24, 40)), &model, "/modulo_camera", []);
     for (set, of_range, transfer, headroom) in
         [("camera", "0", camera, 0.8), ("rec709", "0", own, 0.8), ("camera", "0.9", camera, 0.9)]
     {

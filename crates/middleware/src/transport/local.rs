@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use modulo_runtime::wire::keys::EntityKind;
-use modulo_runtime::{Address, Message, MessageKind, NodeName};
+use modulo_runtime::{Address, Message, MessageKind, NodeName, Qos};
 
 use super::{Deliver, Guard, Incoming, NodeId, OnDrop, ParameterPort, Publisher, Transport, TransportError};
 
@@ -26,6 +26,8 @@ struct Entity {
     topic: Option<(String, MessageKind)>,
     /// Takes the messages of a subscription.
     deliver: Option<Deliver>,
+    /// The last message of a latched publisher, for late readers.
+    last: Option<Message>,
 }
 
 impl Entity {
@@ -41,7 +43,8 @@ impl Entity {
 
 struct LocalPublisher {
     transport: LocalTransport,
-    topic: String,
+    id: u64,
+    address: Address,
     _gone: Guard,
 }
 
@@ -57,25 +60,39 @@ impl LocalTransport {
         node: &NodeName,
         address: Option<&Address>,
         deliver: Option<Deliver>,
-    ) -> Guard {
+    ) -> (u64, Guard) {
         let topic = address.map(|address| (address.topic.clone(), address.kind));
         let mut entities = self.entities();
         let id = entities.last_key_value().map_or(0, |(last, _)| last + 1);
-        entities.insert(id, Entity { kind, node: node.fully_qualified(), topic, deliver });
+        // Before the subscription is there: no message may come between these and the next one.
+        let on_topic = |publisher: &&Entity| {
+            address.is_some_and(|address| publisher.is_on(EntityKind::Publisher, &address.topic))
+        };
+        for last in entities.values().filter(on_topic).filter_map(|publisher| publisher.last.clone()) {
+            deliver.iter().for_each(|deliver| deliver(Incoming::Message(last.clone())));
+        }
+        entities.insert(id, Entity { kind, node: node.fully_qualified(), topic, deliver, last: None });
         let transport = self.clone();
-        Box::new(OnDrop(move || drop(transport.entities().remove(&id))))
+        (id, Box::new(OnDrop(move || drop(transport.entities().remove(&id)))))
     }
 }
 
 impl Publisher for LocalPublisher {
     fn wanted(&self) -> bool {
-        self.transport.entities().values().any(|entity| entity.is_on(EntityKind::Subscription, &self.topic))
+        let entities = self.transport.entities();
+        entities.values().any(|entity| entity.is_on(EntityKind::Subscription, &self.address.topic))
     }
 
     fn put(&self, message: &Message) -> Result<(), TransportError> {
         // Held while messages are delivered, so that a subscription that has ended receives none.
-        let entities = self.transport.entities();
-        let readers = entities.values().filter(|entity| entity.is_on(EntityKind::Subscription, &self.topic));
+        let mut entities = self.transport.entities();
+        if self.address.qos == Qos::Latched
+            && let Some(own) = entities.get_mut(&self.id)
+        {
+            own.last = Some(message.clone());
+        }
+        let topic = &self.address.topic;
+        let readers = entities.values().filter(|entity| entity.is_on(EntityKind::Subscription, topic));
         readers
             .filter_map(|reader| reader.deliver.as_ref())
             .for_each(|deliver| deliver(Incoming::Message(message.clone())));
@@ -85,9 +102,8 @@ impl Publisher for LocalPublisher {
 
 impl Transport for LocalTransport {
     fn advertise(&self, node: &NodeName, address: &Address) -> Result<Box<dyn Publisher>, TransportError> {
-        let gone = self.declare(EntityKind::Publisher, node, Some(address), None);
-        let topic = address.topic.clone();
-        Ok(Box::new(LocalPublisher { transport: self.clone(), topic, _gone: gone }))
+        let (id, _gone) = self.declare(EntityKind::Publisher, node, Some(address), None);
+        Ok(Box::new(LocalPublisher { transport: self.clone(), id, address: address.clone(), _gone }))
     }
 
     fn subscribe(
@@ -96,11 +112,11 @@ impl Transport for LocalTransport {
         address: &Address,
         deliver: Deliver,
     ) -> Result<Guard, TransportError> {
-        Ok(self.declare(EntityKind::Subscription, node, Some(address), Some(deliver)))
+        Ok(self.declare(EntityKind::Subscription, node, Some(address), Some(deliver)).1)
     }
 
     fn announce(&self, node: &NodeName) -> Result<Guard, TransportError> {
-        Ok(self.declare(EntityKind::Node, node, None, None))
+        Ok(self.declare(EntityKind::Node, node, None, None).1)
     }
 
     /// Keeps `port` and offers it to no caller: a local node cannot be reached from outside of its process.
@@ -145,7 +161,6 @@ mod tests {
     use modulo_msgs::vision_msgs::Detection2DArray;
 
     use super::*;
-    use modulo_runtime::Qos;
 
     #[test]
     fn declarations_end_with_their_guards() {
@@ -174,5 +189,22 @@ mod tests {
         assert!(!publisher.wanted() && !transport.is_ready("/n"));
         drop(publisher);
         assert!(transport.publishers("/t").is_empty());
+    }
+
+    #[test]
+    fn a_late_reader_gets_the_last_message_of_a_latched_topic() {
+        let transport = LocalTransport::default();
+        let node = NodeName::new("n", "/", &[]).expect("valid");
+        for (qos, expected) in [(Qos::Latched, 1), (Qos::Results, 0)] {
+            let address = Address { topic: "/t".into(), kind: MessageKind::Detections, qos, profile: None };
+            let publisher = transport.advertise(&node, &address).expect("local");
+            for _ in 0..2 {
+                publisher.put(&Message::Detections(Arc::default())).expect("local");
+            }
+            let (sender, arrived) = channel();
+            let deliver = Box::new(move |incoming| sender.send(incoming).expect("the test listens"));
+            let _subscription = transport.subscribe(&node, &address, deliver).expect("local");
+            assert_eq!(arrived.try_iter().count(), expected, "{qos:?}");
+        }
     }
 }

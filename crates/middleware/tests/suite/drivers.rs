@@ -1,7 +1,7 @@
 //! The three drivers run the same steps to the same results, and sessions that are opened at the same moment meet.
 
 use std::io::Write;
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Barrier, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -12,12 +12,11 @@ use modulo_middleware::driver::{CommonParameters, composed};
 use modulo_middleware::transport::local::LocalTransport;
 use modulo_middleware::transport::zenoh::ZenohTransport;
 use modulo_middleware::transport::{
-    Claim, Deliver, Guard, Incoming, NodeId, ParameterAnswer, ParameterPort, ParameterRequest, Publisher,
-    Transport, TransportError,
+    Claim, Guard, Incoming, ParameterAnswer, ParameterPort, ParameterRequest, Publisher, Transport,
 };
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::lockstep::Lockstep;
-use modulo_runtime::wire::keys::{EntityKind, Hashes};
+use modulo_runtime::wire::keys::Hashes;
 use modulo_runtime::{
     Address, Clock, Context, Flow, Job, ManualClock, Message, MessageKind, Node, NodeName, NodeReport,
     ParameterError, ParameterSet, Parameters, Part, PlannedInputs, StampedFrame, StepError, Stop,
@@ -26,6 +25,7 @@ use modulo_runtime::{
 use ndarray::Array3;
 
 use crate::harness::{Domain, wait_until};
+use crate::offered::Offered;
 
 /// Sends `count` one-pixel images whose value is their number.
 struct Counter {
@@ -251,46 +251,6 @@ fn a_node_that_waits_in_vain_says_for_whom() {
     assert!(error.to_string().contains("/nobody"), "{error}");
 }
 
-/// A local transport that hands the parameters of its node to the test.
-struct Offered {
-    local: LocalTransport,
-    ports: Mutex<Sender<ParameterPort>>,
-}
-
-impl Transport for Offered {
-    fn advertise(&self, node: &NodeName, address: &Address) -> Result<Box<dyn Publisher>, TransportError> {
-        self.local.advertise(node, address)
-    }
-    fn subscribe(&self, node: &NodeName, address: &Address, take: Deliver) -> Result<Guard, TransportError> {
-        self.local.subscribe(node, address, take)
-    }
-    fn announce(&self, node: &NodeName) -> Result<Guard, TransportError> {
-        self.local.announce(node)
-    }
-    fn serve_parameters(&self, _: &NodeName, port: ParameterPort) -> Result<Guard, TransportError> {
-        self.ports.lock().expect("not poisoned").send(port).expect("the test listens");
-        Ok(Box::new(()))
-    }
-    fn nodes(&self) -> Vec<NodeId> {
-        self.local.nodes()
-    }
-    fn id_of(&self, node: &NodeName) -> NodeId {
-        self.local.id_of(node)
-    }
-    fn is_ready(&self, node: &str) -> bool {
-        self.local.is_ready(node)
-    }
-    fn endpoints(&self, kind: EntityKind, topic: &str) -> Vec<NodeId> {
-        self.local.endpoints(kind, topic)
-    }
-    fn users(&self, end: EntityKind, kind: MessageKind) -> Vec<(String, String)> {
-        self.local.users(end, kind)
-    }
-    fn settling(&self) -> Duration {
-        self.local.settling()
-    }
-}
-
 /// A running node, and a test that sends it images.
 struct Stage {
     transport: Arc<Offered>,
@@ -304,13 +264,12 @@ struct Stage {
 impl Stage {
     /// A stage on which the test hears the images of `output`.
     fn new(output: &str) -> Self {
-        let (ports, port) = channel();
-        let transport = Arc::new(Offered { local: LocalTransport::default(), ports: Mutex::new(ports) });
+        let (transport, ports) = Offered::new();
         let (test, (sender, answers)) = (node_name("test"), channel());
         let take = Box::new(move |incoming| sender.send(incoming).expect("the test listens"));
         let address = Address::resolve(&test, &Topic::new(output, MessageKind::Image)).expect("a name");
         let _answers = transport.subscribe(&test, &address, take).expect("local");
-        Self { transport, ports: port, test, stop: Stop::default(), answers, _answers }
+        Self { transport, ports, test, stop: Stop::default(), answers, _answers }
     }
 
     fn advertise(&self, topic: &str) -> Box<dyn Publisher> {

@@ -2,6 +2,8 @@
 
 #[path = "../../../../tests/harness/live.rs"]
 mod harness;
+#[path = "../../../../tests/harness/offered.rs"]
+mod offered;
 
 mod drivers;
 mod golden_wire;

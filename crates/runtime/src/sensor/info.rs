@@ -2,8 +2,8 @@
 //!
 //! The camera publishes it on [`TOPIC`] before each frame, with the stamp of the frame, as a
 //! `diagnostic_msgs/msg/DiagnosticArray`, which every ROS 2 node can read: one status named `NODE: sensor`, whose
-//! values are the parameters of [`SensorModel`], and the [`StreamKind`] of each of its image topics by the name of the
-//! topic. `unwrap` does the same on [`RECOVERED_TOPIC`] before the images that it makes. The topics are latched: a late
+//! values are the parameters of [`SensorModel`], `height` and `width` of its images in px, and the [`StreamKind`] of each of its image
+//! topics by the name of the topic. The camera sends the first one before it waits for other nodes. `unwrap` does the same on [`RECOVERED_TOPIC`] before the images that it makes. The topics are latched: a late
 //! reader gets the last one.
 
 use std::collections::{BTreeMap, VecDeque};
@@ -23,6 +23,11 @@ use crate::topic::{Qos, Topic};
 pub const TOPIC: &str = "sensor_info";
 /// Name of the topic of the same description, as `unwrap` has used it, with the streams that it makes.
 pub const RECOVERED_TOPIC: &str = "recovered/sensor_info";
+/// The names of the sides of its images, px.
+const HEIGHT: &str = "height";
+const WIDTH: &str = "width";
+/// The longest side of an image that is believed before there is one, px.
+const LONGEST: usize = 4096;
 /// Topics whose descriptions are kept.
 const MOST_TOPICS: usize = 256;
 /// Frames whose description is remembered; more than ever wait for a node.
@@ -62,27 +67,28 @@ pub fn is_topic(topic: &str) -> bool {
     topic.rsplit('/').next() == Some(TOPIC)
 }
 
-/// Returns the description of the frame with this `header` by the node of `cx`, which sends these streams, each with
-/// its output.
+/// Returns the description of the frame of `size` (height, width) with this `header` by the node of `cx`, which sends these streams,
+/// each with its output.
 pub fn message_of(
-    header: &Header,
+    (header, size): (&Header, (usize, usize)),
     model: &SensorModel,
     cx: &Context<'_>,
     streams: &[(usize, StreamKind)],
 ) -> Message {
     let streams = streams.iter().filter_map(|&(output, kind)| Some((cx.topic(output)?, kind)));
-    message(header, model, cx.node(), streams)
+    message((header, size), model, cx.node(), streams)
 }
 
-/// Returns the description of the frame with this `header` by the node `node`, a fully qualified name, with the kinds
-/// of its image topics.
+/// Returns the description of the frame of `size` (height, width) with this `header` by the node `node`, a fully qualified name, with
+/// the kinds of its image topics.
 pub fn message<'a>(
-    header: &Header,
+    (header, (height, width)): (&Header, (usize, usize)),
     model: &SensorModel,
     node: &str,
     streams: impl IntoIterator<Item = (&'a str, StreamKind)>,
 ) -> Message {
     let mut values = KeyValue::all(model.to_text());
+    values.extend(KeyValue::all([(HEIGHT, height.to_string()), (WIDTH, width.to_string())]));
     values.extend(KeyValue::all(streams.into_iter().map(|(topic, kind)| (topic, kind.word().to_owned()))));
     // Tools show statuses by name, and each camera has its own sensor.
     let name = format!("{}: sensor", node.trim_start_matches('/'));
@@ -132,12 +138,20 @@ fn read(message: &DiagnosticArray) -> Result<SensorModel, ParameterError> {
     SensorModel::from_text(&pairs)
 }
 
+/// Reads a side of the images. One that no camera has is unknown: a reader may allocate as much before the first image comes.
+fn side(message: &DiagnosticArray, name: &str) -> Option<usize> {
+    let side = message.value(name)?.parse().ok()?;
+    (1..=LONGEST).contains(&side).then_some(side)
+}
+
 /// The descriptions that have come, by the stamp of their frame.
 #[derive(Clone, Debug, Default)]
 pub struct SensorHistory {
     by_stamp: VecDeque<(Time, SensorModel)>,
     /// The kinds of the image topics that the last description names.
     kinds: BTreeMap<String, StreamKind>,
+    /// (height, width) of the images, if the last description has them.
+    size: Option<(usize, usize)>,
 }
 
 /// The descriptions of all sensors that a reader hears of, by the topic on which they come.
@@ -182,6 +196,7 @@ impl SensorHistory {
     pub fn note(&mut self, message: &DiagnosticArray) -> Result<(), ParameterError> {
         let model = read(message)?;
         self.kinds = read_kinds(message)?;
+        self.size = side(message, HEIGHT).zip(side(message, WIDTH));
         if self.by_stamp.len() == REMEMBERED {
             self.by_stamp.pop_front();
         }
@@ -201,6 +216,11 @@ impl SensorHistory {
         // The description of the next frame may have come already, and that one may have another sensor.
         let before = self.by_stamp.iter().rev().find(|(at, _)| at.as_ns() <= stamp.as_ns());
         before.map(|(_, model)| model).or_else(|| self.latest())
+    }
+
+    /// Returns (height, width) of the images in px, if the last description has them.
+    pub fn size(&self) -> Option<(usize, usize)> {
+        self.size
     }
 
     /// Returns the sensor of the last description.
@@ -225,7 +245,8 @@ mod tests {
     }
 
     fn described(ns: u64, model: &SensorModel, streams: &[(&str, StreamKind)]) -> DiagnosticArray {
-        let message = message(&header(ns), model, "/front/modulo_camera", streams.iter().copied());
+        let message =
+            message((&header(ns), (375, 1242)), model, "/front/modulo_camera", streams.iter().copied());
         let Message::Diagnostics(array) = message else { unreachable!("a description is a DiagnosticArray") };
         DiagnosticArray::clone(&array)
     }

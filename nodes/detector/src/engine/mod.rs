@@ -153,16 +153,25 @@ pub struct OpenedEngine {
     pub layout: ModelLayout,
     /// Path of the library, or the reason for rten.
     pub note: String,
+    /// Whether the first run at each size of the input takes seconds, as on a GPU, where the fastest kernels are searched for.
+    pub searches: bool,
 }
 
 impl OpenedEngine {
-    /// Runs `model`, from which this engine was made, on a black image of (height, width), so that the next run is as fast as all others.
-    /// Returns the form of its output.
+    /// Runs the model on a black image of (height, width), so that the next run at this size is as fast as all others.
+    ///
+    /// # Errors
+    /// [`EngineError`] where the model does not run.
+    pub fn warm_up(&mut self, (height, width): (usize, usize)) -> Result<Array2<f32>, EngineError> {
+        self.engine.run(Array4::zeros((1, 3, height, width)).view())
+    }
+
+    /// Runs `model`, from which this engine was made, for the first time, at (height, width). Returns the form of its output.
     ///
     /// # Errors
     /// [`EngineError`] where the model does not run, and where its output has no known form or cannot be boxes.
     pub fn first_run(&mut self, model: &Path, size: (usize, usize)) -> Result<Head, EngineError> {
-        let output = self.engine.run(Array4::zeros((1, 3, size.0, size.1)).view())?;
+        let output = self.warm_up(size)?;
         let refuse = |why| EngineError::read(model, why);
         let (names, end_to_end) = (&self.layout.names, self.layout.end_to_end);
         let head = Head::of(output.dim(), size, (end_to_end, names.count())).map_err(refuse)?;
@@ -216,6 +225,10 @@ const ZIP: &[u8] = b"PK\x03\x04";
 /// Loads `model` with the engine asked for, on the device asked for. `auto` takes ONNX Runtime where its library is found, else
 /// rten: never another one because a model does not load, and never the processor in place of a GPU.
 pub fn open(model: &Path, options: EngineOptions) -> Result<OpenedEngine, EngineError> {
+    #[cfg(test)]
+    if let Some(opened) = crate::ready::searching(model) {
+        return Ok(opened);
+    }
     // A file that is missing or of another kind is the most common mistake, and engines describe it at length.
     let file = file(model)?;
     let (EngineOptions { device, .. }, threads) = (options, options.cores());
@@ -234,14 +247,16 @@ pub fn open(model: &Path, options: EngineOptions) -> Result<OpenedEngine, Engine
     if engine == EngineChoice::Rten {
         let (opened, layout) = self::rten::Rten::load(model, file, threads)?;
         let note = reason.to_owned();
-        return Ok(OpenedEngine { engine: SharedEngine::new(opened), name, threads, layout, note });
+        let engine = SharedEngine::new(opened);
+        return Ok(OpenedEngine { engine, name, threads, layout, note, searches: false });
     }
     let library = onnxruntime::library()?;
     let (opened, layout) =
         onnxruntime::OnnxRuntime::load((model, file), (engine, device), threads, &library)?;
     let bf16 = onnxruntime::uses_bf16(engine);
     let note = if bf16 { format!("{}, bf16", library.place) } else { library.place };
-    Ok(OpenedEngine { engine: SharedEngine::new(opened), name, threads, layout, note })
+    let (engine, searches) = (SharedEngine::new(opened), device != EngineDevice::Cpu);
+    Ok(OpenedEngine { engine, name, threads, layout, note, searches })
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ use std::sync::{Mutex, PoisonError};
 
 use ndarray::{Array2, ArrayView4};
 use ort::environment::Environment;
+use ort::ep::cuda::ConvAlgorithmSearch;
 use ort::ep::{self, ArbitrarilyConfigurableExecutionProvider as _, ExecutionProvider};
 use ort::session::Session;
 use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
@@ -127,7 +128,9 @@ fn with_provider(
         }
         (_, EngineDevice::Cpu) => return Ok(builder),
         (_, EngineDevice::Cuda(number)) => {
-            register(&ep::CUDA::default().with_device_id(number.into()), &mut builder)
+            // Trying out all algorithms takes 1.7 to 3.4 s at each size of the input, this 0.2 s, for 4.0 instead of 2.9 ms a frame.
+            let cuda = ep::CUDA::default().with_conv_algorithm_search(ConvAlgorithmSearch::Heuristic);
+            register(&cuda.with_device_id(number.into()), &mut builder)
         }
         (_, EngineDevice::TensorRt(number)) => {
             register(&ep::TensorRT::default().with_device_id(number.into()).with_fp16(true), &mut builder)

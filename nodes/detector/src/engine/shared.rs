@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 use std::hash::{DefaultHasher, Hash, Hasher};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use ndarray::{Array2, ArrayView4};
 
@@ -10,48 +10,42 @@ use super::{Engine, EngineError};
 
 /// An engine that several detectors use.
 #[derive(Clone)]
-pub struct SharedEngine(Arc<Mutex<Session>>);
+pub struct SharedEngine {
+    session: Arc<Mutex<Session>>,
+    remembered: usize,
+}
 
 struct Session {
     engine: Box<dyn Engine>,
     /// The hashes of the last inputs, with their outputs: inputs themselves would take megabytes each.
     recent: VecDeque<(u64, Array2<f32>)>,
-    remembered: usize,
 }
 
 impl SharedEngine {
     /// Shares `engine`, which remembers no output yet.
     pub fn new(engine: impl Engine + 'static) -> Self {
-        Self(Arc::new(Mutex::new(Session {
-            engine: Box::new(engine),
-            recent: VecDeque::new(),
-            remembered: 0,
-        })))
+        let session = Session { engine: Box::new(engine), recent: VecDeque::new() };
+        Self { session: Arc::new(Mutex::new(session)), remembered: 0 }
     }
 
-    /// Remembers the outputs of this number of last inputs from now on.
-    pub fn remember(&self, inputs: usize) {
-        self.session().remembered = inputs;
-    }
-
-    fn session(&self) -> MutexGuard<'_, Session> {
-        // A panic of another user does not harm the engine.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    /// Remembers the outputs of this number of last inputs from now on, as do the clones that are made of it.
+    pub fn remember(&mut self, inputs: usize) {
+        self.remembered = inputs;
     }
 }
 
 impl Engine for SharedEngine {
     fn run(&mut self, input: ArrayView4<'_, f32>) -> Result<Array2<f32>, EngineError> {
-        let Session { engine, recent, remembered } = &mut *self.session();
-        if *remembered == 0 {
-            return engine.run(input);
-        }
-        let key = hash(input);
+        // While others use the engine.
+        let key = (self.remembered > 0).then(|| hash(input));
+        // A panic of another user does not harm the engine.
+        let Session { engine, recent } = &mut *self.session.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(key) = key else { return engine.run(input) };
         if let Some((_, output)) = recent.iter().find(|(known, _)| *known == key) {
             return Ok(output.clone());
         }
         let output = engine.run(input)?;
-        recent.truncate(*remembered - 1);
+        recent.truncate(self.remembered - 1);
         recent.push_front((key, output.clone()));
         Ok(output)
     }

@@ -267,7 +267,7 @@ fn read_as(
     let (clock, wanted) = (ManualClock::at(0), [true, false]);
     let header = Header { stamp: Time { sec: stamp, nanosec: 8 }, frame_id: "camera".into() };
     let sensor = SensorModel { bits, ..SensorModel::default() };
-    let message = sensor_info::message(&header, &sensor, "/modulo_camera", []);
+    let message = sensor_info::message((&header, (96, 160)), &sensor, "/modulo_camera", []);
     let mut cx = Context::new("/detector", &clock, &wanted);
     // That beside the images, where they have a topic of their own.
     let beside =
@@ -572,7 +572,7 @@ fn answered(fallback: &str, psf_sigma: f64) -> Vec<&'static str> {
         let now = frame * 100_000_000;
         let mut image = image(grey(96, 160, 204));
         image.header.stamp = Time::from_ns(now);
-        let info = sensor_info::message(&image.header, &sensor, "/modulo_camera", []);
+        let info = sensor_info::message((&image.header, (96, 160)), &sensor, "/modulo_camera", []);
         chain.feed("/sensor_info", info, now).expect("a step");
         let image = Message::Image(Arc::new(image));
         for stream in ["/saturated", "/metered"] {
@@ -615,7 +615,7 @@ fn one_detector_answers_several_cameras() {
             let mut image = image(grey(96, 160, 60));
             image.header.stamp = Time::from_ns(frame);
             let info = sensor_info::message(
-                &image.header,
+                (&image.header, (96, 160)),
                 &SensorModel { bits, ..SensorModel::default() },
                 camera,
                 [],
@@ -645,7 +645,7 @@ fn cameras_of_other_sizes_and_bits_have_one_state() {
         for (camera, namespace, bits, height) in [(0, "/front", 8, 96), (1, "/rear", 6, 200)] {
             let image = image(grey(height, 160, 60));
             let sensor = SensorModel { bits, ..SensorModel::default() };
-            let info = sensor_info::message(&image.header, &sensor, namespace, []);
+            let info = sensor_info::message((&image.header, (96, 160)), &sensor, namespace, []);
             let mut send = |input, message| {
                 let mut cx = Context::new("/detector", &clock, &[true, false, true, false]);
                 node.step(Trigger::Message { input, message }, &mut cx).expect("a step");

@@ -33,13 +33,15 @@ use crate::transport::queue::{Arrived, Limit, Queue, Queued};
 use crate::transport::{Incoming, ParameterRequest, Publisher, Transport};
 use inputs::{Inputs, Renewal};
 use outputs::{LiveOutput, compressed};
-use requests::{EnableRequest, Loading};
+use requests::{EnableRequest, Loading, Work};
 use settings::Settings;
 use telemetry::Telemetry;
 use watch::Silence;
 
 /// An idle node wakes this often for its periodic tasks.
 const IDLE: Duration = Duration::from_millis(250);
+/// A node waits this long for messages that tell what it will get, where they are published, before it reports ready.
+const UNTOLD: Duration = Duration::from_millis(500);
 /// Parameter requests that wait for a busy node; each caller waits for its answer.
 const REQUESTS: usize = 64;
 
@@ -66,6 +68,8 @@ enum LiveEvent {
     Ack(Incoming),
     /// The part that a request needs was loaded, or cannot be.
     Loaded(Result<Part, ParameterError>),
+    /// The part that a step has asked for was made, or cannot be.
+    Made(Result<Part, ParameterError>),
     /// A request to pause, or to go on.
     Enable(EnableRequest),
 }
@@ -74,7 +78,7 @@ impl Queued for LiveEvent {
     fn attachment(&self) -> Option<&Attachment> {
         match self {
             Self::Message(incoming) => incoming.attachment(),
-            Self::Ack(_) | Self::Request(_) | Self::Loaded(_) | Self::Enable(_) => None,
+            Self::Ack(_) | Self::Request(_) | Self::Loaded(_) | Self::Made(_) | Self::Enable(_) => None,
         }
     }
 }
@@ -106,6 +110,8 @@ struct Live<'a> {
     silence: Silence,
     /// The part that a request waits for.
     loading: Option<Loading>,
+    /// The part that a step has asked for.
+    made_beside: Option<Work>,
     /// The frame that the last step on an image has deferred: its stamp, its topic, and the ticks since then.
     deferred: Option<(Time, String, u64)>,
     /// Whether the node works. While it does not, it has no subscription, and a source sends nothing.
@@ -147,6 +153,7 @@ pub fn run(
         telemetry: Telemetry::open(&node_name, report_file, &outputs, transport, &**clock)?,
         outputs,
         loading: None,
+        made_beside: None,
         deferred: None,
         enabled: true,
         node_name,
@@ -160,10 +167,13 @@ impl Live<'_> {
             tracing::info!(node = %self.telemetry.node(), "goes on behind frame {position}, as before the crash");
             self.node.resume(position);
         }
+        // Before it waits for others: they get ready for its first frame.
+        self.introduce();
         self.wait_for_others()?;
         self.subscribe()?;
         let clock = self.time.open(&self.settings.read(), &self.node_name, self.transport)?;
         self.time.follow(clock);
+        self.get_ready()?;
         let served = (self.serve_parameters()?, self.serve_enable()?);
         // Last of all: a node that waits for this one may send at once.
         let announced = self.transport.announce(&self.node_name)?;
@@ -196,7 +206,8 @@ impl Live<'_> {
         // From here on requests are refused, so that no caller waits for a node that has ended.
         self.queue.end();
         // The process must not end while a library of an engine is at work.
-        let _ = self.loading.take().map(|loading| loading.thread.join());
+        let works = [self.loading.take().map(|loading| loading.work), self.made_beside.take()];
+        works.into_iter().flatten().for_each(|work| drop(work.thread.join()));
         for (topic, warning) in self.skips.rest() {
             tracing::warn!(node = %self.telemetry.node(), topic, "skipped: {warning}");
         }
@@ -217,6 +228,24 @@ impl Live<'_> {
                 format!("waited {seconds} s for {missing}, which is not there; start it, or change wait_for");
             RunError::Fatal(self.telemetry.node().to_owned(), why)
         })
+    }
+
+    /// Takes the messages that tell what will come, and has the node get ready for it.
+    fn get_ready(&mut self) -> Result<(), RunError> {
+        let until = self.time.ticks_ns() + nanoseconds(UNTOLD);
+        loop {
+            let mut is_published = false;
+            for topic in self.node.get_ready() {
+                let address = Address::resolve(&self.node_name, &topic)?;
+                is_published |= !self.transport.publishers(&address.topic).is_empty();
+            }
+            if !is_published || self.time.ticks_ns() >= until || self.stop.urgency() != Urgency::None {
+                return Ok(());
+            }
+            if let Some(arrived) = self.queue.take(Some(GRAPH_GLANCE)) {
+                self.handle(arrived)?;
+            }
+        }
     }
 
     fn subscribe(&mut self) -> Result<(), RunError> {
@@ -271,6 +300,10 @@ impl Live<'_> {
             LiveEvent::Message(item) => self.handle_message(Arrived { lane, stamp_ns, item }),
             LiveEvent::Request(request) => self.answer(request).map(|()| Flow::Continue),
             LiveEvent::Loaded(part) => self.loaded(part).map(|()| Flow::Continue),
+            LiveEvent::Made(part) => {
+                self.made(part);
+                Ok(Flow::Continue)
+            }
             LiveEvent::Enable(request) => self.enable(&request).map(|()| Flow::Continue),
             LiveEvent::Ack(incoming) => {
                 if let Ok(Message::Diagnostics(ack)) = incoming.open(MessageKind::Diagnostics) {

@@ -29,6 +29,8 @@ pub(super) struct EnableRequest {
 /// Time that a caller of `~/enable` waits for the end of the step at hand.
 const PATIENCE: Duration = Duration::from_secs(10);
 
+const PANICKED: &str = "the program failed at it; see the log";
+
 /// A request whose changes are looked at, one after the other.
 struct PreparedRequest {
     request: ParameterRequest,
@@ -57,6 +59,11 @@ pub(super) struct Loading {
     prepared: PreparedRequest,
     /// The parameters that the part is for.
     next: Parameters,
+    pub work: Work,
+}
+
+/// A job on a thread of its own, whose end comes as an event.
+pub(super) struct Work {
     lane: Lane,
     pub thread: JoinHandle<()>,
 }
@@ -164,36 +171,70 @@ impl Live<'_> {
             return Ok(());
         }
         let (names, values) = difference(&prepared.expected, &next);
-        let failed = move |why: String| ParameterError::new(names.clone(), values.clone(), why);
-        let (lane, queue, panicked) = (self.queue.open(Keep::Last(1)), self.queue.clone(), failed.clone());
-        let thread = std::thread::Builder::new().name("parts".into()).spawn(move || {
-            // Without an answer, the request would wait for ever, and no other part could be made.
-            let loaded = catch_unwind(AssertUnwindSafe(job));
-            let loaded =
-                loaded.unwrap_or_else(|_| Err(panicked("the program failed at it; see the log".into())));
-            drop(queue.push(lane, LiveEvent::Loaded(loaded)));
-        });
-        match thread {
-            Ok(thread) => {
-                self.loading = Some(Loading { prepared, next, lane, thread });
+        let failed = |why: &str| ParameterError::new(&names, &values, why);
+        match self.work_on(job, LiveEvent::Loaded, failed(PANICKED)) {
+            Ok(work) => {
+                self.loading = Some(Loading { prepared, next, work });
                 self.publish_state(self.telemetry.diagnostics.next_stamp(&self.time));
                 Ok(())
             }
             Err(why) => {
-                self.queue.close(lane);
-                prepared.parts.push(Err(failed(format!("the system gives no thread: {why}"))));
+                prepared.parts.push(Err(failed(&why)));
                 self.prepare(prepared)
             }
+        }
+    }
+
+    /// Starts `job` on a thread of its own; its end comes as `event`, with the error `panicked` where it fails at a fault of the program.
+    fn work_on(
+        &self,
+        job: Job,
+        event: fn(Result<Part, ParameterError>) -> LiveEvent,
+        panicked: ParameterError,
+    ) -> Result<Work, String> {
+        let (lane, queue) = (self.queue.open(Keep::Last(1)), self.queue.clone());
+        let thread = std::thread::Builder::new().name("parts".into()).spawn(move || {
+            // Without an answer, the request would wait for ever, and no other part could be made.
+            let made = catch_unwind(AssertUnwindSafe(job)).unwrap_or(Err(panicked));
+            drop(queue.push(lane, event(made)));
+        });
+        thread.map(|thread| Work { lane, thread }).map_err(|why| {
+            self.queue.close(lane);
+            format!("the system gives no thread: {why}")
+        })
+    }
+
+    /// Closes the lane of `work`, which has sent its last event, and ends now.
+    fn end(&self, work: Work) {
+        self.queue.close(work.lane);
+        let _ = work.thread.join();
+    }
+
+    /// Starts to make the part that a step has asked for.
+    pub(super) fn make_beside(&mut self, job: Job) {
+        let panicked = ParameterError::new("part", "of a step", PANICKED);
+        match self.work_on(job, LiveEvent::Made, panicked) {
+            Ok(work) => self.made_beside = Some(work),
+            Err(why) => tracing::warn!(node = %self.telemetry.node(), "{why}"),
+        }
+    }
+
+    /// Has the node take the part that a step has asked for.
+    pub(super) fn made(&mut self, part: Result<Part, ParameterError>) {
+        let work = self.made_beside.take().expect("only a part that is being made is made");
+        self.end(work);
+        match part {
+            // Parameters that were set meanwhile may need another part, for which a step asks again.
+            Ok(part) => drop(self.node.exchange(&self.settings.read(), part)),
+            Err(why) => tracing::warn!(node = %self.telemetry.node(), "{why}"),
         }
     }
 
     /// Takes the part that was loaded, and goes on with its request.
     pub(super) fn loaded(&mut self, part: Result<Part, ParameterError>) -> Result<(), RunError> {
         let loading = self.loading.take().expect("only a part that is being loaded is loaded");
-        let Loading { mut prepared, next, lane, thread } = loading;
-        self.queue.close(lane);
-        // It has sent its last event, and ends now.
-        let _ = thread.join();
+        let Loading { mut prepared, next, work } = loading;
+        self.end(work);
         prepared.parts.push(part.map(|part| {
             prepared.expected = next;
             Some(part)

@@ -3,7 +3,7 @@
 use modulo_msgs::std_msgs::Time;
 use modulo_runtime::report::add;
 use modulo_runtime::trace::FlowPoint;
-use modulo_runtime::{Clock, Context, Flow, Message, MessageKind, StepError, Trigger};
+use modulo_runtime::{Clock, Context, Flow, Message, MessageKind, Node, StepError, StepOutput, Trigger};
 
 use super::Live;
 use super::outputs::LiveOutput;
@@ -21,13 +21,11 @@ impl Live<'_> {
         stream: Option<&str>,
         frame: Option<Time>,
     ) -> Result<(Flow, Vec<(usize, Message)>), RunError> {
-        let wanted: Vec<bool> = self.outputs.iter().map(LiveOutput::wanted).collect();
-        let topics: Vec<&str> = self.outputs.iter().map(|output| &*output.address.topic).collect();
-        let mut cx =
-            Context::new(self.telemetry.node(), &self.time, &wanted).with_topics(&topics).of_stream(stream);
         let begin = self.time.ticks_ns();
-        let result = self.node.step(trigger, &mut cx);
-        let mut output = cx.finish();
+        let (result, mut output) = self.in_context(stream, |node, cx| node.step(trigger, cx));
+        if let Some(job) = output.job.take() {
+            self.make_beside(job);
+        }
         output.messages = self.with_compressed(output.messages);
         let image = output.messages.iter().find(|(_, message)| message.kind() == MessageKind::Image);
         let made = image.map(|(_, message)| message.stamp());
@@ -44,6 +42,31 @@ impl Live<'_> {
             self.publish_state(first.stamp());
         }
         self.settle(result, output.messages, topic, stream.is_none())
+    }
+
+    /// Has the node do `work` for a message of `stream`; returns its result, and what it has left to the driver.
+    fn in_context<T>(
+        &mut self,
+        stream: Option<&str>,
+        work: impl FnOnce(&mut dyn Node, &mut Context<'_>) -> T,
+    ) -> (T, StepOutput) {
+        let wanted: Vec<bool> = self.outputs.iter().map(LiveOutput::wanted).collect();
+        let topics: Vec<&str> = self.outputs.iter().map(|output| &*output.address.topic).collect();
+        let mut cx = Context::new(self.telemetry.node(), &self.time, &wanted)
+            .with_topics(&topics)
+            .of_stream(stream)
+            .with_parts(self.made_beside.is_some());
+        let result = work(&mut *self.node, &mut cx);
+        (result, cx.finish())
+    }
+
+    /// Sends what the node introduces itself with.
+    pub(super) fn introduce(&mut self) {
+        let begin = self.time.ticks_ns();
+        let ((), output) = self.in_context(None, |node, cx| node.introduce(cx));
+        let ended = EndedStep { begin, output: &output, stream: None, input: None, made: None, point: None };
+        self.telemetry.record(&ended, &self.outputs, &self.time);
+        self.send_all(&output.messages);
     }
 
     /// Counts and reports the failure of a step; a step that is only skipped goes on.
