@@ -474,7 +474,7 @@ fn print_cell(cell: &Cell) {
 }
 
 /// Returns the nodes of a launch file. `has_frames`: whether the frames are not those of its cameras.
-pub(super) fn planned(
+fn planned(
     file: &Path,
     arguments: &[(String, String)],
     has_frames: bool,
@@ -500,7 +500,7 @@ pub(super) fn evaluable(plan: &Plan, has_frames: bool) -> anyhow::Result<Vec<Pla
 }
 
 /// Makes the nodes and adds them to a chain.
-pub(super) fn add(planned: Vec<PlannedNode>, chain: &mut Lockstep<'_>) -> Result<(), Failure> {
+fn add(planned: Vec<PlannedNode>, chain: &mut Lockstep<'_>) -> Result<(), Failure> {
     for PlannedNode { executable, name, parameters } in planned {
         let made = (kind_of(executable)?.make)(&parameters);
         chain.add(made.with_context(|| name.fully_qualified()).map_err(usage)?, &name)?;

@@ -76,6 +76,11 @@ impl Classes {
         (self.wanted.is_empty() || self.wanted.contains(&name)).then_some(name)
     }
 
+    /// Returns the names in the model.
+    pub fn names(&self) -> &ClassNames {
+        &self.names
+    }
+
     /// Returns the published classes: the index in the model and the name of each.
     pub fn labels(&self) -> Vec<VisionClass> {
         let label = |index| {
