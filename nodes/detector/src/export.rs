@@ -13,8 +13,7 @@ const COCO: usize = 80;
 /// The numbers up to 90 that are no category of COCO.
 const GAPS: [usize; 10] = [12, 26, 29, 30, 45, 66, 68, 69, 71, 83];
 
-/// The numbers of the classes of a model by the names that are published. A name that a class map gives to several classes has the
-/// least number of them.
+/// The numbers of the classes of a model. A name that a class map gives to several classes has the least number of them.
 pub struct ClassNumbers {
     numbers: HashMap<String, usize>,
     /// Whether the model has the classes of COCO, whose categories have numbers of their own.
@@ -26,9 +25,7 @@ impl ClassNumbers {
         let names = classes.names();
         let is_coco =
             names.count() == COCO && names.name(0) == "person" && names.name(COCO - 1) == "toothbrush";
-        // From the end, so that the least number stays.
-        let labels = classes.labels().into_iter().rev();
-        Self { numbers: labels.map(|label| (label.class_name, label.class_id.into())).collect(), is_coco }
+        Self { numbers: classes.numbers(), is_coco }
     }
 
     /// Returns the number of a class in the model. Classes without names are called by it.
@@ -73,5 +70,63 @@ impl ClassNumbers {
             })
         };
         found.iter().map(entry).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use modulo_core::BBox;
+
+    use super::*;
+    use crate::classes::ClassMap;
+    use crate::names::ClassNames;
+
+    fn numbers(names: &[&str], map: &str) -> ClassNumbers {
+        let names = (!names.is_empty()).then(|| format!("{names:?}"));
+        let names = ClassNames::of(Path::new("none"), names.as_deref()).expect("names");
+        let file = tempfile::NamedTempFile::new().expect("a file");
+        std::fs::write(&file, map).expect("writable");
+        let path = if map.is_empty() { "" } else { file.path().to_str().expect("UTF-8") };
+        let map = ClassMap::read(path, &names).expect("readable");
+        ClassNumbers::of(&Classes::new(&names, map, &[]).expect("possible"))
+    }
+
+    fn found(class: &str) -> Vec<Detection> {
+        let bbox = BBox { x1: 10.0, y1: 20.0, x2: 30.5, y2: 60.0 };
+        vec![Detection { bbox, score: 0.123_456_7, class: class.to_owned() }]
+    }
+
+    #[test]
+    fn a_class_has_its_number_whatever_it_is_called() {
+        let three = ["person", "bicycle", "car"];
+        for (names, map, class, number) in [
+            (&three[..], "", "car", 2),
+            (&three, "car: vehicle\nbicycle: vehicle", "vehicle", 1),
+            (&three, "", "7", 7),
+            (&[], "", "5", 5),
+            (&[], "4: lorry", "lorry", 4),
+        ] {
+            let numbers = numbers(names, map);
+            let expected = format!("{number} 0.202500 0.400000 0.205000 0.400000");
+            assert_eq!(numbers.yolo(&found(class), (100, 100), false), format!("{expected}\n"));
+            assert_eq!(numbers.yolo(&found(class), (100, 100), true), format!("{expected} 0.123457\n"));
+            assert_eq!(numbers.coco(&found(class), &7.into(), "a.png")[0]["category_id"], number + 1);
+        }
+    }
+
+    /// The numbers of COCO's categories have gaps, the last one is 90.
+    #[test]
+    fn a_model_of_coco_has_its_categories() {
+        let mut names: Vec<String> = (0..COCO).map(|class| format!("class {class}")).collect();
+        (names[0], names[11], names[79]) = ("person".into(), "stop sign".into(), "toothbrush".into());
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let numbers = numbers(&names, "");
+        for (class, id) in [("person", 1), ("stop sign", 13), ("class 10", 11), ("toothbrush", 90)] {
+            let entry = &numbers.coco(&found(class), &7.into(), "a.png")[0];
+            assert_eq!(entry["category_id"], id, "{class}");
+            assert_eq!(entry["bbox"], json!([10.0, 20.0, 20.5, 40.0]));
+        }
     }
 }
