@@ -34,7 +34,7 @@ use modulo_runtime::sensor::options::{CHIP, CodingOptions};
 use modulo_runtime::{Clock as _, Parameters, SystemClock, Value};
 use modulo_video::VideoAddress;
 
-use super::launch::{prepare, refuse};
+use super::launch::{prepare, refuse, warn_of_demo};
 use super::progress::{FrameProgress, ProgressLine};
 use super::run::kind_of;
 use super::{completion, images, pairs, start_log, usage};
@@ -216,6 +216,12 @@ pub fn eval(args: &Eval) -> Result<Ended, Failure> {
         planned.map_err(|(Failure::Usage(why) | Failure::Run(why))| GridError::Request(message_of(&why)))
     };
     let variants = args.variants(&nodes)?;
+    let read = data.as_ref().map(|data| match data {
+        Data::Any(sources) => sources.clone(),
+        _ => vec!["the labelled frames".to_owned()],
+    });
+    let parameters = variants.iter().flat_map(|variant| &variant.nodes).map(|node| node.parameters.clone());
+    warn_of_demo(&parameters.collect::<Vec<_>>(), read.as_deref());
     let out = Folder::take(args.out.as_deref()).map_err(failure)?;
     let request = args.request(variants, data, out.path())?;
     // What cannot be evaluated leaves no recording behind.

@@ -153,6 +153,28 @@ fn the_embedded_model_looks_at_scenes() {
     assert_eq!(rgb(bench.path("out/000000.png")).dimensions(), (640, 192));
 }
 
+#[test]
+fn the_limit_of_the_embedded_model_is_told_once() {
+    let bench = Bench::new();
+    bench.images(2);
+    let (scene, file) =
+        ("scene://day?seed=1&frames=2&width=320&height=192", "launch/compare.launch.yaml engine:=rten");
+    let images = bench.folder.path().join("images");
+    let images = images.display();
+    for (line, times) in [
+        (format!("eval {file} source:={images} -o @/a"), 1),
+        (format!("eval {file} source:={images} model:=% -o @/b"), 0),
+        (format!("eval {file} source:={scene} -o @/c"), 0),
+        (format!("eval --source {images} --engine rten -o @/d"), 1),
+        (format!("eval --source {scene} --engine rten -o @/e"), 0),
+        (format!("launch {file} source:={images}"), 1),
+        (format!("launch {file} source:={scene}"), 0),
+    ] {
+        let message = bench.says(0, &line);
+        assert_eq!(message.matches("knows rendered scenes").count(), times, "{line}\n{message}");
+    }
+}
+
 /// As PyPI's onnxruntime finds on the same pictures in Python with the letterbox of the detector.
 #[test]
 fn real_pictures_have_the_boxes_of_onnx_runtime() {

@@ -24,7 +24,7 @@ use crate::export::ClassNumbers;
 use crate::head::Head;
 use crate::input_size::InputSize;
 use crate::measure::FIRST_RUN;
-use crate::model::ModelLayout;
+use crate::model::{DEMO, DEMO_LIMIT, ModelLayout};
 use crate::parameter::{DetectorParameters, Settings, StreamChoice};
 use crate::plausible::EXPORT;
 use crate::post::{are_shares, detections};
@@ -171,6 +171,9 @@ impl Loaded {
         )?;
         let settings = settings(&engine.layout)?;
         tracing::info!("model {} runs on {} ({}); output {head}", parameters.model, engine.name, engine.note);
+        if parameters.model == DEMO {
+            tracing::info!("{DEMO_LIMIT}");
+        }
         Ok(Self { parameters: parameters.clone(), settings, engine, head, boxes_checked: false })
     }
 
