@@ -18,8 +18,8 @@ use crate::command::{bag, demo, detect, eval, graph, images, launch, model, para
     name = "modulo",
     version,
     arg_required_else_help = true,
-    after_help = "As in ROS 2: modulo run, topic, node and param. To complete words in bash, or with zsh in its \
-                  place in zsh: source <(COMPLETE=bash modulo); in fish: COMPLETE=fish modulo | source."
+    after_help = "As in ROS 2: modulo run, topic, node and param.\n\
+                  To complete words in bash or zsh: source <(COMPLETE=bash modulo), with the name of the shell."
 )]
 pub enum Cli {
     /// Show what a modulo camera sees at a low sun, on a web page or as a picture

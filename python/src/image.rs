@@ -109,7 +109,7 @@ impl<'py> Pixels<'py> {
             return Ok(Self::F32(pixels.try_readonly().map_err(value_error)?));
         }
         Err(value_error(format!(
-            "{name} has samples of type {}, uint8 or uint16 of this machine's byte order, or floats are needed (astype)",
+            "{name} has samples of type {}, uint8, uint16 or float32 of this machine's byte order is needed (astype)",
             array.dtype()
         )))
     }

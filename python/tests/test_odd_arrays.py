@@ -331,9 +331,7 @@ def test_floats_of_64_bits_are_those_of_32() -> None:
     sensor = modulo.Sensor(alpha=4)
     wide, narrow = sensor.expose(radiance), sensor.expose(radiance.astype(np.float32))
     assert all((one == other).all() for one, other in zip(wide, narrow, strict=True))
-    codes = wide.modulo.astype(np.float64)
-    assert (sensor.unwrap(codes).counts == sensor.unwrap(codes.astype(np.float32)).counts).all()
-    assert (sensor.tone_map(codes) == sensor.tone_map(codes.astype(np.float32))).all()
+    assert (sensor.tone_map(900 * radiance) == sensor.tone_map((900 * radiance).astype(np.float32))).all()
 
 
 def test_a_sensor_shows_what_it_was_given() -> None:

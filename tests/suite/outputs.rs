@@ -37,7 +37,7 @@ fn a_line_of_the_log_that_cannot_be_written_ends_nothing() {
         ),
         ("simulate @/images --alpha 2 -o @/simulated", "simulated/results.json"),
         ("bag convert bags/samples/tunnel @/bag", "bag/metadata.yaml"),
-        ("detect @/images --model % -o @/found", "found/000001.png"),
+        ("detect @/images --model % -o @/found", "found/000000.png"),
     ] {
         let whole = bench.words(line);
         for script in ["exec 2>/dev/full", "exec 2>&-"] {
