@@ -4,6 +4,13 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use image::{GrayImage, Luma, Rgb, RgbImage};
+use modulo_bags::bag::{BagTopic, BagWriter, Compression};
+use modulo_core::{Frame, Mosaic};
+use modulo_msgs::cdr;
+use modulo_msgs::sensor_msgs::Image;
+use modulo_msgs::std_msgs::Header;
+use modulo_runtime::Qos;
+use ndarray::Array3;
 use serde_json::json;
 
 use super::outputs::files;
@@ -142,6 +149,28 @@ fn what_cannot_be_detected_is_refused_before_anything_is_written() {
     assert_has(&bench.says(2, "detect @/in --model % -o @/in"), &["not empty"]);
     assert_eq!(files(&bench.path("in")), before);
     bench.says(0, "detect @/numbers --model % -o @/out");
+}
+
+/// Two images of one stamp have names of their own, and a raw mosaic has colours.
+#[test]
+fn images_of_a_bag_are_shown_as_recorded() {
+    let bench = Bench::new();
+    let colour = Array3::from_shape_fn((64, 96, 3), |(y, x, c)| noise(x as u32 + 100 * c as u32, y as u32));
+    let colour = Frame::from_u8(colour).expect("a frame");
+    let grey = Frame::from_u8(Array3::from_elem((64, 96, 1), 99)).expect("a frame");
+    let raw = grey.with_mosaic(Mosaic::Rggb).expect("one channel");
+    let mut bag = BagWriter::create(&bench.path("bag"), Compression::None).expect("a new bag");
+    let topic = bag.topic(&BagTopic::new("/raw", "sensor_msgs/msg/Image", Qos::Images)).expect("a topic");
+    for (time, frame) in [(1, &colour), (2, &raw)] {
+        let image = Image::from_frame(Header::default(), frame);
+        bag.write(topic, time, time, &cdr::to_vec(&image).expect("short")).expect("writable");
+    }
+    bag.finish().expect("writable");
+    bench.says(0, &format!("detect @/bag --model % -o @/out {NO_BOX}"));
+    assert_eq!(names(&bench.path("out")), ["0.png", "0_1.png"].map(str::to_owned).into());
+    let written = rgb(bench.path("out/0.png"));
+    assert!(written.into_raw() == colour.as_u8().expect("8 bits").as_slice().expect("in order"));
+    assert!(rgb(bench.path("out/0_1.png")).pixels().all(|pixel| pixel.0 == [99; 3]));
 }
 
 #[test]
