@@ -14,13 +14,14 @@ use clap::Args;
 use modulo_bags::source::{Picture, Pictures, SourceOptions, is_endless, is_rendered, of_radiance};
 use modulo_core::{Detection, Transfer};
 use modulo_detector::{ClassNumbers, DEMO, DEMO_LIMIT, Detector, DetectorParameters, drawn};
-use modulo_images::{Coding, save_png};
+use modulo_images::{Coding, White, save_png};
 use modulo_runtime::output::ResultFolder;
 use modulo_runtime::secret::without_secrets;
 use modulo_runtime::{ParameterSet as _, Stop, SystemClock, Urgency};
 use modulo_video::{LiveAddress, LiveFrame, LiveVideo, VideoAddress, VideoError};
 use serde_json::Value;
 
+use super::launch::counted;
 use super::{completion, pairs, start_log, stop_on_signals, usage};
 use crate::{Ended, Failure};
 
@@ -69,16 +70,7 @@ pub fn detect(args: &Detect) -> Result<Ended, Failure> {
         return Err(usage(anyhow!("{shown}: {DEMO_LIMIT}, and add --model yolov10n.onnx")));
     }
     let stop = stop_on_signals()?;
-    let live = match VideoAddress::of(&args.source) {
-        Ok(Some(VideoAddress::Live(address))) => Some(address),
-        _ => None,
-    };
-    // What has no end is ended by a signal.
-    let has_end = live.is_none() && !is_endless(&args.source);
-    let (mut pictures, mut lost) = match live {
-        Some(address) => (frames_of(address, stop.clone()).map_err(usage)?, 0),
-        None => recorded(args, &options).map_err(usage)?,
-    };
+    let Opened { mut pictures, mut lost, has_end } = opened(args, &options, &stop).map_err(usage)?;
     let mut detector = Detector::new(&parameters).map_err(usage)?;
     let folder = ResultFolder::take(args.out.as_deref(), "detect", None).map_err(usage)?;
     let mut files = Files::create(folder.path(), args, detector.class_numbers())?;
@@ -94,11 +86,28 @@ pub fn detect(args: &Detect) -> Result<Ended, Failure> {
             }
         }
     }
-    let is_cut = has_end && stop.urgency() != Urgency::None;
+    let is_cut = has_end && stop.urgency() != Urgency::None && pictures.next().is_some();
     if is_cut {
         note!("ended by a signal before the last picture");
     }
     files.finish(lost).map(|is_empty| Ended::of(is_empty || is_cut || lost > 0))
+}
+
+/// A source that is open.
+struct Opened {
+    pictures: Each,
+    /// The number of its parts that cannot be read.
+    lost: usize,
+    /// What has none is ended by a signal.
+    has_end: bool,
+}
+
+fn opened(args: &Detect, options: &SourceOptions, stop: &Stop) -> anyhow::Result<Opened> {
+    if let Ok(Some(VideoAddress::Live(address))) = VideoAddress::of(&args.source) {
+        return Ok(Opened { pictures: frames_of(address, stop.clone())?, lost: 0, has_end: false });
+    }
+    let (pictures, lost) = recorded(args, options)?;
+    Ok(Opened { pictures, lost, has_end: !is_endless(&args.source) })
 }
 
 /// Returns the parameters of the detector, and how the source is read.
@@ -113,6 +122,7 @@ fn settings(
             "white" => {
                 let white = value.parse().with_context(|| format!("white:={value}: must be a number"))?;
                 options.coding = Coding { white, ..Coding::default() };
+                White::new(options.coding.clone())?;
             }
             name if OF_STREAMS.contains(&name) => bail!(
                 "{name}:={value}: is for the streams of a camera, and detect looks at pictures as they are; use modulo eval \
@@ -249,7 +259,8 @@ impl<'a> Files<'a> {
         if lost > 0 {
             note!("left out, as they cannot be read: {lost}");
         }
-        note!("{} pictures, {} objects: {}", self.pictures, self.objects, self.folder.display());
+        let (pictures, objects) = (counted(self.pictures, "picture"), counted(self.objects, "object"));
+        note!("{pictures}, {objects}: {}", self.folder.display());
         Ok(self.pictures == 0)
     }
 }

@@ -216,12 +216,7 @@ pub fn eval(args: &Eval) -> Result<Ended, Failure> {
         planned.map_err(|(Failure::Usage(why) | Failure::Run(why))| GridError::Request(message_of(&why)))
     };
     let variants = args.variants(&nodes)?;
-    let read = data.as_ref().map(|data| match data {
-        Data::Any(sources) => sources.clone(),
-        _ => vec!["the labelled frames".to_owned()],
-    });
-    let parameters = variants.iter().flat_map(|variant| &variant.nodes).map(|node| node.parameters.clone());
-    warn_of_demo(&parameters.collect::<Vec<_>>(), read.as_deref());
+    tell_demo(&variants, data.as_ref());
     let out = Folder::take(args.out.as_deref()).map_err(failure)?;
     let request = args.request(variants, data, out.path())?;
     // What cannot be evaluated leaves no recording behind.
@@ -236,6 +231,16 @@ pub fn eval(args: &Eval) -> Result<Ended, Failure> {
         picture(&request, &results)?;
     }
     finish(&results, &write(out.path(), &results)?, stopped())
+}
+
+/// Warns where the embedded model is to look at other frames than rendered ones.
+fn tell_demo(variants: &[Variant], data: Option<&Data>) {
+    let read = data.map(|data| match data {
+        Data::Any(sources) => sources.clone(),
+        _ => vec!["the labelled frames".to_owned()],
+    });
+    let parameters = variants.iter().flat_map(|variant| &variant.nodes).map(|node| node.parameters.clone());
+    warn_of_demo(&parameters.collect::<Vec<_>>(), read.as_deref());
 }
 
 /// Draws the frame in which the streams differ most.

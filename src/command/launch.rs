@@ -106,12 +106,7 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
         return Ok(Ended::Done);
     }
     refuse(&plan)?;
-    let parameters = plan.nodes.iter().filter_map(|node| {
-        let (_, declared, mut settings) = settings(node).ok()?;
-        settings.retain(|(name, _)| declared.descriptor(name).is_some());
-        declared.with_text(&settings).ok()
-    });
-    warn_of_demo(&parameters.collect::<Vec<_>>(), None);
+    warn_of_demo(&known(&plan), None);
     // A result without a place would be known only when the whole run is over.
     places(args)?;
     // Lockstep runs the nodes as one process does, so the hint at the end is given for such files only.
@@ -131,6 +126,16 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
     }
     summary.with_loss.iter().for_each(|why| note!("[launch] {why}"));
     failure.map_or_else(|| Ok(Ended::of(summary.lost(args.strict))), Err)
+}
+
+/// Returns the parameters of the nodes of the suite, without those that they ignore.
+fn known(plan: &Plan) -> Vec<Parameters> {
+    let known = |node: &NodePlan| {
+        let (_, declared, mut settings) = settings(node).ok()?;
+        settings.retain(|(name, _)| declared.descriptor(name).is_some());
+        declared.with_text(&settings).ok()
+    };
+    plan.nodes.iter().filter_map(known).collect()
 }
 
 /// Warns where the embedded model is to look at anything but rendered scenes: the sources of the cameras among nodes with these
@@ -251,7 +256,7 @@ fn check(path: &Path, arguments: &[String]) -> Result<Ended, Failure> {
 }
 
 /// Returns `1 node` or `2 nodes`.
-fn counted(count: usize, noun: &str) -> String {
+pub(super) fn counted(count: usize, noun: &str) -> String {
     format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }
 

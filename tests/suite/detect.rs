@@ -71,6 +71,7 @@ fn pictures_keep_their_pixels_names_and_folders() {
     };
     again(1);
     again(2);
+    assert_eq!(files(&folder).len(), before.len() + 12, "nothing else is written");
 }
 
 /// The model finds boxes at known places: `nodes/detector/tests/data/make_models.py`.
@@ -79,7 +80,7 @@ fn boxes_are_drawn_and_written_as_other_programs_read_them() {
     let bench = Bench::new();
     pictures(&bench.path("in"), &["000010.png"]);
     let wanted = "detect @/in --model % -o @/out --save-txt --save-conf --save-coco classes:=[car]";
-    assert_has(&bench.says(0, wanted), &["out/000010.png: 1 car", "1 pictures, 1 objects"]);
+    assert_has(&bench.says(0, wanted), &["out/000010.png: 1 car", "1 picture, 1 object"]);
     let (drawn, plain) = (rgb(bench.path("out/000010.png")), rgb(bench.path("in/000010.png")));
     let entry = bench.json("out/predictions.json")[0].clone();
     let [x, y, w, h] = [0, 1, 2, 3].map(|at| entry["bbox"][at].as_f64().expect("a number"));
@@ -112,7 +113,7 @@ fn a_damaged_picture_is_named_and_counted() {
     let whole = std::fs::read(bench.path("in/a.png")).expect("there");
     std::fs::write(bench.path("in/a.png"), &whole[..whole.len() / 2]).expect("writable");
     let message = bench.says(3, "detect @/in --model % -o @/out");
-    assert_has(&message, &["in/a.png: is truncated", "cannot be read: 1", "1 pictures"]);
+    assert_has(&message, &["in/a.png: is truncated", "cannot be read: 1", "1 picture, "]);
     assert_eq!(names(&bench.path("out")), ["b.png".to_owned()].into());
     bench.says(3, "detect @/in/a.png --model % -o @/none");
     assert!(!bench.path("none").exists());
@@ -140,6 +141,7 @@ fn what_cannot_be_detected_is_refused_before_anything_is_written() {
         ("@/in @/in --model %", &["second source"]),
         ("@/in --model % score_threshold=0.5", &["write score_threshold:=0.5"]),
         ("@/in --model % white:=much", &["white:=much"]),
+        ("@/in --model % white:=-5", &["white = -5"]),
         ("@/in --model % --save-conf", &["--save-txt"]),
     ] {
         assert_has(&bench.says(2, &format!("detect {line} -o @/out")), named);

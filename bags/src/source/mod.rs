@@ -91,10 +91,8 @@ impl SourceError {
 }
 
 /// The sources of frames that [`open`] reads.
-const POSSIBLE: &str = "scene://PRESET, an image (png, jpg, jpeg, tif, tiff, exr, hdr), a folder of images, a video, a KITTI folder (image_2 or \
-                        image_02 inside), a .mcap or .db3 file or a bag folder, and as source of a camera rtsp://, http:// or \
-                        https:// with a stream, /dev/videoN, and topic:NAME, such as topic:/camera/image_raw, for the images that \
-                        another node publishes";
+const POSSIBLE: &str = "scene://PRESET, an image, a folder of images, a KITTI folder, a video, a bag, and for a camera also rtsp://, http://, \
+                        https://, /dev/videoN and topic:NAME, such as topic:/camera/image_raw";
 /// The schemes that [`open`] reads.
 const SCHEMES: &str = "scene, rtsp, rtsps, http and https are the schemes that are read; bring images of another origin in by a node \
                        of ROS 2, and give the camera source topic:NAME, such as topic:/image_raw";

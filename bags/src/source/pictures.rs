@@ -44,23 +44,13 @@ impl Pictures {
     pub fn open(spec: &str, options: &SourceOptions) -> Result<Self, SourceError> {
         let path = locate(Path::new(spec)).map_err(|why| FileError::new(Path::new(spec), why))?;
         let is_bag = !spec.contains("://") && crate::bag::is_bag(&path);
-        let of_files = |files| Self { files, ..Self::of_frames(options, iter::empty()) };
         if path.is_dir() && !is_bag {
-            let images = images_below(&path)?;
-            if images.is_empty() {
-                return Err(no_image(&path, "", &[]));
-            }
-            let folders: BTreeSet<_> = images.iter().filter_map(|image| image.parent()).collect();
-            let warnings = others(folders).into_iter().collect();
-            let name = |image: &PathBuf| image.strip_prefix(&path).unwrap_or(image).with_extension("");
-            return Ok(Self {
-                warnings,
-                ..of_files(images.iter().map(|image| (name(image), image.clone())).collect())
-            });
+            return Self::of_folder(&path, options);
         }
         if path.is_file() && is_image(&path) {
             let name = PathBuf::from(path.file_stem().unwrap_or_default());
-            return Ok(of_files([(name, one_image(&path)?)].into()));
+            let files = [(name, one_image(&path)?)].into();
+            return Ok(Self { files, ..Self::of_frames(options, iter::empty()) });
         }
         if is_bag {
             let mut bag = BagSource::open(&path, options)?;
@@ -82,6 +72,18 @@ impl Pictures {
             Ok(Picture { name, pixels: of_radiance(&frame.radiance, Transfer::Linear) })
         });
         Ok(Self { warnings, losses, ..Self::of_frames(options, frames) })
+    }
+
+    fn of_folder(folder: &Path, options: &SourceOptions) -> Result<Self, SourceError> {
+        let images = images_below(folder)?;
+        if images.is_empty() {
+            return Err(no_image(folder, "", &[]));
+        }
+        let folders: BTreeSet<_> = images.iter().filter_map(|image| image.parent()).collect();
+        let warnings = others(folders).into_iter().collect();
+        let name = |image: &PathBuf| image.strip_prefix(folder).unwrap_or(image).with_extension("");
+        let files = images.iter().map(|image| (name(image), image.clone())).collect();
+        Ok(Self { warnings, files, ..Self::of_frames(options, iter::empty()) })
     }
 
     fn of_frames(
