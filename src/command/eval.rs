@@ -216,11 +216,11 @@ pub fn eval(args: &Eval) -> Result<Ended, Failure> {
         planned.map_err(|(Failure::Usage(why) | Failure::Run(why))| GridError::Request(message_of(&why)))
     };
     let variants = args.variants(&nodes)?;
-    tell_demo(&variants, data.as_ref());
     let out = Folder::take(args.out.as_deref()).map_err(failure)?;
     let request = args.request(variants, data, out.path())?;
     // What cannot be evaluated leaves no recording behind.
     check(&request).map_err(failure)?;
+    tell_demo(&request.variants, request.data.as_ref());
     let mut recordings = args.record.open(&request.variants, out.path())?;
     let asked = first_signal().context("signal handlers")?;
     let timer = SystemClock::default();
