@@ -18,7 +18,8 @@ use crate::command::{bag, demo, detect, eval, graph, images, launch, model, para
     name = "modulo",
     version,
     arg_required_else_help = true,
-    after_help = "As in ROS 2: modulo run, topic, node and param. To complete words in bash: source <(COMPLETE=bash modulo)."
+    after_help = "As in ROS 2: modulo run, topic, node and param.\n\
+                  To complete words in bash or zsh: source <(COMPLETE=bash modulo), with the name of the shell."
 )]
 pub enum Cli {
     /// Show what a modulo camera sees at a low sun, on a web page or as a picture
@@ -103,20 +104,19 @@ pub fn help_of(name: &str) -> String {
 
 /// The options that -h leaves to --help, since few commands need them.
 const RARE: &str = "\
-    shot_noise full_well_electrons prnu hot_pixels psf gain_ratio headroom transfer black_level \
-    optical_black metering metering_target exposure_delay exposure_step white black knees seed repeats \
-    threads is_paper device jobs time_frames class_map groups fresh list coco_images bag topics verbose \
-    deblur token address foxglove compression record difficulty gains read_noise mosaic hang_timeout \
-    max_restarts trace";
+    shot_noise full_well_electrons prnu hot_pixels psf gain_ratio headroom black_level metering \
+    metering_target exposure_delay exposure_step white black knees seed repeats threads is_paper device \
+    jobs time_frames class_map groups fresh list coco_images bag topics verbose deblur token compression \
+    difficulty gains read_noise mosaic hang_timeout max_restarts trace";
 
-/// Gives each option with a text of several clauses the first one for -h, which then has one line for it. --help has all of the text. The
-/// commands below the first ones have no command `help` beside the option.
+/// Gives each option with a text of several sentences or clauses the first one for -h. --help has all of the text, and -h says where it has
+/// more options. The commands below the first ones have no command `help` beside the option.
 fn with_short_help(command: clap::Command) -> clap::Command {
     let shorten = |argument: clap::Arg| {
         let is_rare = RARE.split(' ').any(|rare| rare == argument.get_id().as_str());
         let argument = argument.hide_short_help(is_rare);
         let full = argument.get_help().map(ToString::to_string).unwrap_or_default();
-        let ends = [". ", "; ", ": ", ", ", " (", " ["].map(|mark| full.find(mark));
+        let ends = [". ", "; ", ": ", " (", " ["].map(|mark| full.find(mark));
         let short = full[..ends.into_iter().flatten().min().unwrap_or(full.len())].to_owned();
         // A flag has the possible values true and false for clap itself.
         let values =
@@ -138,8 +138,14 @@ fn with_short_help(command: clap::Command) -> clap::Command {
                 .short('h')
                 .long("help")
                 .action(clap::ArgAction::Help)
-                .help("Print help (all of it: --help)"),
+                .help("Print the most used help, and all of it with --help"),
         ),
+    };
+    let is_rare = |argument: &&clap::Arg| RARE.split(' ').any(|rare| rare == argument.get_id().as_str());
+    let command = match command.get_arguments().filter(is_rare).count() {
+        0 => command,
+        1 => command.after_help("--help has one more option.").after_long_help(""),
+        rare => command.after_help(format!("--help has {rare} more options.")).after_long_help(""),
     };
     let below = |command: clap::Command| with_short_help(command.disable_help_subcommand(true));
     command.mut_args(shorten).mut_subcommands(below)

@@ -5,7 +5,8 @@ use std::fmt::Display;
 use modulo_core::{Frame, FrameError, Samples};
 use ndarray::{Array3, Axis};
 use numpy::{
-    Element, IntoPyArray, PyArray3, PyArrayMethods, PyReadonlyArray3, PyUntypedArray, PyUntypedArrayMethods,
+    Element, IntoPyArray, PyArray3, PyArrayDescrMethods as _, PyArrayMethods, PyReadonlyArray3,
+    PyUntypedArray, PyUntypedArrayMethods,
 };
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -93,7 +94,10 @@ impl<'py> Pixels<'py> {
     fn new(name: &str, array: &Bound<'py, PyUntypedArray>, dim: [usize; 3]) -> PyResult<Self> {
         // `require` makes a plain array in order and aligned, and copies only what is not; `reshape` after it copies nothing.
         let numpy = array.py().import("numpy")?;
-        let required = numpy.call_method1("require", (array, None::<()>, ["C", "A", "E"]))?;
+        // numpy's own type of floats is float64, which is rounded.
+        let is_float = array.dtype().kind() == b'f';
+        let sample = is_float.then(|| numpy::dtype::<f32>(array.py()));
+        let required = numpy.call_method1("require", (array, sample, ["C", "A", "E"]))?;
         let cube = required.call_method1("reshape", (dim,))?;
         if let Ok(pixels) = cube.cast::<PyArray3<u8>>() {
             return Ok(Self::U8(pixels.try_readonly().map_err(value_error)?));

@@ -18,7 +18,7 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _core {
     #[pymodule_export]
-    use super::detector::Network;
+    use super::detector::{Network, draw, read_image};
     #[pymodule_export]
     use super::parameters::declared;
     #[pymodule_export]
@@ -37,6 +37,7 @@ mod _core {
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("DEMO_LIMIT", modulo_detector::DEMO_LIMIT)?;
         module.add("METHODS", modulo_core::unwrap::METHODS.to_vec())?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))
     }

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import modulo_camera as modulo
 
@@ -65,9 +66,26 @@ def test_a_file_a_grey_image_and_a_threshold_are_taken() -> None:
         ({"device": "gpu"}, "must be cpu, cuda, tensorrt"),
         ({"image": np.zeros((64, 64, 3), np.float32)}, "image is no image of uint8; use tone_map"),
         ({"image": np.zeros((64, 64, 2), np.uint8)}, "image has 2 channels"),
+        ({"image": "none.png", "model": MODELS / "rows.onnx"}, "none.png: no such path"),
+        ({"image": MODELS, "model": MODELS / "rows.onnx"}, "no image in this folder"),
+        ({"image": "scene://day?frames=1", "model": MODELS / "rows.onnx"}, "is not one image; read_source"),
+        ({"image": "street.png"}, "knows rendered scenes"),
     ],
 )
 def test_what_is_no_model_or_image_is_named(arguments: dict[str, object], said: str) -> None:
     with pytest.raises(ValueError) as raised:
         modulo.detect(**{"image": np.zeros((64, 64, 3), np.uint8), "engine": "rten", **arguments})  # type: ignore[arg-type]
     assert said in str(raised.value)
+
+
+def test_a_file_is_read_and_boxes_are_drawn(tmp_path: Path) -> None:
+    image = np.random.default_rng(1).integers(0, 256, (96, 160, 3), np.uint8)
+    Image.fromarray(image).save(tmp_path / "a.png")
+    model = MODELS / "rows.onnx"
+    found = modulo.detect(tmp_path / "a.png", model, engine="rten")
+    assert found and found == modulo.detect(str(tmp_path / "a.png"), model, engine="rten") == modulo.detect(image, model, engine="rten")
+    drawn = modulo.draw(tmp_path / "a.png", found)
+    assert (drawn == modulo.draw(image, found)).all() and (drawn != image).any()
+    assert (drawn[70:] == image[70:]).all(), "below all boxes"
+    assert (modulo.draw(image, []) == image).all()
+    assert (modulo.draw(image[..., 0], []) == image[..., :1]).all(), "grey becomes three colours"

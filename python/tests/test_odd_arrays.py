@@ -323,3 +323,19 @@ def test_the_number_of_threads_does_not_matter() -> None:
     for method in modulo.METHODS:
         one, three = (sensor.unwrap(codes, method, options={"threads": threads}) for threads in (1, 3))
         assert np.array_equal(one.counts, three.counts)
+
+
+def test_floats_of_64_bits_are_those_of_32() -> None:
+    """The type of numpy's own floats was refused."""
+    radiance = np.random.default_rng(2).random((16, 24))
+    sensor = modulo.Sensor(alpha=4)
+    wide, narrow = sensor.expose(radiance), sensor.expose(radiance.astype(np.float32))
+    assert all((one == other).all() for one, other in zip(wide, narrow, strict=True))
+    assert (sensor.tone_map(900 * radiance) == sensor.tone_map((900 * radiance).astype(np.float32))).all()
+
+
+def test_a_sensor_shows_what_it_was_given() -> None:
+    assert repr(modulo.Sensor()) == "Sensor(bits=8, alpha=4.0)"
+    shown = repr(modulo.Sensor(10, 8, psf_sigma=1.4, mosaic="rggb"))
+    assert shown == "Sensor(bits=10, alpha=8, psf_sigma=1.4, mosaic='rggb')"
+    assert eval(f"modulo.{shown}").parameters == modulo.Sensor(10, 8, psf_sigma=1.4, mosaic="rggb").parameters

@@ -4,11 +4,12 @@ use std::ffi::OsStr;
 use std::path::Path;
 
 use clap_complete::engine::{ArgValueCompleter, CompletionCandidate, PathCompleter, ValueCompleter as _};
+use modulo_detector::DetectorParameters;
 use modulo_launch::{declared_arguments, launch_file, launch_files};
 use modulo_middleware::parameter::client::ParameterClient;
+use modulo_runtime::ParameterSet as _;
 use modulo_runtime::name::{is_hidden, is_hidden_node};
 
-use super::detect::FILE;
 use super::open_session;
 
 /// Completes the name of a launch file of the suite, or a path.
@@ -20,13 +21,20 @@ pub fn files() -> ArgValueCompleter {
     })
 }
 
-/// Completes the name of an argument of the launch file in the command line, or of the suite where there is none.
+/// Completes the name of an argument of the launch file in the command line.
 pub fn arguments() -> ArgValueCompleter {
     completer(|| {
-        let mut named = words().chain([FILE.to_owned()]);
         let declared =
-            named.find_map(|word| declared_arguments(&launch_file(Path::new(&word)).ok()?).ok())?;
+            words().find_map(|word| declared_arguments(&launch_file(Path::new(&word)).ok()?).ok())?;
         Some(declared.into_iter().map(|argument| format!("{}:=", argument.name)).collect())
+    })
+}
+
+/// Completes the name of a parameter of the detector.
+pub fn detector() -> ArgValueCompleter {
+    completer(|| {
+        let declared = DetectorParameters::descriptors().into_iter();
+        Some(declared.map(|parameter| format!("{}:=", parameter.name)).collect())
     })
 }
 

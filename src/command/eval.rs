@@ -34,7 +34,7 @@ use modulo_runtime::sensor::options::{CHIP, CodingOptions};
 use modulo_runtime::{Clock as _, Parameters, SystemClock, Value};
 use modulo_video::VideoAddress;
 
-use super::launch::{prepare, refuse};
+use super::launch::{prepare, refuse, warn_of_demo};
 use super::progress::{FrameProgress, ProgressLine};
 use super::run::kind_of;
 use super::{completion, images, pairs, start_log, usage};
@@ -220,6 +220,7 @@ pub fn eval(args: &Eval) -> Result<Ended, Failure> {
     let request = args.request(variants, data, out.path())?;
     // What cannot be evaluated leaves no recording behind.
     check(&request).map_err(failure)?;
+    tell_demo(&request.variants, request.data.as_ref());
     let mut recordings = args.record.open(&request.variants, out.path())?;
     let asked = first_signal().context("signal handlers")?;
     let timer = SystemClock::default();
@@ -230,6 +231,16 @@ pub fn eval(args: &Eval) -> Result<Ended, Failure> {
         picture(&request, &results)?;
     }
     finish(&results, &write(out.path(), &results)?, stopped())
+}
+
+/// Warns where the embedded model is to look at other frames than rendered ones.
+fn tell_demo(variants: &[Variant], data: Option<&Data>) {
+    let read = data.map(|data| match data {
+        Data::Any(sources) => sources.clone(),
+        _ => vec!["the labelled frames".to_owned()],
+    });
+    let parameters = variants.iter().flat_map(|variant| &variant.nodes).map(|node| node.parameters.clone());
+    warn_of_demo(&parameters.collect::<Vec<_>>(), read.as_deref());
 }
 
 /// Draws the frame in which the streams differ most.
@@ -474,7 +485,7 @@ fn print_cell(cell: &Cell) {
 }
 
 /// Returns the nodes of a launch file. `has_frames`: whether the frames are not those of its cameras.
-pub(super) fn planned(
+fn planned(
     file: &Path,
     arguments: &[(String, String)],
     has_frames: bool,
@@ -500,7 +511,7 @@ pub(super) fn evaluable(plan: &Plan, has_frames: bool) -> anyhow::Result<Vec<Pla
 }
 
 /// Makes the nodes and adds them to a chain.
-pub(super) fn add(planned: Vec<PlannedNode>, chain: &mut Lockstep<'_>) -> Result<(), Failure> {
+fn add(planned: Vec<PlannedNode>, chain: &mut Lockstep<'_>) -> Result<(), Failure> {
     for PlannedNode { executable, name, parameters } in planned {
         let made = (kind_of(executable)?.make)(&parameters);
         chain.add(made.with_context(|| name.fully_qualified()).map_err(usage)?, &name)?;

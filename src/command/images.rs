@@ -64,31 +64,53 @@ fn report(outcome: &RunOutcome) -> Ended {
     Ended::of(!outcome.skipped.is_empty())
 }
 
-/// Prints a line for each image, sensor and method. Only a simulation knows the truth.
+/// Columns of the name of a file.
+const NAME: usize = 20;
+
+/// Prints a line of at most 100 columns for each image, sensor and method, and then why results are not trusted. Only a simulation knows
+/// the truth.
 fn print_rows(rows: &[Row]) {
     let is_simulated = rows.iter().any(|row| row.simulated.is_some());
-    let titles = if is_simulated { "   exact k   PSNR dB     SSIM" } else { "" };
-    say!(
-        "file                         alpha method          {titles} method used    trusted largest k       ms  why not trusted"
-    );
+    let titles = if is_simulated { "   exact k   PSNR dB   SSIM" } else { "" };
+    say!("{:<NAME$} alpha {:<20}{titles} trusted  k up to       ms", "file", "method: used");
+    let mut reasons: Vec<&str> = Vec::new();
     for row in rows {
         let file = Path::new(&row.file).file_name().unwrap_or_default().to_string_lossy();
         let truth = row.simulated.as_ref().map_or_else(String::new, |simulated| {
             let psnr = simulated.psnr_db.map_or("inf".to_owned(), |db| format!("{db:.2}"));
             let ssim = simulated.ssim.map_or("-".to_owned(), |ssim| format!("{ssim:.4}"));
-            format!(" {:>8}% {psnr:>9} {ssim:>8}", below_100(simulated.exact_k, 3))
+            format!(" {:>8}% {psnr:>9} {ssim:>6}", below_100(simulated.exact_k, 3))
         });
-        say!(
-            "{file:<28} {:>5} {:<16}{truth} {:<14} {:<7} {:>9} {:>8.2}  {}",
-            row.sensor.alpha,
-            row.method,
-            row.method_used,
-            row.trusted.map_or("-", |trusted| if trusted { "yes" } else { "no" }),
-            row.most_k,
-            row.ms,
-            row.reason.unwrap_or("-")
-        );
+        let method = match row.method_used == row.method {
+            true => row.method.clone(),
+            false => format!("{}: {}", row.method, row.method_used),
+        };
+        let trusted = match (row.trusted, row.reason) {
+            (None, _) => "-".to_owned(),
+            (Some(true), _) => "yes".to_owned(),
+            (Some(false), reason) => {
+                let reason = reason.unwrap_or("the method does not say why");
+                let known = reasons.iter().position(|known| *known == reason);
+                let number = known.unwrap_or_else(|| {
+                    reasons.push(reason);
+                    reasons.len() - 1
+                });
+                format!("no ({})", number + 1)
+            }
+        };
+        let (alpha, most_k, ms) = (row.sensor.alpha, row.most_k, row.ms);
+        say!("{:<NAME$} {alpha:>5} {method:<20}{truth} {trusted:<7} {most_k:>8} {ms:>8.2}", tail(&file));
     }
+    (1..).zip(&reasons).for_each(|(number, reason)| say!("({number}) not trusted: {reason}"));
+}
+
+/// Returns a name that is too long for its column by its end, which tells the files of a folder apart.
+fn tail(name: &str) -> String {
+    let length = name.chars().count();
+    if length <= NAME {
+        return name.to_owned();
+    }
+    format!("~{}", name.chars().skip(length + 1 - NAME).collect::<String>())
 }
 
 /// Prints a line for each method and alpha over all images, where there are several.

@@ -7,6 +7,8 @@ use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use clap::Args;
+use modulo_bags::source::is_rendered;
+use modulo_detector::{DEMO, DEMO_LIMIT};
 use modulo_launch::plan::{NodeParameter, circle_of};
 use modulo_launch::supervisor::{MAX_RESTARTS, ProcessEnd, Watch};
 use modulo_launch::{
@@ -21,7 +23,8 @@ use modulo_middleware::process::signals::end_on_signals;
 use modulo_runtime::output::prepare_file;
 use modulo_runtime::parameter::file::{self as parameter_file, Entry};
 use modulo_runtime::ros_args::RosArgs;
-use modulo_runtime::{Clock, NodeName, NodeReport, Parameters, Stop, SystemClock, Urgency};
+use modulo_runtime::secret::without_secrets;
+use modulo_runtime::{Clock, NodeName, NodeReport, Parameters, Stop, SystemClock, Urgency, Value};
 
 use super::colour::say_summary;
 use super::eval::evaluable;
@@ -103,6 +106,7 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
         return Ok(Ended::Done);
     }
     refuse(&plan)?;
+    warn_of_demo(&known(&plan), None);
     // A result without a place would be known only when the whole run is over.
     places(args)?;
     // Lockstep runs the nodes as one process does, so the hint at the end is given for such files only.
@@ -122,6 +126,34 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
     }
     summary.with_loss.iter().for_each(|why| note!("[launch] {why}"));
     failure.map_or_else(|| Ok(Ended::of(summary.lost(args.strict))), Err)
+}
+
+/// Returns the parameters of the nodes of the suite, without those that they ignore.
+fn known(plan: &Plan) -> Vec<Parameters> {
+    let known = |node: &NodePlan| {
+        let (_, declared, mut settings) = settings(node).ok()?;
+        settings.retain(|(name, _)| declared.descriptor(name).is_some());
+        declared.with_text(&settings).ok()
+    };
+    plan.nodes.iter().filter_map(known).collect()
+}
+
+/// Warns where the embedded model is to look at anything but rendered scenes: the sources of the cameras among nodes with these
+/// `parameters`, or those `read` in their place.
+pub(super) fn warn_of_demo(parameters: &[Parameters], read: Option<&[String]>) {
+    let texts = |name: &'static str| {
+        parameters.iter().filter_map(move |parameters| match parameters.get(name) {
+            Some(Value::String(text)) => Some(text),
+            _ => None,
+        })
+    };
+    let other = match read {
+        Some(sources) => sources.iter().find(|source| !is_rendered(source)),
+        None => texts("source").find(|source| !is_rendered(source)),
+    };
+    if let Some(other) = other.filter(|_| texts("model").any(|model| model == DEMO)) {
+        tracing::warn!("{}: {DEMO_LIMIT}, and give model:=yolov10n.onnx", without_secrets(other));
+    }
 }
 
 /// Takes the places of the summary and the trace.
@@ -224,7 +256,7 @@ fn check(path: &Path, arguments: &[String]) -> Result<Ended, Failure> {
 }
 
 /// Returns `1 node` or `2 nodes`.
-fn counted(count: usize, noun: &str) -> String {
+pub(super) fn counted(count: usize, noun: &str) -> String {
     format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }
 

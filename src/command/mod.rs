@@ -150,7 +150,10 @@ fn this_program() -> Result<PathBuf, Failure> {
 /// `name:=value` pairs.
 fn pairs(arguments: &[String]) -> Result<Vec<(String, String)>, Failure> {
     let pair = |text: &String| {
-        let (name, value) = text.split_once(":=").with_context(|| format!("'{text}' is not name:=value"))?;
+        let (name, value) = text.split_once(":=").ok_or_else(|| match text.split_once('=') {
+            Some((name, value)) => anyhow!("'{text}' is not name:=value; write {name}:={value}"),
+            None => anyhow!("'{text}' is not name:=value"),
+        })?;
         Ok((name.to_owned(), value.to_owned()))
     };
     arguments.iter().map(pair).collect::<anyhow::Result<_>>().map_err(usage)

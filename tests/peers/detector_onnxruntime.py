@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Compares the detector's boxes with those of PyPI's onnxruntime and OpenCV.
 
-    detector_onnxruntime.py DETECT_IMAGES [MODEL FOLDER [THRESHOLD]]
+    detector_onnxruntime.py MODULO [MODEL FOLDER [THRESHOLD]]
 
-DETECT_IMAGES is the example of nodes/detector. Without a MODEL, small heads of
+The images of FOLDER are PNG. Without a MODEL, small heads of
 each form are made, whose boxes are known. Nothing of the detector is used on
 the other side: OpenCV reads and pads the images (to multiples of 32, right and
 below, or centred in the size of the model, grey 114), onnxruntime runs the
@@ -34,9 +34,16 @@ LIBRARY = next((pathlib.Path(onnxruntime.__file__).parent / "capi").glob("libonn
 
 def ours(program, model, folder, threshold):
     environment = {**os.environ, "ORT_DYLIB_PATH": str(LIBRARY)}
-    command = [program, model, "ort", folder, threshold]
-    finished = subprocess.run(command, env=environment, capture_output=True, text=True)
-    return json.loads(finished.stdout) if finished.returncode == 0 else sys.exit(finished.stderr)
+    found = {path.name: [] for path in pathlib.Path(folder).glob("*.png")}
+    with tempfile.TemporaryDirectory() as out:
+        command = [program, "detect", folder, "--model", model, "-o", out, "--save-coco", "engine:=ort", f"score_threshold:={threshold}"]
+        finished = subprocess.run(command, env=environment, capture_output=True, text=True)
+        if finished.returncode:
+            sys.exit(finished.stderr)
+        for one in json.loads((pathlib.Path(out) / "predictions.json").read_text()):
+            x, y, width, height = one["bbox"]
+            found[one["file_name"]].append([x, y, x + width, y + height, one["score"], one["category_name"]])
+    return found
 
 
 def padded(image, size):

@@ -8,7 +8,7 @@ use std::process::Stdio;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use crate::harness::{Bench, assert_has, borrowed, data, evaluated, signal, text};
+use crate::harness::{Bench, assert_has, borrowed, data, evaluated, model, signal, text};
 use crate::outputs::files;
 use crate::view::{parts, request, viewer};
 
@@ -181,7 +181,7 @@ cases! {
         std::fs::copy(case.folder.join("drive.mp4"), &video).expect("copied");
         let before = files(case.bench.folder.path());
         for line in [
-            "detect %/pictures -o %/pictures",
+            &*format!("detect %/pictures --model {} -o %/pictures", model()),
             "eval raw source:=%/folder/modulo -o %/folder --images",
             "eval raw source:=%/drive.mp4 --video %/drive.mp4 -o %/out",
         ] {

@@ -246,29 +246,6 @@ fn a_stream_without_a_score_says_why() {
     }
 }
 
-/// `modulo detect` writes a picture with boxes for each frame, and prints a line with its objects.
-#[test]
-fn pictures_are_written_with_their_boxes() {
-    let bench = Bench::new();
-    let message =
-        bench.says(0, "detect scene://day?seed=1&frames=2&width=640&height=192 -o @/out engine:=rten");
-    assert_has(&message, &["out/000001.png: ", "out/000002.png: ", " car"]);
-    let shown = |name: &str| image::open(bench.path(name)).expect("a picture").into_rgb8();
-    assert_eq!(shown("out/000001.png").dimensions(), (640, 192));
-    let message = bench.says(
-        0,
-        "detect scene://day?seed=1&frames=2&width=640&height=192 -o @/none engine:=rten score_threshold:=1.0",
-    );
-    assert_has(&message, &["none/000002.png: no object"]);
-    assert_ne!(shown("out/000001.png"), shown("none/000001.png"), "boxes are drawn");
-    assert_has(&bench.says(2, "detect /no/such.png -o @/no"), &["/no/such.png"]);
-    assert_has(
-        &bench.says(2, "detect scene://day?frames=1 --model /no.onnx -o @/no"),
-        &["/no.onnx", "No such file"],
-    );
-    assert!(!bench.path("no").exists());
-}
-
 /// A shell leaves `~` as it is behind `:=` and `=`.
 #[test]
 fn a_tilde_is_the_home_folder_wherever_a_path_is_given() {

@@ -10,6 +10,7 @@ mod bridge;
 mod cases;
 mod corpus;
 mod crash;
+mod detect;
 mod doors;
 mod eval;
 mod launch;

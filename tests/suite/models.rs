@@ -1,6 +1,9 @@
 //! Models that people bring: what is doubtful is told once, and what is no detector is refused with the remedy.
 
-use crate::harness::{Bench, assert_has, model};
+use std::net::{TcpListener, TcpStream};
+use std::process::{Command, Stdio};
+
+use crate::harness::{Background, Bench, assert_has, data, model, text, wait_until};
 
 /// Writes the small model of the detector's tests with three other rows, of which `mean * light` is added to each value of `rows`, and with
 /// other names of its classes.
@@ -90,4 +93,43 @@ fn what_is_no_onnx_file_is_refused_with_the_remedy() {
     std::fs::write(bench.path("model.onnx"), pointer).expect("writable");
     assert_has(&bench.says(2, "model check @/best.pt"), &["is a PyTorch file", "best.pt format=onnx"]);
     assert_has(&bench.says(2, "model check @/model.onnx"), &["is a pointer of git LFS", "git lfs pull"]);
+}
+
+/// Behind the proxy of a company, a download failed where the system trusts a certificate that Mozilla does not.
+#[test]
+fn a_download_trusts_the_certificates_of_the_system() {
+    let bench = Bench::new();
+    let port = TcpListener::bind("127.0.0.1:0").and_then(|free| free.local_addr()).expect("a port").port();
+    let fetch = |certificates: &str| {
+        let words = bench
+            .words(&format!("model fetch yolov10n --url https://localhost:{port}/made.onnx -o @/models"));
+        let mut fetch = bench.modulo(&words.iter().map(String::as_str).collect::<Vec<_>>());
+        let output = fetch.env("SSL_CERT_FILE", bench.path(certificates)).env_remove("SSL_CERT_DIR").output();
+        let output = output.expect("it starts");
+        assert_eq!(output.status.code(), Some(1), "{}", text(&output));
+        text(&output)
+    };
+    assert_has(&fetch("none.pem"), &["no certificate can be read", "none.pem", "set SSL_CERT_FILE"]);
+    let make = "req -x509 -newkey rsa:2048 -nodes -days 2 -subj /CN=localhost -addext subjectAltName=DNS:localhost \
+                -addext basicConstraints=critical,CA:FALSE -keyout @/key.pem -out";
+    for name in ["own.pem", "other.pem"] {
+        let mut openssl = Command::new("openssl");
+        openssl.args(bench.words(&format!("{make} @/{name}"))).stdout(Stdio::null()).stderr(Stdio::null());
+        match openssl.status() {
+            Ok(made) => assert!(made.success()),
+            Err(why) => return data::skip(&format!("openssl: {why}")),
+        }
+        std::fs::rename(bench.path("key.pem"), bench.path(&format!("{name}.key"))).expect("writable");
+    }
+    std::fs::copy(model(), bench.path("made.onnx")).expect("writable");
+    let server = format!("s_server -quiet -WWW -accept {port} -cert @/own.pem -key @/own.pem.key");
+    let mut openssl = Command::new("openssl");
+    openssl.args(bench.words(&server)).current_dir(bench.folder.path());
+    let server = openssl.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn();
+    let _server = Background(server.expect("openssl starts"));
+    wait_until("the server", || TcpStream::connect(("127.0.0.1", port)).is_ok());
+    assert_has(&fetch("other.pem"), &["invalid peer certificate"]);
+    // The file came, and is shorter than the export.
+    let bytes = std::fs::metadata(model()).expect("there").len();
+    assert_has(&fetch("own.pem"), &[&format!("the connection broke after {bytes} bytes")]);
 }

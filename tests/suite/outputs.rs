@@ -37,7 +37,7 @@ fn a_line_of_the_log_that_cannot_be_written_ends_nothing() {
         ),
         ("simulate @/images --alpha 2 -o @/simulated", "simulated/results.json"),
         ("bag convert bags/samples/tunnel @/bag", "bag/metadata.yaml"),
-        ("detect @/images engine:=rten -o @/found", "found/000001.png"),
+        ("detect @/images --model % -o @/found", "found/000000.png"),
     ] {
         let whole = bench.words(line);
         for script in ["exec 2>/dev/full", "exec 2>&-"] {
@@ -119,9 +119,9 @@ fn no_command_writes_over_a_file_that_it_has_not_made() {
     let before = files(bench.folder.path());
     let raw = format!("launch/raw.launch.yaml {SCENE} engine:=rten");
     for line in [
-        "detect @/own/000001.png engine:=rten -o @/own",
-        "detect @/own/000001.png engine:=rten -o @/link",
-        "detect @/images engine:=rten -o @/own/../images",
+        "detect @/own/000001.png --model % -o @/own",
+        "detect @/own/000001.png --model % -o @/link",
+        "detect @/images --model % -o @/own/../images",
         "simulate @/images --alpha 2 -o @/images",
         "unwrap @/own/000001.png --alpha 2 -o @/own",
         &format!("eval {raw} source:=@/images -o @ --images"),

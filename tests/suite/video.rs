@@ -52,6 +52,9 @@ fn a_video_is_a_source_of_every_command() {
 
     bench.says(0, "simulate @/drive.mp4 -o @/simulated");
     assert!(bench.path("simulated/drive_000011_alpha4_modulo.png").is_file());
+
+    assert_has(&bench.says(0, "detect @/drive.mp4 --model % -o @/found"), &["12 pictures"]);
+    assert!(bench.path("found/drive_000011.png").is_file());
 }
 
 #[test]

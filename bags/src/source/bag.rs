@@ -18,6 +18,7 @@ use modulo_runtime::topic::camera_info_topic;
 use modulo_runtime::{MessageKind, StreamScale};
 use serde::de::DeserializeOwned;
 
+use super::pictures::{Picture, eight_bits};
 use super::{GroundTruth, Source, SourceError, SourceFrame, SourceOptions, from_detections};
 use crate::GROUND_TRUTH_TOPIC;
 use crate::bag::{BagError, BagReader, Messages, RawMessage, Selection, TopicCount};
@@ -68,6 +69,16 @@ impl BagSource {
     pub fn next_image(&mut self) -> Option<Result<RecordedImage, SourceError>> {
         let message = self.messages.next()?;
         Some(message.map_err(SourceError::from).and_then(|message| self.image(&message)))
+    }
+
+    /// Returns the next image as [`Pictures`](super::Pictures) have it, a mosaic in colours; `None` at the end.
+    pub(super) fn next_picture(&mut self) -> Option<Result<Picture, SourceError>> {
+        let message = self.messages.next()?;
+        Some(message.map_err(SourceError::from).and_then(|message| {
+            let RecordedImage { header, pixels, .. } = self.image(&message)?;
+            let pixels = eight_bits(&pixels.demosaiced(), &mut self.white, origin(&message))?;
+            Ok(Picture { name: header.stamp.as_ns().to_string().into(), pixels })
+        }))
     }
 
     fn image(&self, message: &RawMessage) -> Result<RecordedImage, SourceError> {

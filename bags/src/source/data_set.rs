@@ -5,7 +5,7 @@ use std::path::{Component, Path, PathBuf};
 use modulo_runtime::yaml::{self, Content, Item};
 
 use super::SourceError;
-use super::folder::{extension_of, folders_of_images, images_in, no_image};
+use super::folder::{extension_of, folders_of_images, images_below, images_in, no_image};
 use super::labels::read_text;
 
 /// The parts of a data set, by the names that programs give them: what `yolo val` reads, and the others.
@@ -63,17 +63,7 @@ fn images_of_description(path: &Path) -> Result<(Vec<PathBuf>, bool), SourceErro
             SourceError::of(path, &why)
         })?;
         if found.is_dir() {
-            // The folder and all below it, as Ultralytics reads it.
-            let (below, is_all) = folders_of_images(&found);
-            if !is_all {
-                return Err(SourceError::of(
-                    &found,
-                    "has too many folders below it; give one with images itself",
-                ));
-            }
-            for folder in [vec![found], below].concat() {
-                images.extend(images_in(&folder)?);
-            }
+            images.extend(images_below(&found)?);
         } else {
             is_whole = false;
             images.extend(images_of_list(&found)?);

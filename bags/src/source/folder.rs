@@ -131,6 +131,22 @@ pub(super) fn images_in(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
     Ok(images)
 }
 
+/// Returns the images that lie in `folder` and in all folders below it, as Ultralytics reads it; there may be none.
+///
+/// # Errors
+/// [`SourceError`] of a folder that cannot be read, or that has too many folders below it to search all of them.
+pub(super) fn images_below(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
+    let (below, is_all) = folders_of_images(folder);
+    if !is_all {
+        return Err(SourceError::of(folder, "has too many folders below it; give one with images itself"));
+    }
+    let mut images = images_in(folder)?;
+    for folder in below {
+        images.extend(images_in(&folder)?);
+    }
+    Ok(images)
+}
+
 /// The largest number of folders that are searched for images.
 const MOST_FOLDERS: usize = 10_000;
 /// How far below a folder images are searched: links may lead back to it.
@@ -145,8 +161,10 @@ pub(super) fn folders_of_images(folder: &Path) -> (Vec<PathBuf>, bool) {
         level = folders.take(left).collect();
         left -= level.len();
         let has_images = |folder: &&PathBuf| {
-            let mut entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-            entries.any(|entry| is_image(&entry.path()) && !is_hidden(&entry.path()))
+            // One that cannot be read may have some: who reads its images is told why.
+            std::fs::read_dir(folder).map_or(true, |entries| {
+                entries.flatten().any(|entry| is_image(&entry.path()) && !is_hidden(&entry.path()))
+            })
         };
         found.extend(level.iter().filter(has_images).cloned());
     }
@@ -159,7 +177,7 @@ pub(crate) fn stem(path: &Path) -> String {
     path.file_stem().expect("the path of a file ends in a name").to_string_lossy().into_owned()
 }
 
-fn one_image(path: &Path) -> Result<PathBuf, SourceError> {
+pub(super) fn one_image(path: &Path) -> Result<PathBuf, SourceError> {
     let io = |why| FileError::new(path, why);
     let mut file = BufReader::new(open_regular(path).map_err(io)?);
     if let Some(why) = unread(path, file.fill_buf().map_err(io)?) {
@@ -205,14 +223,14 @@ pub(super) fn no_image(folder: &Path, option: &str, inside: &[PathBuf]) -> Sourc
 }
 
 /// Returns a line that counts the images of other formats in `folders`.
-fn others(folders: impl IntoIterator<Item = impl AsRef<Path>>) -> Option<String> {
+pub(super) fn others(folders: impl IntoIterator<Item = impl AsRef<Path>>) -> Option<String> {
     let extensions = [&UNREAD[..], &RAW_EXTENSIONS].concat();
     let files = folders.into_iter().flat_map(|folder| files_of(folder.as_ref(), &extensions));
     let others: Skipped = files.map(|file| file.display().to_string()).collect();
     others.line("images of other formats are left out (convert them to png)")
 }
 
-fn is_image(path: &Path) -> bool {
+pub(super) fn is_image(path: &Path) -> bool {
     !path.is_dir() && has_extension(path, &EXTENSIONS)
 }
 

@@ -13,6 +13,7 @@ mod kitti;
 mod labels;
 mod light;
 mod order;
+mod pictures;
 mod scene;
 mod video;
 mod yolo;
@@ -36,6 +37,7 @@ pub use folder::FolderSource;
 pub use kitti::FrameList;
 pub use labels::{LabelledSource, Skipped};
 pub use light::{Light, LightChange, light_of};
+pub use pictures::{Picture, Pictures, of_radiance};
 pub use scene::SceneSource;
 pub use video::VideoSource;
 
@@ -89,10 +91,8 @@ impl SourceError {
 }
 
 /// The sources of frames that [`open`] reads.
-const POSSIBLE: &str = "scene://PRESET, an image (png, jpg, jpeg, tif, tiff, exr, hdr), a folder of images, a video, a KITTI folder (image_2 or \
-                        image_02 inside), a .mcap or .db3 file or a bag folder, and as source of a camera rtsp://, http:// or \
-                        https:// with a stream, /dev/videoN, and topic:NAME, such as topic:/camera/image_raw, for the images that \
-                        another node publishes";
+const POSSIBLE: &str = "scene://PRESET, an image, a folder of images, a KITTI folder, a video, a bag, and for a camera also rtsp://, http://, \
+                        https://, /dev/videoN and topic:NAME, such as topic:/camera/image_raw";
 /// The schemes that [`open`] reads.
 const SCHEMES: &str = "scene, rtsp, rtsps, http and https are the schemes that are read; bring images of another origin in by a node \
                        of ROS 2, and give the camera source topic:NAME, such as topic:/image_raw";
@@ -210,7 +210,7 @@ fn open_unlit(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, So
         let spec = without_secrets(spec);
         return Err(SourceError::Unreadable(format!("source_topic '{topic}': {spec} {why}")));
     }
-    if spec.starts_with("scene://") {
+    if is_rendered(spec) {
         return Ok(Box::new(SceneSource::open(spec)?));
     }
     match VideoAddress::of(spec)? {
@@ -237,8 +237,12 @@ fn open_unlit(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, So
 /// Returns whether `spec` names a scene without a number of frames, which never ends.
 pub fn is_endless(spec: &str) -> bool {
     let Ok((spec, _)) = light::split(spec) else { return false };
+    is_rendered(&spec) && spec.parse::<modulo_scene::SceneSpec>().is_ok_and(|scene| scene.frames == 0)
+}
+
+/// Returns whether `spec` names a scene, whose frames are rendered by the suite.
+pub fn is_rendered(spec: &str) -> bool {
     spec.starts_with("scene://")
-        && spec.parse::<modulo_scene::SceneSpec>().is_ok_and(|scene| scene.frames == 0)
 }
 
 /// [`GroundTruth::occluded`] of a crowd: an area in which the objects of the class are not labelled individually.

@@ -375,7 +375,10 @@ fn a_cut_png_is_named_and_the_next_image_still_comes() {
 fn what_is_not_there_is_named_with_what_is_possible() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let missing = error_of(&folder.path().join("nowhere"));
-    assert!(missing.contains("nowhere") && missing.contains("png") && missing.contains(".mcap"), "{missing}");
+    assert!(
+        missing.contains("nowhere") && missing.contains("folder of images") && missing.contains("topic:NAME"),
+        "{missing}"
+    );
     let empty = error_of(folder.path());
     assert!(empty.contains("no image") && empty.contains("png"), "{empty}");
     let text = folder.path().join("a.txt");

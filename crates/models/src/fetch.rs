@@ -8,6 +8,7 @@ use sha2::{Digest, Sha256};
 use tempfile::NamedTempFile;
 use ureq::Agent;
 use ureq::http::Uri;
+use ureq::tls::{Certificate, RootCerts, TlsConfig};
 
 /// Largest file that is fetched when the request does not state a length, bytes.
 pub const LIMIT: u64 = 512 << 20;
@@ -69,10 +70,10 @@ pub fn fetch(request: &FetchRequest<'_>, progress: &dyn Fn(u64, Option<u64>)) ->
         Err(why) => return Err(disk(why)),
     }
     let uri = request.url.parse::<Uri>().ok();
-    let uri = uri.filter(|uri| matches!(uri.scheme_str(), Some("http" | "https")));
+    let uri = uri.filter(|uri| matches!(uri.scheme_str(), Some("http" | "https")) && uri.host().is_some());
     let url = request.url;
     let no_url = || FetchError(format!("url '{url}': must be http://HOST/... or https://HOST/..."));
-    let agent = agent(uri.as_ref().and_then(Uri::host).ok_or_else(no_url)?, STALL);
+    let agent = agent(&uri.ok_or_else(no_url)?, STALL)?;
     let folder = request.file.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
     fs::create_dir_all(folder).map_err(disk)?;
     // A temporary file is readable for its owner only. The model gets the mode of any new file, so that the umask
@@ -142,18 +143,37 @@ impl FetchRequest<'_> {
     }
 }
 
-fn agent(host: &str, stall: Duration) -> Agent {
+/// Returns the certificates that this system trusts, or those of the file SSL_CERT_FILE or the folder SSL_CERT_DIR, as behind the proxy of
+/// a company; those of Mozilla, which the program contains, where the system has none.
+fn roots() -> Result<RootCerts, FetchError> {
+    let found = rustls_native_certs::load_native_certs();
+    match (&found.certs[..], found.errors.first()) {
+        ([], Some(why)) => Err(FetchError(format!(
+            "no certificate can be read: {why}; set SSL_CERT_FILE to a file of certificates (PEM), or unset it"
+        ))),
+        ([], None) => Ok(RootCerts::WebPki),
+        (certificates, _) => Ok(certificates
+            .iter()
+            .map(|one| Certificate::from_der(one).to_owned())
+            .collect::<Vec<_>>()
+            .into()),
+    }
+}
+
+fn agent(uri: &Uri, stall: Duration) -> Result<Agent, FetchError> {
+    let roots = if uri.scheme_str() == Some("https") { roots()? } else { RootCerts::WebPki };
     let mut config = Agent::config_builder()
+        .tls_config(TlsConfig::builder().root_certs(roots).build())
         .http_status_as_error(false)
         .timeout_resolve(Some(CONNECT))
         .timeout_connect(Some(CONNECT))
         .timeout_per_read(Some(stall))
         .user_agent(concat!("modulo/", env!("CARGO_PKG_VERSION")));
-    if matches!(host, "127.0.0.1" | "[::1]" | "localhost") {
+    if matches!(uri.host(), Some("127.0.0.1" | "[::1]" | "localhost")) {
         // A proxy of the environment would look for the file on its own loopback interface.
         config = config.proxy(None);
     }
-    config.build().new_agent()
+    Ok(config.build().new_agent())
 }
 
 fn sha256_of(path: &Path) -> io::Result<String> {
@@ -181,7 +201,9 @@ mod tests {
     fn a_silent_server_is_given_up() {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let url = format!("http://{}/", listener.local_addr().expect("an address"));
-        let why = agent("127.0.0.1", Duration::from_millis(50)).get(url).call().expect_err("silence");
+        let uri = url.parse().expect("an address");
+        let agent = agent(&uri, Duration::from_millis(50)).expect("http needs no certificate");
+        let why = agent.get(url).call().expect_err("silence");
         assert!(matches!(why, ureq::Error::Timeout(ureq::Timeout::PerRead)), "{why}");
     }
 

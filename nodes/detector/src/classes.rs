@@ -1,6 +1,6 @@
 //! [`Classes`]: from the model's class index to the name that is published.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
 use modulo_msgs::vision_msgs::VisionClass;
@@ -74,6 +74,20 @@ impl Classes {
             Some(map) => map.get(&name)?.clone(),
         };
         (self.wanted.is_empty() || self.wanted.contains(&name)).then_some(name)
+    }
+
+    /// Returns the names in the model.
+    pub fn names(&self) -> &ClassNames {
+        &self.names
+    }
+
+    /// Returns the least index in the model of each name that is published. The classes of a model without names are called by it.
+    pub fn numbers(&self) -> HashMap<String, usize> {
+        let of_map = self.map.names.iter().flatten();
+        let unnamed = of_map.filter_map(|(from, to)| Some((to.clone(), from.parse().ok()?)));
+        // From the end, so that the least index stays.
+        let named = self.labels().into_iter().rev().map(|label| (label.class_name, label.class_id.into()));
+        unnamed.chain(named).collect()
     }
 
     /// Returns the published classes: the index in the model and the name of each.

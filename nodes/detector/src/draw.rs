@@ -30,6 +30,15 @@ pub fn annotated(frame: &Frame, scale: StreamScale, found: &[Detection]) -> Resu
     Ok(Frame::from_u8(pixels).expect("the copy has the frame's size"))
 }
 
+/// Returns an RGB copy of a picture of 8 bits, grey or red, green and blue, with the detections `found` drawn in. All other pixels are
+/// those of the picture.
+///
+/// # Errors
+/// A text for a picture that is too large to be drawn on.
+pub fn drawn(picture: &Frame, found: &[Detection]) -> Result<Frame, String> {
+    annotated(picture, StreamScale::of(None, 8, None, 0).expect("8 bits have a range"), found)
+}
+
 #[cfg(test)]
 mod tests {
     use modulo_core::BBox;

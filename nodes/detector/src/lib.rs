@@ -12,6 +12,7 @@ mod classes;
 mod code_range;
 mod draw;
 mod engine;
+mod export;
 mod head;
 mod input_size;
 mod loaded;
@@ -32,12 +33,14 @@ mod trust;
 use modulo_runtime::ParameterError;
 
 pub use classes::parse_class_map;
+pub use draw::drawn;
 pub use engine::{
     EngineChoice, EngineDevice, EngineError, EngineOptions, model_parts, onnxruntime_library,
     onnxruntime_places,
 };
+pub use export::ClassNumbers;
 pub use measure::{ModelInfo, Speed, describe, measure};
-pub use model::{DEMO, embedded};
+pub use model::{DEMO, DEMO_LIMIT, embedded};
 pub use node::{Detector, TRUSTED, outputs, topics};
 pub use parameter::DetectorParameters;
 pub use sessions::Sessions;

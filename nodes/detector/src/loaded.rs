@@ -11,7 +11,7 @@ use crate::classes::ClassMap;
 use crate::engine::{Engine as _, OpenedEngine};
 use crate::head::Head;
 use crate::input_size::InputSize;
-use crate::model::ModelLayout;
+use crate::model::{DEMO, DEMO_LIMIT, ModelLayout};
 use crate::parameter::{DetectorParameters, Settings};
 use crate::plausible::EXPORT;
 use crate::post::{are_shares, detections};
@@ -54,6 +54,9 @@ impl Loaded {
         )?;
         let settings = settings(&engine.layout)?;
         tracing::info!("model {} runs on {} ({}); output {head}", parameters.model, engine.name, engine.note);
+        if parameters.model == DEMO {
+            tracing::info!("{DEMO_LIMIT}");
+        }
         let (parameters, sizes) = (parameters.clone(), settings.input_size.tensors(images));
         Ok(Self { parameters, settings, engine, head, boxes_checked: false, sizes, asked: Vec::new() })
     }

@@ -14,6 +14,10 @@ use crate::names::ClassNames;
 /// Value of the parameter `model` for the embedded model; a file of that name is `./demo`.
 pub const DEMO: &str = "demo";
 
+/// What the embedded model is not made for, and the remedy.
+pub const DEMO_LIMIT: &str = "the embedded demonstration model knows rendered scenes (scene://PRESET) only; fetch a real one, such as by \
+                              modulo model fetch yolov10n";
+
 /// Returns the bytes of `model` if it is the embedded one.
 pub fn embedded(model: &Path) -> Option<&'static [u8]> {
     (model == Path::new(DEMO)).then_some(modulo_models::DEMO)

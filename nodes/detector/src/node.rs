@@ -16,6 +16,7 @@ use crate::DetectorError;
 use crate::classes::ClassMap;
 use crate::code_range::CodeRange;
 use crate::draw::annotated;
+use crate::export::ClassNumbers;
 use crate::input_size::InputSize;
 use crate::loaded::Loaded;
 use crate::measure::FIRST_RUN;
@@ -170,6 +171,11 @@ impl Detector {
         let letterbox = pre.fill(picture, 255.0, loaded.settings.input_size)?;
         let output = loaded.infer(pre.tensor().expect("it was filled"))?;
         Ok(loaded.detections(&output, &letterbox))
+    }
+
+    /// Returns the numbers of the classes, for files of boxes.
+    pub fn class_numbers(&self) -> ClassNumbers {
+        ClassNumbers::of(&self.loaded.settings.classes)
     }
 
     /// Takes the parameters with another model, if there is one, and the class `map` that they name.

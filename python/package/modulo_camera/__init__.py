@@ -12,7 +12,7 @@ the wrap counts, so that `radiance = codes + counts 2^b` again.
 (True, True)
 
 Images are arrays H x W (grey) or H x W x C, where C is 1 (grey) or 3 (red, green, blue), of samples of the type `uint8`, `uint16` or
-`float32`. Arrays of any strides are read; those in C order are not copied for it, except for integers that become a frame of
+`float32`; `float64` is rounded to `float32`. Arrays of any strides are read; those in C order are not copied for it, except for integers that become a frame of
 their own. A result of an image H x W is H x W. The methods `expose`, `unwrap`, `tone_map` and `deblur` of `Sensor` take batches, too.
 
 *Code units*: one unit is one step of the sensor's converter, so that the peak is `2^bits` and radiance lies in
@@ -25,6 +25,7 @@ threads of Python run. An image has at most 2^27 samples.
 
 import difflib
 import functools
+import inspect
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
 __all__ = [
     "METHODS", "AveragePrecision", "Benchmark", "Codes", "Detection", "Exposure", "Frame", "GroundTruth",
     "Image", "Quality", "Report", "Scene", "Sensor", "Stability", "Unwrapped", "__version__",
-    "average_precision", "benchmark", "detect", "evaluate", "read_bag", "read_source", "stability",
+    "average_precision", "benchmark", "detect", "draw", "evaluate", "read_bag", "read_source", "stability",
 ]  # fmt: skip
 
 __version__: str = _core.__version__
@@ -52,7 +53,7 @@ METHODS: tuple[str, ...] = tuple(_core.METHODS)
 Codes: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16]
 """Images of integer codes: `uint8` for 8 bits and less, else `uint16`."""
 
-Image: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]
+Image: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32] | NDArray[np.float64]
 """Images of any of the types of samples."""
 
 
@@ -276,6 +277,8 @@ class Sensor:
     >>> exposure = modulo.Sensor(alpha=4).expose(radiance)
     >>> int(exposure.modulo[0, 0]), int(exposure.counts[0, 0])  # 0.97 * 0.9 * 4 * 256 = 893 = 125 + 3 * 256
     (125, 3)
+    >>> modulo.Sensor(alpha=2)
+    Sensor(bits=8, alpha=2)
     >>> modulo.Sensor(bits=17)
     Traceback (most recent call last):
     ValueError: parameter 'bits' = 17: must be in 1 to 16
@@ -312,6 +315,11 @@ class Sensor:
         given = {name: value for name, value in locals().items() if name != "self"}
         self.parameters: Mapping[str, Any] = MappingProxyType(given)
         self._sensor = _core.Sensor(given)
+
+    def __repr__(self) -> str:
+        defaults = inspect.signature(type(self)).parameters
+        shown = (f"{name}={value!r}" for name, value in self.parameters.items() if name in ("bits", "alpha") or value != defaults[name].default)
+        return f"{type(self).__name__}({', '.join(shown)})"
 
     def expose(self, radiance: Image, *, channel_axis: int | None = -1) -> Exposure:
         """Exposes the sensor to radiance.
@@ -528,21 +536,21 @@ class Sensor:
 
 
 def detect(
-    image: Codes,
+    image: Codes | str | os.PathLike[str],
     model: str | os.PathLike[str] = "demo",
     *,
     threshold: float = 0.25,
     engine: str = "auto",
     device: str = "cpu",
 ) -> list[Detection]:
-    """Finds objects in an image by a network, as the node `detector` does.
+    """Finds objects in an image by a network, as the node `detector` and the command `modulo detect` do. `draw` shows them.
 
     A network is loaded by the first call with it, and kept for the next ones.
 
     Parameters
     ----------
-    image : array of uint8, H x W or H x W x C
-        The image. A grey one is repeated to three channels.
+    image : array of uint8, H x W or H x W x C, or path
+        The image, or the path of its file (PNG, JPEG, TIFF, OpenEXR or Radiance HDR). A grey one is repeated to three channels.
     model : str or path
         Path of the ONNX model, or demo for the embedded demonstration model, which is not made for roads.
     threshold : float, a finite number in 0 to 1
@@ -562,7 +570,8 @@ def detect(
     Raises
     ------
     ValueError
-        For a model that cannot be loaded or is no detector, an engine or a device that is not there, and another image.
+        For a model that cannot be loaded or is no detector, an engine or a device that is not there, another image, and a file for the
+        embedded model, which knows rendered scenes only.
 
     Examples
     --------
@@ -571,8 +580,41 @@ def detect(
     >>> modulo.detect(modulo.Sensor().expose(frame.image).ideal)[0].class_name
     'pedestrian'
     """
-    found = _network(model=os.fspath(model), engine=engine, device=device).find(image, threshold)
+    if isinstance(image, str | os.PathLike) and os.fspath(model) == "demo":
+        raise ValueError(f"{os.fspath(image)}: {_core.DEMO_LIMIT}, and give its path as model")
+    found = _network(model=os.fspath(model), engine=engine, device=device).find(_picture(image), threshold)
     return [Detection(*one) for one in found]
+
+
+def draw(image: Codes | str | os.PathLike[str], detections: Sequence[Detection]) -> NDArray[np.uint8]:
+    """Returns an image with boxes, as the command `modulo detect` draws them. All other pixels are those of the image.
+
+    Parameters
+    ----------
+    image : array of uint8, H x W or H x W x C, or path
+        The image, or the path of its file.
+    detections : sequence of Detection
+        The boxes, with their classes and scores as labels. The first ones are drawn over the others.
+
+    Returns
+    -------
+    array of uint8, H x W x 3
+        A copy of the image in red, green and blue.
+
+    Examples
+    --------
+    >>> import modulo_camera as modulo
+    >>> frame = next(modulo.read_source("scene://day?seed=2"))
+    >>> image = modulo.Sensor().expose(frame.image).ideal
+    >>> modulo.draw(image, modulo.detect(image)).shape == image.shape
+    True
+    """
+    return _core.draw(_picture(image), detections)
+
+
+def _picture(image: Any) -> Any:
+    """The image in the file that `image` names, or `image` itself."""
+    return _core.read_image(os.fspath(image)) if isinstance(image, str | os.PathLike) else image
 
 
 def read_bag(path: str | os.PathLike[str], source_topic: str = "") -> Iterator[Frame]:

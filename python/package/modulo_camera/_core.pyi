@@ -3,11 +3,11 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import final
 
-from numpy import float32, uint8, uint16
+from numpy import float32, float64, uint8, uint16
 from numpy.typing import NDArray
 
 _Codes = NDArray[uint8] | NDArray[uint16]
-_Image = NDArray[uint8] | NDArray[uint16] | NDArray[float32]
+_Image = NDArray[uint8] | NDArray[uint16] | NDArray[float32] | NDArray[float64]
 _Value = bool | int | float | str
 _Quality = tuple[float, float, float, float, float]
 _Report = tuple[str, bool | None, str | None, str | None, _Quality | None, NDArray[uint8] | None]
@@ -18,10 +18,11 @@ _Frame = tuple[_Image, str, int | None, str, str, list[_Object] | None]
 _Own = tuple[str, float, float, bool | None]
 
 __all__ = [
-    "METHODS", "Bag", "Network", "Sensor", "Source", "__version__", "average_precision", "declared", "picture", "ssim", "stability_scene",
-    "stability_scenes", "unwrap",
+    "DEMO_LIMIT", "METHODS", "Bag", "Network", "Sensor", "Source", "__version__", "average_precision", "declared", "draw", "picture", "read_image", "ssim",
+    "stability_scene", "stability_scenes", "unwrap",
 ]
 
+DEMO_LIMIT: str
 METHODS: list[str]
 __version__: str
 
@@ -48,6 +49,8 @@ class Network:
     def __new__(cls, **parameters: _Value) -> Network: ...
     def find(self, image: _Codes, threshold: float) -> list[_Found]: ...
 
+def draw(image: NDArray[uint8], boxes: Sequence[_Found]) -> NDArray[uint8]: ...
+def read_image(path: str) -> NDArray[uint8]: ...
 def unwrap(
     codes: _Image, parameters: Mapping[str, _Value], confidence: bool
 ) -> tuple[NDArray[float32], NDArray[uint8], _Report]: ...

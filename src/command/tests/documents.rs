@@ -175,8 +175,7 @@ fn describe(command: &clap::Command, called: &str, page: &mut String) {
         let short = argument.get_short().map(|letter| format!("-{letter}, ")).unwrap_or_default();
         page.push_str(&row(&[&format!("`{short}{argument}`"), &default, &help]));
     }
-    for below in command.get_subcommands().filter(|below| below.get_name() != "help" && !below.is_hide_set())
-    {
+    for below in command.get_subcommands().filter(|below| below.get_name() != "help") {
         describe(below, &format!("{called} {}", below.get_name()), page);
     }
 }

@@ -272,6 +272,9 @@ export function noticeOf(state) {
     return "The suite has ended. This page goes on when one starts again.";
   if (gone.length) return `Gone: ${gone.join(", ")}. The page goes on as soon as it is back.`;
   if (state.graph.player && state.player.paused) return "The replay is paused.";
+  const values = (name) => state.graph.nodes.flatMap((node) => state.parameters.get(node) ?? []).filter((one) => one.name === name);
+  if (values("model").some(({ value }) => value === "demo") && values("source").some(({ value }) => !value.startsWith("scene://")))
+    return "The embedded demonstration model knows rendered scenes only, and finds what is not there: set model to a real one.";
   return state.error;
 }
 
