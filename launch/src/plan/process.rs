@@ -60,7 +60,6 @@ pub(super) fn node(action: &NodeAction, site: &DeclarationSite<'_>) -> Result<No
         executable,
         name,
         namespace,
-        shared_parameters: site.scope.parameters.clone(),
         parameters,
         remaps,
         args: words(action.args.as_ref(), site)?,
@@ -109,11 +108,9 @@ fn process(
         Some(text) => view.number(key, text).map(Duration::from_secs_f64),
         None => Ok(default),
     };
-    let mut env = site.scope.environment.clone();
-    env.extend(view.pairs(&action.env)?);
     Ok(ProcessPlan {
         label,
-        env,
+        env: view.pairs(&action.env)?.into_iter().collect(),
         cwd: view.optional(&action.cwd)?.map(PathBuf::from),
         errors_only: errors_only(action.output.as_ref(), view)?,
         respawn: respawn(action, view)?,
@@ -215,9 +212,7 @@ mod tests {
 
     fn split(text: &str) -> Result<Vec<String>, SubstitutionError> {
         let variables = [("v".to_owned(), "a b".to_owned())].into();
-        let environment = Default::default();
-        let file = std::path::Path::new("f");
-        let around = Surroundings { file, variables: &variables, environment: &environment };
+        let around = Surroundings { file: std::path::Path::new("f"), variables: &variables };
         split_words(&Template::parse(text)?, &around)
     }
 

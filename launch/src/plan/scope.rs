@@ -1,4 +1,4 @@
-//! [`Scope`]: the variables, the environment, the namespace, the parameters and the remappings at a place of a launch file.
+//! [`Scope`]: the variables, the namespace and the remappings at a place of a launch file.
 //! [`View`] evaluates texts there. A group that is scoped works on a copy.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -16,14 +16,10 @@ use crate::{LaunchError, Mistakes, listed};
 /// The state at a place of a launch file, as the actions before it have left it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Scope {
-    /// Arguments and `let`s.
+    /// The values of the arguments.
     pub variables: BTreeMap<String, String>,
-    /// The variables of `set_env`.
-    pub environment: BTreeMap<String, String>,
     /// The pushed namespace, absolute.
     pub namespace: String,
-    /// The parameters of `set_parameter`.
-    pub parameters: Vec<(String, ParameterText)>,
     /// The rules of `set_remap`.
     pub remaps: Vec<(String, String)>,
     /// Variables that have no value because of a mistake.
@@ -61,8 +57,7 @@ pub(super) struct View<'a> {
 impl View<'_> {
     /// Returns the values that templates can refer to.
     pub fn surroundings(&self) -> Surroundings<'_> {
-        let Scope { variables, environment, .. } = self.scope;
-        Surroundings { file: self.file, variables, environment }
+        Surroundings { file: self.file, variables: &self.scope.variables }
     }
 
     /// Returns `result`, with the line of `text` in its error.
@@ -169,16 +164,6 @@ pub(super) fn included(include: &Include, view: View<'_>) -> Result<LaunchFile, 
         }
         _ => mistakes,
     })
-}
-
-/// The value of the parameter `name` for all nodes, which ROS 2 reads with YAML's rules and passes on as a scalar.
-pub(super) fn shared_value(name: &Text, value: &Text, view: View<'_>) -> Result<ParameterText, LaunchError> {
-    let checked = ParameterText::scalar(view.string(value)?, None);
-    let scalar = checked.and_then(|value| match value.text.starts_with('[') {
-        true => Err(format!("= {value} is a list, which ROS 2 does not pass on here")),
-        false => Ok(value),
-    });
-    scalar.map_err(|why| view.refuse(name, format!("parameter '{}' {why}", name.source)))
 }
 
 /// The value of a parameter.

@@ -192,7 +192,7 @@ fn executable_job(executable: &ExecutablePlan, how: &Supervision, reports: &Path
 
 fn installed(node: &NodePlan) -> Result<PathBuf, LaunchError> {
     let place = |prefix: PathBuf| prefix.join("lib").join(&node.package).join(&node.executable);
-    let places: Vec<PathBuf> = prefixes(&node.process.env).into_iter().map(place).collect();
+    let places: Vec<PathBuf> = prefixes().into_iter().map(place).collect();
     if let Some(program) = places.iter().find(|place| place.is_file()) {
         return Ok(program.clone());
     }

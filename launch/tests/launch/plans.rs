@@ -59,40 +59,26 @@ launch:
     assert_eq!((process.sigterm_timeout.as_millis(), process.sigkill_timeout.as_millis()), (1500, 5000));
 }
 
-/// A node's own values and files come after those of all nodes, in the order of the launch file, as in `launch_ros`.
-#[test]
-fn parameters_of_all_nodes_come_before_those_of_one() {
-    let text = "launch:\n  - set_parameter: { name: a, value: '1' }\n  - node:\n      pkg: modulo\n      exec: unwrap\n      \
-                param: [{ name: a, value: 2 }, { from: $(dirname)/p.yaml }]\n";
-    let files = Files::new(text).with("p.yaml", "");
-    let node = files.resolve(&[]).expect("resolves").nodes.remove(0);
-    let file = files.path("p.yaml").display().to_string();
-    assert_eq!(ros_arguments(&node)[5..], ["-p", "a:=1", "-p", "a:=2", "--params-file", &file]);
-}
-
 #[test]
 fn a_group_keeps_its_changes_unless_it_is_not_scoped() {
     let inner = "
         - push_ros_namespace: { namespace: inner }
-        - let: { name: x, value: inner }
-        - set_env: { name: MODULO_TEST_X, value: inner }
-        - set_parameter: { name: p, value: '1' }
+        - arg: { name: x, default: inner }
         - set_remap: { from: a, to: b }
         - node: { pkg: p, exec: e, name: in }";
     let outer = "
-  - node: { pkg: p, exec: e, name: $(var x) }";
-    let head = "launch:\n  - let: { name: x, value: outer }\n  - group:";
+  - node: { pkg: p, exec: e, name: $(var x outer) }";
+    let head = "launch:\n  - group:";
     let scoped = plan(&format!("{head}{inner}{outer}"), &[]);
     let open = plan(&format!("{head}\n      scoped: false\n      children:{inner}{outer}"), &[]);
     for node in [&scoped.nodes[0], &open.nodes[0], &open.nodes[1]] {
         assert_eq!(node.namespace, "/inner");
-        assert_eq!(node.process.env["MODULO_TEST_X"], "inner");
-        assert_eq!((node.shared_parameters.len(), node.remaps.len()), (1, 1));
+        assert_eq!(node.remaps.len(), 1);
     }
     assert_eq!(labels(&open), ["in", "inner"]);
     let after = &scoped.nodes[1];
     assert_eq!((labels(&scoped)[1], after.namespace.as_str()), ("outer", "/"));
-    assert!(after.shared_parameters.is_empty() && after.remaps.is_empty() && after.process.env.is_empty());
+    assert!(after.remaps.is_empty());
 }
 
 #[test]
@@ -132,26 +118,17 @@ launch:
       arg: [{ name: name, value: $(var who)_$(var who) }]";
     let files = Files::new(text).with(
         "sub.launch.yaml",
-        "launch:\n  - arg: { name: name }\n  - executable: { cmd: run $(filename), name: $(var name) }\n",
+        "launch:\n  - arg: { name: name }\n  - executable: { cmd: run $(dirname), name: $(var name) }\n",
     );
     let plan = files.resolve(&[("who", "y")]).expect("resolves");
     assert_eq!(labels(&plan), ["y_y"]);
-    assert_eq!(plan.executables[0].command[1], files.path("sub.launch.yaml").display().to_string());
-}
-
-#[test]
-fn a_process_has_its_own_variables_and_those_of_set_env() {
-    let text = "launch:\n  - set_env: { name: A, value: $(env A none) }\n  - set_env: { name: B, value: b }\n  \
-                - executable: { cmd: a, env: [{ name: B, value: c$(env B) }] }";
-    let plan = plan(text, &[]);
-    let expected = [("A".to_owned(), "none".to_owned()), ("B".to_owned(), "cb".to_owned())];
-    assert_eq!(plan.executables[0].process.env, expected.into());
+    assert_eq!(plan.executables[0].command[1], files.0.path().display().to_string());
 }
 
 /// `launch_ros` keeps a string without a substitution as a string, even if it looks like a number.
 #[test]
 fn a_quoted_number_is_a_string() {
-    let text = "launch:\n  - let: { name: n, value: '2' }\n  - node:\n      pkg: modulo\n      exec: unwrap\n      param:\n";
+    let text = "launch:\n  - arg: { name: n, default: '2' }\n  - node:\n      pkg: modulo\n      exec: unwrap\n      param:\n";
     let cases = [
         ("'1'", "'1'"),
         ("$(var n), type: float", "2.0"),
