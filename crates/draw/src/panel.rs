@@ -145,7 +145,8 @@ impl<'a> Placed<'a> {
     fn line(&self, canvas: &mut Canvas, layout: &mut LabelLayout) {
         if self.drawn != SeriesStyle::Markers {
             layout.lines.extend(self.points.windows(2).map(|pair| (pair[0].0, pair[1].0)));
-            self.style.line(canvas, self.points.iter().map(|(spot, _)| *spot).collect());
+            let points: Vec<Position> = self.points.iter().map(|(spot, _)| *spot).collect();
+            self.style.line(canvas, &points);
         }
     }
 
@@ -182,15 +183,15 @@ fn is_finite(point: &DataPoint) -> bool {
 fn grid(canvas: &mut Canvas, (left, top, right, bottom): Area, x: &FittedAxis, y: &FittedAxis) {
     for (value, text) in &x.ticks {
         let at = left + x.place(*value) * (right - left);
-        canvas.line(vec![(at, top), (at, bottom)], FAINT, 1.0);
+        canvas.line(&[(at, top), (at, bottom)], FAINT, 1.0, 0.0);
         canvas.text((at, bottom + 17.0), text, TICK, GREY, Anchor::Middle);
     }
     for (value, text) in &y.ticks {
         let at = bottom - y.place(*value) * (bottom - top);
-        canvas.line(vec![(left, at), (right, at)], FAINT, 1.0);
+        canvas.line(&[(left, at), (right, at)], FAINT, 1.0, 0.0);
         canvas.text((left - 7.0, at + TICK * 0.36), text, TICK, GREY, Anchor::End);
     }
-    canvas.line(vec![(left, top), (left, bottom), (right, bottom)], GREY, 1.2);
+    canvas.line(&[(left, top), (left, bottom), (right, bottom)], GREY, 1.2, 0.0);
 }
 
 fn titles(canvas: &mut Canvas, panel: &ChartPanel, (left, top, right, bottom): Area, edge: f32) {
@@ -226,7 +227,7 @@ fn note(canvas: &mut Canvas, layout: &mut LabelLayout, colour: Colour, spot: Pos
     let Some(area) = layout.place(spot, size) else { return };
     let edge = nearest(spot, area);
     if distance(edge, spot) > RADIUS + 9.0 {
-        canvas.line(vec![spot, edge], colour, 0.6);
+        canvas.line(&[spot, edge], colour, 0.6, 0.0);
     }
     // If a label cannot avoid a line, the line is interrupted behind the label.
     canvas.block(area, WHITE);

@@ -2,7 +2,7 @@
 
 use std::f32::consts::{PI, TAU};
 
-use crate::canvas::{Canvas, Shape};
+use crate::canvas::Canvas;
 use crate::primitives::{Colour, FADED_TEXT, Position, RADIUS, WHITE, hash};
 
 /// Half the width of the caps of an interval, px.
@@ -63,25 +63,26 @@ impl Style {
         Self { colour: *colour, marker: (marker + number) % MARKERS, dash, open: !words.is_empty() }
     }
 
-    pub fn line(&self, canvas: &mut Canvas, points: Vec<Position>) {
-        canvas.shapes.push(Shape::Line { points, colour: self.colour, width: 1.8, dash: self.dash });
+    pub fn line(&self, canvas: &mut Canvas, points: &[Position]) {
+        canvas.line(points, self.colour, 1.8, self.dash);
     }
 
     /// Draws the marker. The SVG shows `hover` while the pointer is on it.
     pub fn mark(&self, canvas: &mut Canvas, (x, y): Position, is_faded: bool, hover: &str) {
-        let points = self.outline().into_iter().map(|(dx, dy)| (x + RADIUS * dx, y + RADIUS * dy)).collect();
+        let points: Vec<Position> =
+            self.outline().into_iter().map(|(dx, dy)| (x + RADIUS * dx, y + RADIUS * dy)).collect();
         let colour = if is_faded { FADED } else { self.colour };
         // An outline shows the marker that it may cover.
         let (fill, edge) = if self.open { (None, (colour, 1.8)) } else { (Some(colour), (WHITE, 1.0)) };
-        canvas.shapes.push(Shape::Area { points, fill, edge, hover: hover.to_owned() });
+        canvas.area(&points, fill, edge, hover);
     }
 
     /// Draws the interval from `low` to `high` of a point as a vertical bar with caps.
     pub fn interval(&self, canvas: &mut Canvas, x: f32, (low, high): (f32, f32), is_faded: bool) {
         let colour = if is_faded { FADED } else { self.colour };
-        canvas.line(vec![(x, low), (x, high)], colour, 1.1);
+        canvas.line(&[(x, low), (x, high)], colour, 1.1, 0.0);
         for y in [low, high] {
-            canvas.line(vec![(x - CAP, y), (x + CAP, y)], colour, 1.1);
+            canvas.line(&[(x - CAP, y), (x + CAP, y)], colour, 1.1, 0.0);
         }
     }
 

@@ -1,6 +1,6 @@
 //! Speed against accuracy.
 
-use modulo_draw::{Axis, ChartBody, ChartPanel, DataPoint, Scale, Series, SeriesStyle};
+use modulo_draw::{Axis, ChartPanel, DataPoint, Scale, Series, SeriesStyle};
 use modulo_runtime::SensorModel;
 
 use super::pareto::{Candidate, pareto_front};
@@ -29,9 +29,9 @@ fn frontier(results: &Results, cells: &[&Cell], alpha: f64, conditions: &SensorM
                  intervals of both, and not slower. No sensor delivers the ideal streams: they are not on the front. \
                  Towards the upper left is better.";
     let title = format!("Speed against accuracy, alpha {alpha}, {}", labels::conditions(conditions));
-    let body = ChartBody::Panels(groups.iter().map(|group| frontier_panel(&cells, group)).collect());
+    let panels = groups.iter().map(|group| frontier_panel(&cells, group)).collect();
     let name = format!("frontier_alpha{alpha}_{}", labels::suffix(conditions, &["alpha"]));
-    NamedChart::new(name, title, results, footer, body)
+    NamedChart::new(name, title, results, footer, panels)
 }
 
 fn frontier_panel(cells: &[&Cell], group: &str) -> ChartPanel {
