@@ -31,7 +31,7 @@ pub(crate) struct Action {
 #[derive(Clone, Debug)]
 pub(crate) enum ActionKind {
     Argument(Argument),
-    Group { scoped: Option<Text>, children: Vec<Action> },
+    Group(Vec<Action>),
     PushNamespace(Text),
     Include(Include),
     SetRemap(Text, Text),
@@ -75,7 +75,7 @@ type ActionReader =
 
 const READERS: [ActionReader; 8] = [
     ("arg", &[&["name", "default", "description", "choice"]], argument),
-    ("group", &[&["scoped", "children"]], group),
+    ("group", &[&["children"]], group),
     ("push_ros_namespace", &[&["namespace"]], push_namespace),
     ("push-ros-namespace", &[&["namespace"]], push_namespace),
     ("include", &[&["file", "arg"]], include),
@@ -135,7 +135,7 @@ fn read(file: &Path, item: &Item) -> Result<Action, Mistakes> {
     };
     // ROS 2 takes a list right below `group` for its children.
     if let ("group", Content::List(children)) = (*name, &body.content) {
-        let kind = ActionKind::Group { scoped: None, children: read_all(file, children)? };
+        let kind = ActionKind::Group(read_all(file, children)?);
         return Ok(Action { line: key.line, condition: None, kind });
     }
     let known: Vec<&str> = keys.iter().copied().flatten().chain(&["if", "unless"]).copied().collect();
@@ -173,8 +173,7 @@ fn required_plain(attributes: &Attributes<'_>, key: &str) -> Result<(usize, Stri
 }
 
 fn group(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
-    let children = read_all(attributes.file, attributes.list("children")?)?;
-    Ok(ActionKind::Group { scoped: attributes.literal("scoped", ScalarType::Bool)?, children })
+    Ok(ActionKind::Group(read_all(attributes.file, attributes.list("children")?)?))
 }
 
 fn push_namespace(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {

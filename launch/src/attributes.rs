@@ -130,9 +130,7 @@ impl<'a> Attributes<'a> {
 
 fn mismatch(key: &str, item: &Item, allowed: &[ScalarType]) -> String {
     let expected = match allowed.first() {
-        Some(ScalarType::Bool) => "true or false",
-        Some(ScalarType::Integer) if allowed.contains(&ScalarType::Bool) => "a value",
-        Some(ScalarType::Integer) => "an integer",
+        Some(ScalarType::Integer) => "a value",
         Some(ScalarType::Float) => "a number",
         _ => "a string",
     };

@@ -84,27 +84,16 @@ pub struct ProcessPlan {
     pub label: String,
     /// Variables to set in the launcher's environment.
     pub env: BTreeMap<String, String>,
-    /// Its working folder; the launcher's when `None`.
-    pub cwd: Option<PathBuf>,
     /// Whether its standard error alone is shown, and not its standard output: ROS 2's `log`.
     pub errors_only: bool,
-    /// How it is started again after a crash; `None` for one that stays down.
-    pub respawn: Option<Respawn>,
+    /// The pause before it is started again after a crash; `None` for one that stays down.
+    pub respawn: Option<Duration>,
     /// Whether the other processes are shut down when it has ended.
     pub ends_all: bool,
     /// From SIGINT to SIGTERM at a shutdown.
     pub sigterm_timeout: Duration,
     /// From SIGTERM to SIGKILL at a shutdown.
     pub sigkill_timeout: Duration,
-}
-
-/// How a process that crashed is started again.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Respawn {
-    /// Pause before each start.
-    pub delay: Duration,
-    /// Starts after the first one; `None` for any number.
-    pub max_retries: Option<u32>,
 }
 
 /// A node of this suite to run beside others in one process.
@@ -176,7 +165,6 @@ fn composed(node: &NodePlan) -> Result<ComposedNode, LaunchError> {
         (!node.args.is_empty(), "args"),
         (!node.ros_args.is_empty(), "ros_args"),
         (!node.process.env.is_empty(), "env"),
-        (node.process.cwd.is_some(), "cwd"),
     ];
     if let Some((_, setting)) = own.iter().find(|(used, _)| *used) {
         return Err(refuse(label, &format!("it has {setting}, which needs a process of its own")));
@@ -237,15 +225,11 @@ impl fmt::Display for ExecutablePlan {
 impl fmt::Display for ProcessPlan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.env.iter().try_for_each(|(name, value)| writeln!(f, "  env {name}={value}"))?;
-        if let Some(cwd) = &self.cwd {
-            writeln!(f, "  in {}", cwd.display())?;
-        }
         if self.errors_only {
             writeln!(f, "  shows its errors only")?;
         }
-        if let Some(Respawn { delay, max_retries }) = self.respawn {
-            let times = max_retries.map_or("any number of".to_owned(), |n| format!("{n}"));
-            writeln!(f, "  started again after a crash, {times} times, {} s later", delay.as_secs_f64())?;
+        if let Some(delay) = self.respawn {
+            writeln!(f, "  started again after a crash, {} s later", delay.as_secs_f64())?;
         }
         if self.ends_all {
             writeln!(f, "  its end is the end of all")?;

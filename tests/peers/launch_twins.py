@@ -29,11 +29,11 @@ VALUES = {
     "date": "2011-09-26", "list of integers": "[1, 2]", "list of floats": "[1.5, 2.0]", "list of bools": "[true, no]",
     "list of quoted integers": '["1", "2"]', "mixed list": "[1, 2.0]", "condition": '"$(not false)"',
 }
-NODE = ["name", "namespace", "args", "ros_args", "exec_name", "output", "respawn", "respawn_delay", "respawn_max_retries",
-        "cwd", "on_exit", "sigterm_timeout", "sigkill_timeout", "if", "unless", "env", "param", "remap", "pkg", "exec"]
-EXECUTABLE = ["cmd", "name", "output", "cwd", "respawn", "respawn_delay", "respawn_max_retries", "on_exit", "sigterm_timeout",
+NODE = ["name", "namespace", "args", "ros_args", "output", "respawn", "respawn_delay",
+        "on_exit", "sigterm_timeout", "sigkill_timeout", "if", "unless", "env", "param", "remap", "pkg", "exec"]
+EXECUTABLE = ["cmd", "name", "output", "respawn", "respawn_delay", "on_exit", "sigterm_timeout",
               "sigkill_timeout", "env", "if", "unless"]
-TYPES = ["int", "float", "bool", "str", "list_of_int", "list_of_float", "list_of_bool", "list_of_str"]
+TYPES = ["int", "float", "bool", "str"]
 SPY = '  - node: { pkg: "spy", exec: "spy", name: "seen" }\n'
 SPY_SOURCE = '''#!/usr/bin/python3
 import json, os, sys
@@ -64,11 +64,8 @@ def files():
             yield f"{name}.{attribute} = {label} beside {sorted(fixed)}", text
         node = action("node", {"pkg": '"spy"', "exec": '"spy"'})
         yield f"param.value = {label}", f"{node}      param: [{{ name: p, value: {value} }}]\n"
-        yield f"nested param.value = {label}", f"{node}      param: [{{ name: a, param: [{{ name: p, value: {value} }}] }}]\n"
         for kind in TYPES:
             yield f"param.value = {label} as {kind}", f"{node}      param: [{{ name: p, value: {value}, type: {kind} }}]\n"
-        child = "        - push_ros_namespace: { namespace: a }\n"
-        yield f"group.scoped = {label}", f"launch:\n  - group:\n      scoped: {value}\n      children:\n{child}"
     yield "root is a list", "- node: {pkg: spy, exec: spy}\n"
     for label, body in {
         "empty launch": " []", "no launch": "", "two keys in an entry": "\n  - arg: {name: a, default: b}\n    group: []",

@@ -65,7 +65,7 @@ impl Collector {
         for action in actions {
             match &action.kind {
                 ActionKind::Argument(argument) => self.declare(file, argument),
-                ActionKind::Group { children, .. } => self.all(file, children),
+                ActionKind::Group(children) => self.all(file, children),
                 ActionKind::Include(include) => self.include(file, include),
                 _ => {}
             }

@@ -7,7 +7,7 @@ use modulo_runtime::NodeName;
 use modulo_runtime::embedded::locate;
 
 use super::scope::{Scope, View, parameter_value};
-use super::{ExecutablePlan, NodeParameter, NodePlan, ProcessPlan, Respawn};
+use super::{ExecutablePlan, NodeParameter, NodePlan, ProcessPlan};
 use crate::LaunchError;
 use crate::action::{ExecutableAction, NodeAction, Parameter, ProcessAction};
 use crate::attributes::Text;
@@ -46,7 +46,7 @@ pub(super) fn node(action: &NodeAction, site: &DeclarationSite<'_>) -> Result<No
     let given = view.optional(&action.process.name)?;
     // A program of another package may choose its own name; a node of this suite has that of its executable.
     let name = given.or_else(|| (package == SUITE).then(|| executable.clone()));
-    let label = view.optional(&action.label)?.or_else(|| name.clone()).unwrap_or_else(|| executable.clone());
+    let label = name.clone().unwrap_or_else(|| executable.clone());
     let parameters = own_parameters(&action.parameters, site)?;
     // As in `launch_ros`, the rules for all nodes come first. The first rule that fits is used.
     let mut remaps = site.scope.remaps.clone();
@@ -111,7 +111,6 @@ fn process(
     Ok(ProcessPlan {
         label,
         env: view.pairs(&action.env)?.into_iter().collect(),
-        cwd: view.optional(&action.cwd)?.map(PathBuf::from),
         errors_only: errors_only(action.output.as_ref(), view)?,
         respawn: respawn(action, view)?,
         ends_all: action.ends_all,
@@ -129,24 +128,10 @@ fn errors_only(output: Option<&Text>, view: View<'_>) -> Result<bool, LaunchErro
     }
 }
 
-fn respawn(action: &ProcessAction, view: View<'_>) -> Result<Option<Respawn>, LaunchError> {
+fn respawn(action: &ProcessAction, view: View<'_>) -> Result<Option<Duration>, LaunchError> {
     let wanted = action.respawn.as_ref().map(|text| view.bool("respawn", text)).transpose()?;
     let delay = action.respawn_delay.as_ref().map(|text| view.number("respawn_delay", text)).transpose()?;
-    let max_retries = match &action.respawn_max_retries {
-        None => None,
-        Some(text) => {
-            let value = view.string(text)?;
-            let why = format!("respawn_max_retries = '{value}' must be a count, or -1 for any number");
-            let number: i64 = value.trim().parse().map_err(|_| view.refuse(text, &why))?;
-            if number < -1 {
-                return Err(view.refuse(text, why));
-            }
-            // Neither -1 nor a count beyond 32 bits fits: `None` stands for any number of starts.
-            u32::try_from(number).ok()
-        }
-    };
-    let delay = Duration::from_secs_f64(delay.unwrap_or(0.0));
-    Ok((wanted == Some(true)).then_some(Respawn { delay, max_retries }))
+    Ok((wanted == Some(true)).then(|| Duration::from_secs_f64(delay.unwrap_or(0.0))))
 }
 
 /// Splits a command line into words as a shell would, without running one: quotes group, a backslash makes the next

@@ -105,7 +105,7 @@ impl Resolver {
             ActionKind::SetRemap(from, to) => {
                 self.scope.remaps.push((view.string(from)?, view.string(to)?));
             }
-            ActionKind::Group { scoped, children } => self.group(file, scoped.as_ref(), children)?,
+            ActionKind::Group(children) => self.group(file, children)?,
             ActionKind::Include(include) => self.include(file, action.line, include)?,
             ActionKind::Node(node) => {
                 self.plan.nodes.push(process::node(node, &self.site(file, action.line))?);
@@ -122,14 +122,11 @@ impl Resolver {
         process::DeclarationSite { file, line, view: self.scope.at(file), scope: &self.scope }
     }
 
-    fn group(&mut self, file: &Path, scoped: Option<&Text>, children: &[Action]) -> Result<(), Mistakes> {
-        let scoped = scoped.map(|text| self.scope.at(file).bool("scoped", text)).transpose()?;
+    fn group(&mut self, file: &Path, children: &[Action]) -> Result<(), Mistakes> {
         // The scope is restored also after a mistake, since the actions behind the group are checked as well.
         let outer = self.scope.clone();
         let done = self.all(file, children);
-        if scoped.unwrap_or(true) {
-            self.scope = outer;
-        }
+        self.scope = outer;
         done
     }
 

@@ -139,7 +139,7 @@ pub(super) fn parameter_value(
         ParameterValue::List(items) => {
             let values: Result<Vec<_>, LaunchError> =
                 items.iter().map(|(text, kind)| Ok((view.string(text)?, *kind))).collect();
-            ParameterText::list(values?, kind)
+            Ok(ParameterText::list(values?))
         }
     };
     checked.map_err(|why| view.refuse(name, format!("parameter '{}' {why}", name.source)))
@@ -171,7 +171,7 @@ pub(super) fn included(include: &Include, view: View<'_>) -> Result<LaunchFile, 
 pub struct ParameterText {
     /// The value as text, a list as `[a, b]`.
     pub text: String,
-    /// The type that the launch file asks for, such as `str` or `list_of_int`.
+    /// The type that the launch file asks for, such as `str`; that of a list is `None`.
     pub kind: Option<&'static str>,
 }
 
@@ -191,22 +191,14 @@ impl ParameterText {
         Ok(Self { text, kind })
     }
 
-    /// A list of (text, type as it is written); a `kind` is that of a list.
-    pub(super) fn list(
-        items: Vec<(String, Option<ScalarType>)>,
-        kind: Option<&'static str>,
-    ) -> Result<Self, String> {
-        let of = kind.and_then(|kind| kind.strip_prefix("list_of_")).unwrap_or_default();
-        let items: Result<Vec<String>, String> = items
-            .into_iter()
-            .map(|(text, kind)| {
-                let text = typed(text, of)?;
-                // Without quotes, ROS 2 would read the string '1' as a number.
-                let is_string = of == "str" || (of.is_empty() && kind == Some(ScalarType::String));
-                Ok(if is_string { of_string(&text) } else { text })
-            })
-            .collect();
-        Ok(Self { text: format!("[{}]", items?.join(", ")), kind })
+    /// A list of (text, type as it is written).
+    pub(super) fn list(items: Vec<(String, Option<ScalarType>)>) -> Self {
+        // Without quotes, ROS 2 would read the string '1' as a number.
+        let item = |(text, kind): (String, _)| {
+            if kind == Some(ScalarType::String) { of_string(&text) } else { text }
+        };
+        let items: Vec<String> = items.into_iter().map(item).collect();
+        Self { text: format!("[{}]", items.join(", ")), kind: None }
     }
 }
 
@@ -255,8 +247,8 @@ mod tests {
         fn a_string_reads_back(text in "[ -~\n\t\u{7f}\u{85}é']{0,8}") {
             let scalar = ParameterText::scalar(text.clone(), Some("str")).expect("any text is a string");
             prop_assert_eq!(yaml_text::string(&scalar.to_string()), Some(text.clone()));
-            let list = ParameterText::list(vec![(text.clone(), Some(ScalarType::String))], Some("list_of_str"));
-            prop_assert_eq!(Value::Strings(Vec::new()).parse_like(&list.expect("strings").to_string()), Some(Value::Strings(vec![text])));
+            let list = ParameterText::list(vec![(text.clone(), Some(ScalarType::String))]);
+            prop_assert_eq!(Value::Strings(Vec::new()).parse_like(&list.to_string()), Some(Value::Strings(vec![text])));
         }
     }
 }

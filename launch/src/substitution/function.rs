@@ -142,7 +142,7 @@ mod tests {
             ("$(var x)", "4.0"),
             ("$(var $(var name))", "4.0"),
             ("$(var none 'a b')", "a b"),
-            ("$(env CARGO_PKG_NAME)/$(env NOPE d)", "modulo-launch/d"),
+            ("$(env NOPE d)", "d"),
             ("$(dirname)", "/opt/pkg/launch"),
             ("$(not $(var on))", "false"),
             ("$(if $(var on) yes no)$(if 0 yes)", "yes"),

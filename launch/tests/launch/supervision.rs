@@ -179,14 +179,6 @@ async fn a_crashed_process_is_restarted_and_counted() {
     assert!(lines.all().contains(&"[phoenix] back".to_owned()));
 }
 
-#[tokio::test]
-async fn restarts_have_an_end_when_they_are_limited() {
-    let more = format!("{RESPAWN}      respawn_max_retries: 2\n");
-    let outcome = outcome(&[sh("bad", "exit 1", &more)], &Lines::default()).await.expect("runs");
-    assert_eq!(outcome.processes[0].restarts, 2);
-    assert!(failed(&outcome));
-}
-
 /// A node that crashes at each start ended no run, and the others waited for it for ever.
 #[tokio::test]
 async fn too_many_restarts_end_all_with_the_reason() {
