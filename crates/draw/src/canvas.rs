@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::font::Font;
-use crate::primitives::{Area, Colour, Position, WHITE};
+use crate::primitives::{Colour, Position, WHITE};
 
 /// The part of a text that is at its position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,12 +62,6 @@ impl Canvas {
         self.push(format_args!(
             "<polygon points=\"{points}\" fill=\"{fill}\" stroke=\"{colour}\" stroke-width=\"{width}\">{title}</polygon>"
         ));
-    }
-
-    /// Adds a filled rectangle.
-    pub fn block(&mut self, (left, top, right, bottom): Area, colour: Colour) {
-        let points = [(left, top), (right, top), (right, bottom), (left, bottom)];
-        self.area(&points, Some(colour), (WHITE, 1.0), "");
     }
 
     /// Adds a horizontal text whose baseline is at `position`.

@@ -1,14 +1,13 @@
 //! Charts as SVG, labelled boxes on images, and the frame of an HTML page. The font is embedded in the program.
 //!
 //! A [`Chart`] is data, and [`Chart::svg`] draws it. The name of a series determines its colour and
-//! marker in every chart, markers distinguish the series without colour, and labels never overlap. No file is read or
+//! marker in every chart, and markers distinguish the series without colour. No file is read or
 //! written.
 
 mod axis;
 mod canvas;
 mod chart;
 mod font;
-mod label;
 mod panel;
 mod picture;
 mod plates;

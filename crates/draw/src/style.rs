@@ -3,7 +3,7 @@
 use std::f32::consts::{PI, TAU};
 
 use crate::canvas::Canvas;
-use crate::primitives::{Colour, FADED_TEXT, Position, RADIUS, WHITE, hash};
+use crate::primitives::{Colour, Position, RADIUS, WHITE, hash};
 
 /// Half the width of the caps of an interval, px.
 const CAP: f32 = 3.5;
@@ -57,8 +57,8 @@ impl Style {
             return Self { colour, marker: hash / STYLES.len() % MARKERS, dash: 0.0, open: true };
         };
         words.retain(|word| style(word).is_none() && *word != "recovered");
-        // Variants that differ in a number, such as that of the threads, differ in marker and dashes, too.
-        let number: usize = name.chars().filter_map(|c| c.to_digit(10)).map(|digit| digit as usize).sum();
+        // Variants, such as those of several models, differ in marker and dashes. The upper bits of the hash differ for similar words, too.
+        let number = if words.is_empty() { 0 } else { hash(&words.join(" ")) >> 20 };
         let dash = if words.is_empty() { 0.0 } else { [5.0, 2.0, 9.0][number % 3] };
         Self { colour: *colour, marker: (marker + number) % MARKERS, dash, open: !words.is_empty() }
     }
@@ -84,11 +84,6 @@ impl Style {
         for y in [low, high] {
             canvas.line(&[(x - CAP, y), (x + CAP, y)], colour, 1.1, 0.0);
         }
-    }
-
-    /// The colour of a label beside a marker.
-    pub fn text_colour(&self, is_faded: bool) -> Colour {
-        if is_faded { FADED_TEXT } else { self.colour }
     }
 
     /// The outline of the marker around (0, 0), about as large as the unit circle.

@@ -46,14 +46,14 @@ fn frontier_panel(cells: &[&Cell], group: &str) -> ChartPanel {
     let mut series: Vec<Series> = Vec::new();
     for (cell, (cost, gain)) in &scored {
         let kept = !is_choice(cell) || !real.iter().any(|(other, _)| beats(other, cell, group));
-        let name = labels::stream(&cell.point);
-        let (model, ms, percent) = (labels::model(&cell.point), number(*cost, 1), number(100.0 * gain, 1));
+        let (stream, model) = (labels::stream(&cell.point), labels::model(&cell.point));
+        let name = if several { format!("{stream}, {model}") } else { stream.clone() };
+        let (ms, percent) = (number(*cost, 1), number(100.0 * gain, 1));
         let point = DataPoint {
             x: *cost,
             y: *gain,
             interval: cell.interval_of(group),
-            hover: format!("{name}, {model}: {ms} ms, AP50 of {group} {percent} %"),
-            label: if several { model } else { name.clone() },
+            hover: format!("{stream}, {model}: {ms} ms, AP50 of {group} {percent} %"),
             is_faded: !kept,
         };
         match series.iter_mut().find(|series| series.name == name) {
