@@ -142,9 +142,8 @@ fn shot_noise_is_an_axis_that_a_later_run_can_extend() {
     let charts = std::fs::read_dir(out.join("charts")).expect("charts");
     let names: Vec<String> =
         charts.map(|file| file.expect("a file").file_name().into_string().expect("UTF-8")).collect();
-    for file in ["svg", "png"].map(|kind| format!("shot_demo_input_auto_alpha4_psf1.4_read0.{kind}")) {
-        assert!(names.contains(&file), "{file}");
-    }
+    let wanted = "shot_demo_input_auto_alpha4_psf1.4_read0.svg";
+    assert!(names.iter().any(|name| name == wanted), "{names:?}");
     // The lens and the read noise have one value, so that they have no chart.
     let is_odd = |name: &String| ["psf_", "read_", "alpha_"].iter().any(|kind| name.starts_with(kind));
     assert!(!names.iter().any(is_odd), "{names:?}");

@@ -11,7 +11,7 @@ use modulo_runtime::input::{LARGEST_TEXT, read_text};
 use modulo_runtime::yaml::{self, Content, Item, ScalarType};
 
 use crate::attributes::{Attributes, Text};
-use crate::{LaunchError, Mistakes, listed, refused};
+use crate::{LaunchError, Mistakes, listed};
 
 #[derive(Clone, Debug)]
 pub(crate) struct LaunchFile {
@@ -31,13 +31,9 @@ pub(crate) struct Action {
 #[derive(Clone, Debug)]
 pub(crate) enum ActionKind {
     Argument(Argument),
-    Let(Text, Text),
-    SetEnvironment(Text, Text),
-    Group { scoped: Option<Text>, children: Vec<Action> },
+    Group(Vec<Action>),
     PushNamespace(Text),
     Include(Include),
-    Log(Text),
-    SetParameter(Text, Text),
     SetRemap(Text, Text),
     Node(Box<NodeAction>),
     Executable(Box<ExecutableAction>),
@@ -77,20 +73,13 @@ pub(crate) struct Include {
 type ActionReader =
     (&'static str, &'static [&'static [&'static str]], fn(&Attributes<'_>) -> Result<ActionKind, Mistakes>);
 
-const NAME_VALUE: [&str; 2] = ["name", "value"];
-const FROM_TO: [&str; 2] = ["from", "to"];
-
-const READERS: [ActionReader; 12] = [
+const READERS: [ActionReader; 8] = [
     ("arg", &[&["name", "default", "description", "choice"]], argument),
-    ("let", &[&NAME_VALUE], |a| pair(a, NAME_VALUE, ActionKind::Let)),
-    ("set_env", &[&NAME_VALUE], |a| pair(a, NAME_VALUE, ActionKind::SetEnvironment)),
-    ("group", &[&["scoped", "children"]], group),
+    ("group", &[&["children"]], group),
     ("push_ros_namespace", &[&["namespace"]], push_namespace),
     ("push-ros-namespace", &[&["namespace"]], push_namespace),
     ("include", &[&["file", "arg"]], include),
-    ("log", &[&["message"]], |a| Ok(ActionKind::Log(a.required("message")?))),
-    ("set_parameter", &[&NAME_VALUE], |a| pair(a, NAME_VALUE, ActionKind::SetParameter)),
-    ("set_remap", &[&FROM_TO], |a| pair(a, FROM_TO, ActionKind::SetRemap)),
+    ("set_remap", &[&["from", "to"]], |a| Ok(ActionKind::SetRemap(a.required("from")?, a.required("to")?))),
     ("node", &[process::NODE_KEYS, process::PROCESS_KEYS], process::node),
     ("executable", &[&["cmd"], process::PROCESS_KEYS], process::executable),
 ];
@@ -98,7 +87,11 @@ const READERS: [ActionReader; 12] = [
 /// Reads the launch file at `path`. There is a mistake for each entry in it that is no action.
 pub(crate) fn read_file(path: &Path) -> Result<LaunchFile, Mistakes> {
     let text = read_text(path, LARGEST_TEXT).map_err(|e| LaunchError::file(path, e))?;
-    if let Some(why) = refused::language(path, &text) {
+    if let Some(language) = other_language(path, &text) {
+        let why = format!(
+            "ROS 2 knows launch files in {language}, but only YAML is supported here; write it as .launch.yaml, or start it \
+             with ros2 launch, which also starts the nodes of an installed suite"
+        );
         return Err(LaunchError::file(path, why).into());
     }
     let root = yaml::read_agreed(&text).map_err(|e| LaunchError::at(path, e.line, e.message))?;
@@ -110,6 +103,13 @@ pub(crate) fn read_file(path: &Path) -> Result<LaunchFile, Mistakes> {
         return Err(attributes.missing("launch").into());
     }
     Ok(LaunchFile { path: path.to_owned(), actions: read_all(path, attributes.list("launch")?)? })
+}
+
+/// Returns the language of ROS 2 in which a launch file is written that is not YAML.
+fn other_language(path: &Path, text: &str) -> Option<&'static str> {
+    let ends = |ending: &str| path.extension().is_some_and(|found| found.eq_ignore_ascii_case(ending));
+    let is_xml = ends("xml") || text.trim_start_matches('\u{feff}').trim_start().starts_with('<');
+    if ends("py") { Some("Python") } else { is_xml.then_some("XML") }
 }
 
 fn read_all(file: &Path, items: &[Item]) -> Result<Vec<Action>, Mistakes> {
@@ -126,14 +126,16 @@ fn read(file: &Path, item: &Item) -> Result<Action, Mistakes> {
         }
     };
     let Some((name, keys, reader)) = READERS.iter().find(|(name, ..)| *name == key.name) else {
-        let known = || listed(READERS.iter().map(|(name, ..)| name), "");
-        let message = refused::reason("action", &key.name)
-            .unwrap_or_else(|| format!("unknown action '{}', known actions are {}", key.name, known()));
+        let known = listed(READERS.iter().map(|(name, ..)| name), "");
+        let message = format!(
+            "action '{}' is not supported, supported are {known}; ros2 launch starts a file with other actions",
+            key.name
+        );
         return Err(LaunchError::at(file, key.line, message).into());
     };
     // ROS 2 takes a list right below `group` for its children.
     if let ("group", Content::List(children)) = (*name, &body.content) {
-        let kind = ActionKind::Group { scoped: None, children: read_all(file, children)? };
+        let kind = ActionKind::Group(read_all(file, children)?);
         return Ok(Action { line: key.line, condition: None, kind });
     }
     let known: Vec<&str> = keys.iter().copied().flatten().chain(&["if", "unless"]).copied().collect();
@@ -170,17 +172,8 @@ fn required_plain(attributes: &Attributes<'_>, key: &str) -> Result<(usize, Stri
     attributes.plain(key)?.ok_or_else(|| attributes.missing(key))
 }
 
-fn pair(
-    attributes: &Attributes<'_>,
-    keys: [&str; 2],
-    kind: fn(Text, Text) -> ActionKind,
-) -> Result<ActionKind, Mistakes> {
-    Ok(kind(attributes.required(keys[0])?, attributes.required(keys[1])?))
-}
-
 fn group(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
-    let children = read_all(attributes.file, attributes.list("children")?)?;
-    Ok(ActionKind::Group { scoped: attributes.literal("scoped", ScalarType::Bool)?, children })
+    Ok(ActionKind::Group(read_all(attributes.file, attributes.list("children")?)?))
 }
 
 fn push_namespace(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {

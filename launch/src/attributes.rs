@@ -5,7 +5,7 @@ use std::path::Path;
 use modulo_runtime::yaml::{Content, Item, Key, ScalarType};
 
 use crate::substitution::Template;
-use crate::{LaunchError, listed, refused};
+use crate::{LaunchError, listed};
 
 /// A string of a launch file with its line.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,9 +38,9 @@ impl<'a> Attributes<'a> {
         };
         let line = pairs.first().map_or(item.line, |(key, _)| key.line);
         if let Some((key, _)) = pairs.iter().find(|(key, _)| !known.contains(&key.name.as_str())) {
-            let unknown = || format!("unknown key '{}', known keys are {}", key.name, listed(known, "none"));
-            let why = refused::reason("attribute", &key.name).unwrap_or_else(unknown);
-            return Err(LaunchError::at(file, key.line, format!("{of}: {why}")));
+            let known = listed(known, "none");
+            let why = format!("{of}: key '{}' is not supported, supported are {known}", key.name);
+            return Err(LaunchError::at(file, key.line, why));
         }
         Ok(Self { file, line, of, pairs })
     }
@@ -130,9 +130,7 @@ impl<'a> Attributes<'a> {
 
 fn mismatch(key: &str, item: &Item, allowed: &[ScalarType]) -> String {
     let expected = match allowed.first() {
-        Some(ScalarType::Bool) => "true or false",
-        Some(ScalarType::Integer) if allowed.contains(&ScalarType::Bool) => "a value",
-        Some(ScalarType::Integer) => "an integer",
+        Some(ScalarType::Integer) => "a value",
         Some(ScalarType::Float) => "a number",
         _ => "a string",
     };

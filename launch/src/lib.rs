@@ -11,7 +11,6 @@ mod action;
 mod attributes;
 mod package;
 pub mod plan;
-mod refused;
 pub mod substitution;
 pub mod summary;
 pub mod supervisor;

@@ -1,7 +1,6 @@
 //! Where packages lie, and the launch files that can be found: the suite itself lies in its checkout, beside its binary, or in the binary;
 //! all other packages lie where ROS 2 installed them.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use modulo_runtime::embedded;
@@ -20,47 +19,24 @@ const MARKER: &str = "launch/suite.launch.yaml";
 const FOLDER: &str = "launch";
 const ENDING: &str = ".launch.yaml";
 
-/// The variable `name` of a process whose `environment` is added to that of the launcher; `None` when it is not text.
-pub(crate) fn variable(environment: &BTreeMap<String, String>, name: &str) -> Option<String> {
-    environment.get(name).cloned().or_else(|| std::env::var(name).ok())
-}
-
 /// The prefixes under which ROS 2 has installed packages.
-pub(crate) fn prefixes(environment: &BTreeMap<String, String>) -> Vec<PathBuf> {
-    let path = variable(environment, "AMENT_PREFIX_PATH").unwrap_or_default();
+pub(crate) fn prefixes() -> Vec<PathBuf> {
+    let path = std::env::var("AMENT_PREFIX_PATH").unwrap_or_default();
     path.split(':').filter(|prefix| !prefix.is_empty()).map(PathBuf::from).collect()
 }
 
 /// `share/<package>` of a package; for the suite the folder that holds `launch/`.
-pub(crate) fn share(
-    package: &str,
-    file: &Path,
-    environment: &BTreeMap<String, String>,
-) -> Result<PathBuf, String> {
+pub(crate) fn share(package: &str, file: &Path) -> Result<PathBuf, String> {
     // A checkout can have any name and an installed suite any prefix, so the folder is known by a file in it.
     if package == SUITE
         && let Some(root) = suite_roots(file).into_iter().find(|root| root.join(MARKER).is_file())
     {
         return Ok(root);
     }
-    match installed(package, environment) {
+    match installed(package) {
         Err(_) if package == SUITE => embedded::folder().map_err(|why| why.to_string()),
         found => Ok(found?.join("share").join(package)),
     }
-}
-
-/// The prefix under which a package is installed; for the suite in a checkout the checkout.
-pub(crate) fn prefix(
-    package: &str,
-    file: &Path,
-    environment: &BTreeMap<String, String>,
-) -> Result<PathBuf, String> {
-    if package != SUITE {
-        return installed(package, environment);
-    }
-    let share = share(package, file, environment)?;
-    let installed = share.ends_with(Path::new("share").join(SUITE));
-    Ok(share.ancestors().nth(if installed { 2 } else { 0 }).unwrap_or(&share).to_owned())
 }
 
 /// Returns the folders that may be the share folder of the suite, the likeliest first.
@@ -74,8 +50,9 @@ fn suite_roots(file: &Path) -> Vec<PathBuf> {
         .collect()
 }
 
-fn installed(package: &str, environment: &BTreeMap<String, String>) -> Result<PathBuf, String> {
-    let prefixes = prefixes(environment);
+/// Returns the prefix under which ROS 2 has installed a package.
+fn installed(package: &str) -> Result<PathBuf, String> {
+    let prefixes = prefixes();
     let found = prefixes.iter().find(|prefix| prefix.join("share").join(package).is_dir());
     // An empty name would be the folder of all packages, and a name with a slash could lead out of it.
     if let (Some(prefix), false) = (found, package.is_empty() || package.contains('/')) {
@@ -108,7 +85,7 @@ pub struct FoundFile {
 /// [`LaunchError::Other`] when the files of the suite are neither found nor written from the program.
 pub fn launch_files() -> Result<Vec<FoundFile>, LaunchError> {
     let here = PathBuf::from(FOLDER);
-    let suite = share(SUITE, Path::new(""), &BTreeMap::new()).map_err(LaunchError::Other)?;
+    let suite = share(SUITE, Path::new("")).map_err(LaunchError::Other)?;
     let mut files = launch_files_in(&here);
     for file in launch_files_in(&suite.join(FOLDER)) {
         if files.iter().all(|other| other.name != file.name) {

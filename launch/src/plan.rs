@@ -28,8 +28,6 @@ pub use scope::ParameterText;
 /// Everything that a launch file starts.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plan {
-    /// The messages of the `log` actions, in order.
-    pub messages: Vec<String>,
     /// ROS 2 nodes in the order of the file.
     pub nodes: Vec<NodePlan>,
     /// Other programs in the order of the file.
@@ -47,8 +45,6 @@ pub struct NodePlan {
     pub name: Option<String>,
     /// Its namespace, absolute, `/` for none.
     pub namespace: String,
-    /// (name, value) from `set_parameter`; the last of a name wins, and all that follows here over it.
-    pub shared_parameters: Vec<(String, ParameterText)>,
     /// Its own parameters and parameter files, in order; a later one wins.
     pub parameters: Vec<NodeParameter>,
     /// (from, to) in order; the first that fits is used.
@@ -88,27 +84,16 @@ pub struct ProcessPlan {
     pub label: String,
     /// Variables to set in the launcher's environment.
     pub env: BTreeMap<String, String>,
-    /// Its working folder; the launcher's when `None`.
-    pub cwd: Option<PathBuf>,
     /// Whether its standard error alone is shown, and not its standard output: ROS 2's `log`.
     pub errors_only: bool,
-    /// How it is started again after a crash; `None` for one that stays down.
-    pub respawn: Option<Respawn>,
+    /// The pause before it is started again after a crash; `None` for one that stays down.
+    pub respawn: Option<Duration>,
     /// Whether the other processes are shut down when it has ended.
     pub ends_all: bool,
     /// From SIGINT to SIGTERM at a shutdown.
     pub sigterm_timeout: Duration,
     /// From SIGTERM to SIGKILL at a shutdown.
     pub sigkill_timeout: Duration,
-}
-
-/// How a process that crashed is started again.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Respawn {
-    /// Pause before each start.
-    pub delay: Duration,
-    /// Starts after the first one; `None` for any number.
-    pub max_retries: Option<u32>,
 }
 
 /// A node of this suite to run beside others in one process.
@@ -147,13 +132,10 @@ pub fn ros_arguments(node: &NodePlan) -> Vec<String> {
         push("-r", format!("__node:={name}"));
     }
     push("-r", format!("__ns:={}", node.namespace));
-    let set = |name: &str, value: &ParameterText| format!("{name}:={value}");
-    // A node takes the last value that it is given for a parameter: those for all nodes come first.
-    node.shared_parameters.iter().for_each(|(name, value)| push("-p", set(name, value)));
     for parameter in &node.parameters {
         match parameter {
             NodeParameter::File(file) => push("--params-file", file.display().to_string()),
-            NodeParameter::Value(name, value) => push("-p", set(name, value)),
+            NodeParameter::Value(name, value) => push("-p", format!("{name}:={value}")),
         }
     }
     node.remaps.iter().for_each(|(from, to)| push("-r", format!("{from}:={to}")));
@@ -183,7 +165,6 @@ fn composed(node: &NodePlan) -> Result<ComposedNode, LaunchError> {
         (!node.args.is_empty(), "args"),
         (!node.ros_args.is_empty(), "ros_args"),
         (!node.process.env.is_empty(), "env"),
-        (node.process.cwd.is_some(), "cwd"),
     ];
     if let Some((_, setting)) = own.iter().find(|(used, _)| *used) {
         return Err(refuse(label, &format!("it has {setting}, which needs a process of its own")));
@@ -192,8 +173,7 @@ fn composed(node: &NodePlan) -> Result<ComposedNode, LaunchError> {
     let node_name =
         NodeName::new(node.name.as_ref().unwrap_or(&node.executable), &node.namespace, &node.remaps);
     let node_name = node_name.map_err(|why| wrong(why.to_string()))?;
-    let shared = node.shared_parameters.iter().map(|(name, value)| (name.clone(), value.text.clone()));
-    let mut parameters: Vec<_> = shared.collect();
+    let mut parameters = Vec::new();
     for parameter in &node.parameters {
         match parameter {
             NodeParameter::File(file) => parameters
@@ -210,7 +190,6 @@ fn refuse(process: &str, why: &str) -> LaunchError {
 
 impl fmt::Display for Plan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.messages.iter().try_for_each(|message| writeln!(f, "log {message}"))?;
         self.nodes.iter().try_for_each(|node| node.fmt(f))?;
         self.executables.iter().try_for_each(|executable| executable.fmt(f))
     }
@@ -221,9 +200,6 @@ impl fmt::Display for NodePlan {
         let name = self.fully_qualified().unwrap_or_else(|| format!("{} (its own name)", self.namespace));
         writeln!(f, "node {name}: {}/{}", self.package, self.executable)?;
         let shown = |value: &dyn fmt::Display| without_secrets(&value.to_string()).into_owned();
-        self.shared_parameters
-            .iter()
-            .try_for_each(|(name, value)| writeln!(f, "  {name} = {}", shown(value)))?;
         self.parameters.iter().try_for_each(|parameter| match parameter {
             NodeParameter::File(file) => writeln!(f, "  params {}", file.display()),
             NodeParameter::Value(name, value) => writeln!(f, "  {name} = {}", shown(value)),
@@ -249,15 +225,11 @@ impl fmt::Display for ExecutablePlan {
 impl fmt::Display for ProcessPlan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.env.iter().try_for_each(|(name, value)| writeln!(f, "  env {name}={value}"))?;
-        if let Some(cwd) = &self.cwd {
-            writeln!(f, "  in {}", cwd.display())?;
-        }
         if self.errors_only {
             writeln!(f, "  shows its errors only")?;
         }
-        if let Some(Respawn { delay, max_retries }) = self.respawn {
-            let times = max_retries.map_or("any number of".to_owned(), |n| format!("{n}"));
-            writeln!(f, "  started again after a crash, {times} times, {} s later", delay.as_secs_f64())?;
+        if let Some(delay) = self.respawn {
+            writeln!(f, "  started again after a crash, {} s later", delay.as_secs_f64())?;
         }
         if self.ends_all {
             writeln!(f, "  its end is the end of all")?;

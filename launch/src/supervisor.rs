@@ -235,7 +235,6 @@ pub async fn run_until(
     // SIGINT could end no process that does not handle it.
     let _handled = [open(SignalKind::interrupt())?, open(SignalKind::terminate())?];
     let folders = Folders::new().map_err(|e| start_error("launcher", format!("temporary folder: {e}")))?;
-    plan.messages.iter().for_each(|message| (how.print)(Channel::Out, &format!("[launch] {message}")));
     let jobs = job::all(&plan, how, &folders)?;
     // The second future never ends: it only passes reports on until the processes are done.
     let (ending, processes) = tokio::select! {

@@ -23,7 +23,7 @@ use modulo_eval::store::{Folder, figures, save};
 use modulo_eval::timing::Timing;
 use modulo_eval::variants::{Axes, Resolve, Varied};
 use modulo_eval::video::AnnotatedVideo;
-use modulo_eval::{GridError, below_100, coco, draw_pictures, report};
+use modulo_eval::{GridError, Pictures, below_100, coco, draw_pictures, report};
 use modulo_images::ImageError;
 use modulo_launch::Plan;
 use modulo_middleware::process::signals::first_signal;
@@ -246,9 +246,10 @@ fn tell_demo(variants: &[Variant], data: Option<&Data>) {
 /// Draws the frame in which the streams differ most.
 fn picture(request: &Request, results: &Results) -> Result<(), Failure> {
     let drawn = draw_pictures(request, &SystemClock::default(), results).map_err(failure)?;
-    if let Some(chart) = drawn {
-        report::save_pictures(&request.out, &chart).map_err(failure)?;
-        note!("the frame in which the streams differ most: {}", request.out.join(report::GRID).display());
+    if let Some(Pictures { title, sheet }) = drawn {
+        report::save_pictures(&request.out, &sheet).map_err(failure)?;
+        let file = request.out.join(report::GRID);
+        note!("the frame in which the streams differ most ({title}): {}", file.display());
     }
     Ok(())
 }

@@ -322,20 +322,18 @@ fn refusals(node: &NodePlan) -> Vec<String> {
     }
 }
 
-/// Returns the names that are set for several nodes, unknown to this one, and not written at it: those of `set_parameter`,
-/// and those below a wildcard of a parameter file unless they look like a misspelling.
+/// Returns the names that are set for several nodes, unknown to this one, and not written at it: those below a wildcard of a
+/// parameter file unless they look like a misspelling.
 fn ignored(node: &NodePlan, node_name: &NodeName, declared: &Parameters) -> anyhow::Result<BTreeSet<String>> {
-    let unknown = |name: &&String| declared.descriptor(name).is_none();
-    let shared = node.shared_parameters.iter().map(|(name, _)| name);
-    let mut ignored: BTreeSet<String> = shared.filter(unknown).cloned().collect();
-    let mut written = BTreeSet::new();
+    let unknown = |name: &str| declared.descriptor(name).is_none();
+    let (mut ignored, mut written) = (BTreeSet::new(), BTreeSet::new());
     for parameter in &node.parameters {
         match parameter {
             NodeParameter::Value(name, _) => drop(written.insert(name.clone())),
             NodeParameter::File(file) => {
                 for Entry { name, by_name, .. } in parameter_file::entries(file, node_name)? {
                     let meant = by_name || declared.near(&name).is_some();
-                    if unknown(&&name) {
+                    if unknown(&name) {
                         if meant { &mut written } else { &mut ignored }.insert(name);
                     }
                 }

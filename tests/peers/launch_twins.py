@@ -27,13 +27,13 @@ VALUES = {
     "substitution": '"$(env SPY_WORD)"', "spaces": '"a b"', "negative": "-2", "quoted list": '"[1, 2]"',
     "exponent": "1.0e+3", "yes": "yes", "octal": "010", "quote": "\"it's\"", "colon": '"a: b"', "hash": '"a # b"',
     "date": "2011-09-26", "list of integers": "[1, 2]", "list of floats": "[1.5, 2.0]", "list of bools": "[true, no]",
-    "list of quoted integers": '["1", "2"]', "mixed list": "[1, 2.0]", "condition": '"$(equals $(env SPY_WORD) word)"',
+    "list of quoted integers": '["1", "2"]', "mixed list": "[1, 2.0]", "condition": '"$(not false)"',
 }
-NODE = ["name", "namespace", "args", "ros_args", "exec_name", "output", "respawn", "respawn_delay", "respawn_max_retries",
-        "cwd", "on_exit", "sigterm_timeout", "sigkill_timeout", "if", "unless", "env", "param", "remap", "pkg", "exec"]
-EXECUTABLE = ["cmd", "name", "output", "cwd", "respawn", "respawn_delay", "respawn_max_retries", "on_exit", "sigterm_timeout",
+NODE = ["name", "namespace", "args", "ros_args", "output", "respawn", "respawn_delay",
+        "on_exit", "sigterm_timeout", "sigkill_timeout", "if", "unless", "env", "param", "remap", "pkg", "exec"]
+EXECUTABLE = ["cmd", "name", "output", "respawn", "respawn_delay", "on_exit", "sigterm_timeout",
               "sigkill_timeout", "env", "if", "unless"]
-TYPES = ["int", "float", "bool", "str", "list_of_int", "list_of_float", "list_of_bool", "list_of_str"]
+TYPES = ["int", "float", "bool", "str"]
 SPY = '  - node: { pkg: "spy", exec: "spy", name: "seen" }\n'
 SPY_SOURCE = '''#!/usr/bin/python3
 import json, os, sys
@@ -58,28 +58,21 @@ def files():
         for attribute in ["name", "default", "description", "choice"]:
             yield f"arg.{attribute} = {label}", action("arg", {"name": '"x"', "default": '"1"', attribute: value})
         for name, fixed, attribute in [
-            ("let", {"name": '"x"'}, "value"), ("let", {"value": '"x"'}, "name"),
-            ("set_env", {"name": '"SPY_X"'}, "value"), ("log", {}, "message"), ("log", {"level": "INFO"}, "message"),
-            ("log", {"message": "hello"}, "level"), ("set_parameter", {"name": '"x"'}, "value"),
-            ("set_parameter", {"value": '"x"'}, "name"), ("set_use_sim_time", {}, "value"),
             ("push_ros_namespace", {}, "namespace"), ("set_remap", {"from": '"a"'}, "to"), ("include", {}, "file"),
         ]:
             text = action(name, {**fixed, attribute: value}) + SPY
             yield f"{name}.{attribute} = {label} beside {sorted(fixed)}", text
         node = action("node", {"pkg": '"spy"', "exec": '"spy"'})
         yield f"param.value = {label}", f"{node}      param: [{{ name: p, value: {value} }}]\n"
-        yield f"nested param.value = {label}", f"{node}      param: [{{ name: a, param: [{{ name: p, value: {value} }}] }}]\n"
         for kind in TYPES:
             yield f"param.value = {label} as {kind}", f"{node}      param: [{{ name: p, value: {value}, type: {kind} }}]\n"
-        log = "        - log: { message: a, level: INFO }\n"
-        yield f"group.scoped = {label}", f"launch:\n  - group:\n      scoped: {value}\n      children:\n{log}"
     yield "root is a list", "- node: {pkg: spy, exec: spy}\n"
     for label, body in {
-        "empty launch": " []", "no launch": "", "two keys in an entry": "\n  - let: {name: a, value: b}\n    log: {message: a}",
+        "empty launch": " []", "no launch": "", "two keys in an entry": "\n  - arg: {name: a, default: b}\n    group: []",
         "unknown action": "\n  - nod: {pkg: spy, exec: spy}", "unknown key": "\n  - node: {pkg: spy, exec: spy, colour: red}",
-        "group as list": "\n  - group:\n      - let: {name: a, value: b}", "dollar": "\n  - let: {name: a, value: 'x$y'}",
-        "push-ros-namespace": "\n  - push-ros-namespace: {namespace: a}", "unclosed": "\n  - let: {name: a, value: '$(var b'}",
-        "unknown substitution": "\n  - let: {name: a, value: '$(nope b)'}",
+        "group as list": "\n  - group:\n      - arg: {name: a, default: b}", "dollar": "\n  - arg: {name: a, default: 'x$y'}",
+        "push-ros-namespace": "\n  - push-ros-namespace: {namespace: a}", "unclosed": "\n  - arg: {name: a, default: '$(var b'}",
+        "unknown substitution": "\n  - arg: {name: a, default: '$(nope b)'}",
     }.items():
         yield label, f"launch:{body}\n"
 

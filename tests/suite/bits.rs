@@ -63,15 +63,25 @@ fn write(bench: &Bench, name: &str, actions: &str) {
     std::fs::write(bench.path(name), format!("launch:\n{actions}")).expect("a writable folder");
 }
 
+/// Writes copies of the shipped launch files, in which the camera and unwrap compress their images.
+fn write_compressed(bench: &Bench) {
+    let shipped = |file: &str| {
+        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).expect("readable")
+    };
+    let compress = "      param:\n        - { name: image_transport, value: compressed }\n        \
+                    - { name: compressed_format, value: png }\n";
+    let sensor = shipped("launch/sensor.launch.yaml").replace("      param:\n", compress);
+    let compare = shipped(COMPARE).replace("$(find-pkg-share modulo)/launch/sensor", "$(dirname)/sensor");
+    assert!(sensor.matches(compress).count() >= 2 && compare.contains("$(dirname)/sensor"));
+    std::fs::write(bench.path("sensor.launch.yaml"), sensor).expect("a writable folder");
+    std::fs::write(bench.path("compressed.launch.yaml"), compare).expect("a writable folder");
+}
+
 #[test]
 fn live_compressed_and_replayed_streams_are_read_as_in_lockstep() {
     let bench = Bench::new();
     let share = Path::new(env!("CARGO_MANIFEST_DIR")).display();
-    let compressed = format!(
-        "  - set_parameter: {{ name: image_transport, value: compressed }}\n  - set_parameter: {{ name: compressed_format, \
-         value: png }}\n  - include: {{ file: {share}/{COMPARE} }}\n"
-    );
-    write(&bench, "compressed.launch.yaml", &compressed);
+    write_compressed(&bench);
     for bits in [5, 10] {
         let bag = bench.path(&format!("bag{bits}")).display().to_string();
         let topics = STREAMS.map(|stream| format!("/{stream}")).join(" ");

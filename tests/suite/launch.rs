@@ -293,7 +293,7 @@ fn check_says_ok_or_every_mistake_with_its_line() {
     }
     let cases: [(&str, &[&str]); 2] = [
         (
-            "launch:\n  - log: { message: \"$(var nope)\" }\n  - log: { message: a, if: \"soon\" }\n",
+            "launch:\n  - executable: { cmd: \"$(var nope)\" }\n  - executable: { cmd: a, if: \"soon\" }\n",
             &["yaml:2: undefined variable 'nope'", "yaml:3: if: 'soon'", "2 errors"],
         ),
         (
@@ -322,8 +322,7 @@ fn check_tells_parameters_of_other_nodes_from_misspelt_ones() {
         std::fs::write(&parameters, format!("{stack}\n")).expect("writable");
         let from = parameters.display();
         let text = format!(
-            "launch:\n  - set_parameter: {{ name: wheel_radius, value: \"0.383\" }}\n  - node:\n      pkg: modulo\n      \
-             exec: unwrap\n      param: [{{ from: \"{from}\" }}{own}]\n"
+            "launch:\n  - node:\n      pkg: modulo\n      exec: unwrap\n      param: [{{ from: \"{from}\" }}{own}]\n"
         );
         std::fs::write(bench.path("stack.launch.yaml"), text).expect("writable");
         bench.says(code, "launch --check @/stack.launch.yaml")

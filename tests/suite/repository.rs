@@ -243,7 +243,7 @@ fn the_installed_tree_is_a_package_and_runs() {
     // A launch file of somebody else, far from the package.
     let file = bench.path("mine.launch.yaml");
     let mine = "launch:\n  - include: { file: $(find-pkg-share modulo)/launch/recovered.launch.yaml }\n  \
-                - log: { message: $(find-pkg-prefix modulo) }\n";
+                - executable: { cmd: ls $(find-pkg-share modulo) }\n";
     std::fs::write(&file, mine).expect("writable");
     let print = ["launch", "--print", file.to_str().expect("UTF-8")];
     let output =
@@ -251,7 +251,7 @@ fn the_installed_tree_is_a_package_and_runs() {
     done(&output);
     let message = text(&output);
     let prefix = prefix.canonicalize().expect("is there");
-    assert!(message.contains(&format!("log {}\n", prefix.display())), "{message}");
+    assert!(message.contains(&format!("executable ls: ls {}/share/modulo\n", prefix.display())), "{message}");
     assert!(message.contains("node /detector: modulo/detector"), "{message}");
 }
 

@@ -112,6 +112,14 @@ pub(super) fn list_images(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
     if images.is_empty() { Err(no_image(folder, "", &folders_of_images(folder).0)) } else { Ok(images) }
 }
 
+/// Returns the images of a folder, in the order of the numbers in their names, and a line that counts those of other formats.
+///
+/// # Errors
+/// [`SourceError`] when the folder holds no image or cannot be read.
+pub fn images_of(folder: &Path) -> Result<(Vec<PathBuf>, Option<String>), SourceError> {
+    Ok((list_images(folder)?, others([folder])))
+}
+
 /// Returns the images that lie in `folder` itself, sorted by [`by_number`].
 pub(super) fn images_in(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
     let io = |e| FileError::new(folder, e);

@@ -33,7 +33,7 @@ use ndarray::Array3;
 
 pub use bag::{BagSource, RecordedImage};
 pub use classes::NAME_FILES;
-pub use folder::FolderSource;
+pub use folder::{FolderSource, images_of};
 pub use kitti::FrameList;
 pub use labels::{LabelledSource, Skipped};
 pub use light::{Light, LightChange, light_of};

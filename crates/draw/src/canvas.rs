@@ -1,8 +1,9 @@
-//! [`Canvas`]: the shapes of a chart, before they become SVG or pixels.
+//! [`Canvas`]: the shapes of a chart as SVG 1.1.
+
+use std::fmt::Write as _;
 
 use crate::font::Font;
-use crate::picture::Picture;
-use crate::primitives::{Area, Colour, Position, WHITE};
+use crate::primitives::{Colour, Position, WHITE};
 
 /// The part of a text that is at its position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -12,73 +13,85 @@ pub enum Anchor {
     End,
 }
 
-#[derive(Clone, Debug, PartialEq)]
-pub enum Shape {
-    /// An open line. `dash` is the length of its dashes; 0 draws a solid line.
-    Line { points: Vec<Position>, colour: Colour, width: f32, dash: f32 },
-    /// A polygon, transparent without `fill`. `edge` is the colour and the width of its outline. The SVG shows `hover` while
-    /// the pointer is on it.
-    Area { points: Vec<Position>, fill: Option<Colour>, edge: (Colour, f32), hover: String },
-    /// An image that fills `area`.
-    Picture { area: Area, picture: Picture },
-    /// A text of length `width` px whose baseline is at `position`, upwards or horizontal.
-    Text {
-        position: Position,
-        text: String,
-        size: f32,
-        colour: Colour,
-        anchor: Anchor,
-        is_upwards: bool,
-        width: f32,
-    },
-}
-
 /// A white page with shapes, drawn from first to last.
 pub struct Canvas {
     pub width: f32,
     pub height: f32,
-    pub shapes: Vec<Shape>,
     pub font: Font,
+    /// An element of SVG a line.
+    shapes: String,
 }
 
 impl Canvas {
     pub fn new(width: f32, font: Font) -> Self {
-        Self { width, height: 0.0, shapes: Vec::new(), font }
+        Self { width, height: 0.0, font, shapes: String::new() }
     }
 
-    pub fn line(&mut self, points: Vec<Position>, colour: Colour, width: f32) {
-        self.shapes.push(Shape::Line { points, colour, width, dash: 0.0 });
+    /// The page as an SVG document.
+    pub fn document(&self) -> String {
+        let Self { width, height, shapes, .. } = self;
+        format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
+             viewBox=\"0 0 {width} {height}\" font-family=\"DejaVu Sans, Verdana, sans-serif\">\n\
+             <rect width=\"100%\" height=\"100%\" fill=\"{}\"/>\n{shapes}</svg>\n",
+            hex(WHITE)
+        )
     }
 
-    /// Adds a filled rectangle.
-    pub fn block(&mut self, (left, top, right, bottom): Area, colour: Colour) {
-        let points = vec![(left, top), (right, top), (right, bottom), (left, bottom)];
-        let (fill, edge, hover) = (Some(colour), (WHITE, 1.0), String::new());
-        self.shapes.push(Shape::Area { points, fill, edge, hover });
+    fn push(&mut self, element: std::fmt::Arguments<'_>) {
+        // Writing to a String cannot fail.
+        let _ = writeln!(self.shapes, "{element}");
     }
 
+    /// Adds an open line. `dash` is the length of its dashes; 0 draws a solid line.
+    pub fn line(&mut self, points: &[Position], colour: Colour, width: f32, dash: f32) {
+        let dash = if dash > 0.0 { format!(" stroke-dasharray=\"{dash}\"") } else { String::new() };
+        let (points, colour) = (coordinates(points), hex(colour));
+        self.push(format_args!(
+            "<polyline points=\"{points}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\"{dash}/>"
+        ));
+    }
+
+    /// Adds a polygon, transparent without `fill`. `edge` is the colour and the width of its outline. `hover` is shown while the pointer is
+    /// on it.
+    pub fn area(&mut self, points: &[Position], fill: Option<Colour>, edge: (Colour, f32), hover: &str) {
+        let fill = fill.map_or_else(|| "none\" pointer-events=\"all".to_owned(), hex);
+        let title =
+            if hover.is_empty() { String::new() } else { format!("<title>{}</title>", escaped(hover)) };
+        let (points, colour, width) = (coordinates(points), hex(edge.0), edge.1);
+        self.push(format_args!(
+            "<polygon points=\"{points}\" fill=\"{fill}\" stroke=\"{colour}\" stroke-width=\"{width}\">{title}</polygon>"
+        ));
+    }
+
+    /// Adds a horizontal text whose baseline is at `position`.
     pub fn text(&mut self, position: Position, text: &str, size: f32, colour: Colour, anchor: Anchor) {
         self.turned(position, text, size, colour, (anchor, false));
     }
 
+    /// Adds a text whose baseline is at `position`, upwards or horizontal.
     pub fn turned(
         &mut self,
-        position: Position,
+        (x, y): Position,
         text: &str,
         size: f32,
         colour: Colour,
         (anchor, is_upwards): (Anchor, bool),
     ) {
-        let width = self.font.width(text, size);
-        self.shapes.push(Shape::Text {
-            position,
-            text: text.to_owned(),
-            size,
-            colour,
-            anchor,
-            is_upwards,
-            width,
-        });
+        let anchor = match anchor {
+            Anchor::Start => "start",
+            Anchor::Middle => "middle",
+            Anchor::End => "end",
+        };
+        let rotation =
+            if is_upwards { format!(" transform=\"rotate(-90 {x:.1} {y:.1})\"") } else { String::new() };
+        let (colour, width, text) = (hex(colour), self.font.width(text, size), escaped(text));
+        // `textLength` makes the browser stretch the text to the width that the layout assumed. Without it, another
+        // font than DejaVu Sans would make labels cover each other.
+        self.push(format_args!(
+            "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"{size}\" fill=\"{colour}\" text-anchor=\"{anchor}\" \
+             textLength=\"{width:.1}\" lengthAdjust=\"spacingAndGlyphs\"{rotation}>{text}</text>"
+        ));
     }
 
     /// Adds `text` in lines up to the right margin. Returns the y below it.
@@ -89,4 +102,17 @@ impl Canvas {
         }
         y
     }
+}
+
+fn coordinates(points: &[Position]) -> String {
+    points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect::<Vec<_>>().join(" ")
+}
+
+fn hex([r, g, b]: Colour) -> String {
+    format!("#{r:02x}{g:02x}{b:02x}")
+}
+
+fn escaped(text: &str) -> String {
+    // The ampersand comes first: later it would also replace those of the other entities.
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }

@@ -1,43 +1,40 @@
-//! Charts as SVG and PNG, labelled boxes on images, and the frame of an HTML page. The font is embedded in the program.
+//! Charts as SVG, labelled boxes on images, and the frame of an HTML page. The font is embedded in the program.
 //!
-//! A [`Chart`] is data; [`Chart::svg`] and [`Chart::png`] draw the same shapes. The name of a series determines its colour and
-//! marker in every chart, markers distinguish the series without colour, and labels never overlap. No file is read or
+//! A [`Chart`] is data, and [`Chart::svg`] draws it. The name of a series determines its colour and
+//! marker in every chart, and markers distinguish the series without colour. No file is read or
 //! written.
 
 mod axis;
 mod canvas;
 mod chart;
 mod font;
-mod label;
 mod panel;
 mod picture;
 mod plates;
 mod primitives;
-mod raster;
 mod style;
-mod svg;
 
 pub use image::RgbImage;
 
 pub use axis::{Axis, Scale, ascending, distinct};
-pub use chart::{Chart, ChartBody, PageWidth, Pictures};
+pub use chart::{Chart, PageWidth};
 pub use panel::{ChartPanel, DataPoint, Series, SeriesStyle};
 pub use picture::{LabelledBox, Picture, sheet};
 pub use primitives::class_colour;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-/// Error of a chart.
+/// Error of a picture.
 #[derive(Debug, thiserror::Error)]
 pub enum ChartError {
     /// A picture with this number of columns and rows is empty or too large.
-    #[error("a chart of {0} x {1} px cannot be painted")]
+    #[error("a picture of {0} x {1} px cannot be painted")]
     Size(u32, u32),
     /// The number of samples does not fit the number of columns and rows.
     #[error("a picture of {0} x {1} px has {2} samples, three a pixel are needed")]
     Picture(u32, u32, usize),
     /// The picture cannot be encoded.
-    #[error("chart: {0}")]
+    #[error("picture: {0}")]
     Encode(#[from] image::ImageError),
 }
 

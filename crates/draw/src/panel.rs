@@ -1,9 +1,8 @@
-//! [`ChartPanel`]: series of points on a pair of axes, and the drawing of grid, axes, series and labels.
+//! [`ChartPanel`]: series of points on a pair of axes, and the drawing of grid, axes and series.
 
 use crate::axis::{Axis, FittedAxis};
 use crate::canvas::{Anchor, Canvas};
-use crate::label::{LabelLayout, nearest};
-use crate::primitives::{Area, Colour, FAINT, GREY, INK, Position, RADIUS, WHITE};
+use crate::primitives::{Area, FAINT, GREY, INK, Position, RADIUS};
 use crate::style::Style;
 
 /// A pair of axes with series.
@@ -48,8 +47,6 @@ pub struct DataPoint {
     pub y: f64,
     /// Bounds of the interval of `y`, drawn as a vertical bar.
     pub interval: Option<[f64; 2]>,
-    /// Label beside the point; may be empty.
-    pub label: String,
     /// Text that the SVG shows while the pointer is on the point; may be empty.
     pub hover: String,
     /// Whether the marker is grey, and has not the colour of its series.
@@ -64,12 +61,9 @@ impl DataPoint {
 }
 
 const TICK: f32 = 11.5;
-const LABEL_SIZE: f32 = 11.0;
 /// Room for the labels of the axes, px.
 const LEFT: f32 = 76.0;
 const BELOW: f32 = 50.0;
-/// Points of a series that are closer than this share a label, px.
-const NEAR: f32 = 16.0;
 
 /// Share of the distance of two settings over which the points of one setting are spread.
 const SPREAD: f32 = 0.7;
@@ -119,14 +113,11 @@ fn draw(canvas: &mut Canvas, panel: &ChartPanel, (left, top, width, height): Are
         Placed::new(series, |point| (x(point.x), place(point.y)))
     });
     let placed: Vec<Placed<'_>> = placed.collect();
-    // Lines are drawn first and labels last, over all series: no line covers a marker, and labels avoid everything that
-    // was drawn before. Faded markers are below the others.
-    let mut layout = LabelLayout { within: area, occupied: Vec::new(), lines: Vec::new() };
-    placed.iter().for_each(|series| series.line(canvas, &mut layout));
-    placed.iter().for_each(|series| series.intervals(canvas, &mut layout, place));
-    placed.iter().for_each(|series| series.markers(canvas, &mut layout, true));
-    placed.iter().for_each(|series| series.markers(canvas, &mut layout, false));
-    placed.iter().for_each(|series| series.labels(canvas, &mut layout));
+    // Lines are drawn first, over all series: no line covers a marker. Faded markers are below the others.
+    placed.iter().for_each(|series| series.line(canvas));
+    placed.iter().for_each(|series| series.intervals(canvas, place));
+    placed.iter().for_each(|series| series.markers(canvas, true));
+    placed.iter().for_each(|series| series.markers(canvas, false));
 }
 
 struct Placed<'a> {
@@ -142,35 +133,27 @@ impl<'a> Placed<'a> {
         Self { style: Style::of(&series.name), drawn: series.style, points }
     }
 
-    fn line(&self, canvas: &mut Canvas, layout: &mut LabelLayout) {
+    fn line(&self, canvas: &mut Canvas) {
         if self.drawn != SeriesStyle::Markers {
-            layout.lines.extend(self.points.windows(2).map(|pair| (pair[0].0, pair[1].0)));
-            self.style.line(canvas, self.points.iter().map(|(spot, _)| *spot).collect());
+            let points: Vec<Position> = self.points.iter().map(|(spot, _)| *spot).collect();
+            self.style.line(canvas, &points);
         }
     }
 
-    fn intervals(&self, canvas: &mut Canvas, layout: &mut LabelLayout, place: impl Fn(f64) -> f32) {
+    fn intervals(&self, canvas: &mut Canvas, place: impl Fn(f64) -> f32) {
         for ((x, _), point) in &self.points {
             if let Some(bounds) = point.bounds() {
                 let [low, high] = bounds.map(&place);
-                layout.lines.push(((*x, low), (*x, high)));
                 self.style.interval(canvas, *x, (low, high), point.is_faded);
             }
         }
     }
 
-    fn markers(&self, canvas: &mut Canvas, layout: &mut LabelLayout, is_faded: bool) {
+    fn markers(&self, canvas: &mut Canvas, is_faded: bool) {
         if self.drawn != SeriesStyle::Line {
             for (spot, point) in self.points.iter().filter(|(_, point)| point.is_faded == is_faded) {
-                layout.mark(*spot);
                 self.style.mark(canvas, *spot, is_faded, &point.hover);
             }
-        }
-    }
-
-    fn labels(&self, canvas: &mut Canvas, layout: &mut LabelLayout) {
-        for (spot, text, is_faded) in groups(&self.points) {
-            note(canvas, layout, self.style.text_colour(is_faded), spot, &text);
         }
     }
 }
@@ -182,72 +165,19 @@ fn is_finite(point: &DataPoint) -> bool {
 fn grid(canvas: &mut Canvas, (left, top, right, bottom): Area, x: &FittedAxis, y: &FittedAxis) {
     for (value, text) in &x.ticks {
         let at = left + x.place(*value) * (right - left);
-        canvas.line(vec![(at, top), (at, bottom)], FAINT, 1.0);
+        canvas.line(&[(at, top), (at, bottom)], FAINT, 1.0, 0.0);
         canvas.text((at, bottom + 17.0), text, TICK, GREY, Anchor::Middle);
     }
     for (value, text) in &y.ticks {
         let at = bottom - y.place(*value) * (bottom - top);
-        canvas.line(vec![(left, at), (right, at)], FAINT, 1.0);
+        canvas.line(&[(left, at), (right, at)], FAINT, 1.0, 0.0);
         canvas.text((left - 7.0, at + TICK * 0.36), text, TICK, GREY, Anchor::End);
     }
-    canvas.line(vec![(left, top), (left, bottom), (right, bottom)], GREY, 1.2);
+    canvas.line(&[(left, top), (left, bottom), (right, bottom)], GREY, 1.2, 0.0);
 }
 
 fn titles(canvas: &mut Canvas, panel: &ChartPanel, (left, top, right, bottom): Area, edge: f32) {
     let (middle, height) = ((left + right) / 2.0, (top + bottom) / 2.0);
     canvas.text((middle, bottom + 38.0), &panel.x.label, 12.5, INK, Anchor::Middle);
     canvas.turned((edge + 12.0, height), &panel.y.label, 12.5, INK, (Anchor::Middle, true));
-}
-
-/// Labels of a series. Points that are close to each other share one at their middle: "2, 3" or "1.5 to 4".
-fn groups(points: &[(Position, &DataPoint)]) -> Vec<(Position, String, bool)> {
-    let mut groups: Vec<Vec<&(Position, &DataPoint)>> = Vec::new();
-    for labelled in points.iter().filter(|(_, point)| !point.label.is_empty()) {
-        match groups.last_mut() {
-            Some(group) if near(group[0], labelled) => group.push(labelled),
-            _ => groups.push(vec![labelled]),
-        }
-    }
-    let text = |group: &[&(Position, &DataPoint)]| match group {
-        [one] => one.1.label.clone(),
-        [one, two] => format!("{}, {}", one.1.label, two.1.label),
-        _ => format!("{} to {}", group[0].1.label, group[group.len() - 1].1.label),
-    };
-    groups.iter().map(|group| (group[group.len() / 2].0, text(group), group[0].1.is_faded)).collect()
-}
-
-fn near(a: &(Position, &DataPoint), b: &(Position, &DataPoint)) -> bool {
-    a.1.is_faded == b.1.is_faded && distance(a.0, b.0) < NEAR
-}
-
-/// Writes a label where there is room, with a thin line to its point if it is not beside it.
-fn note(canvas: &mut Canvas, layout: &mut LabelLayout, colour: Colour, spot: Position, text: &str) {
-    let size = (canvas.font.width(text, LABEL_SIZE), LABEL_SIZE);
-    let Some(area) = layout.place(spot, size) else { return };
-    let edge = nearest(spot, area);
-    if distance(edge, spot) > RADIUS + 9.0 {
-        canvas.line(vec![spot, edge], colour, 0.6);
-    }
-    // If a label cannot avoid a line, the line is interrupted behind the label.
-    canvas.block(area, WHITE);
-    canvas.text((area.0, area.3 - LABEL_SIZE * 0.14), text, LABEL_SIZE, colour, Anchor::Start);
-}
-
-fn distance(a: Position, b: Position) -> f32 {
-    (a.0 - b.0).hypot(a.1 - b.1)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn near_points_share_a_label() {
-        let labelled = |label: &str| DataPoint { label: label.to_owned(), ..DataPoint::default() };
-        let points = ["1.5", "2", "3", "4", "8"].map(labelled);
-        let spots = [0.0, 5.0, 9.0, 80.0, 90.0].map(|x| (x, 0.0));
-        let placed: Vec<(Position, &DataPoint)> = spots.into_iter().zip(&points).collect();
-        let texts: Vec<String> = groups(&placed).into_iter().map(|(_, text, _)| text).collect();
-        assert_eq!(texts, ["1.5 to 3", "4, 8"]);
-    }
 }

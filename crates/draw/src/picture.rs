@@ -2,14 +2,17 @@
 
 use std::sync::Arc;
 
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
 use image::RgbImage;
+use image::codecs::jpeg::JpegEncoder;
 use image::imageops::{FilterType, resize};
-use tiny_skia::{Color, FillRule, Paint, Path, PathBuilder, Pixmap, PixmapPaint, Rect, Stroke, Transform};
+use tiny_skia::{Color, FillRule, Paint, PathBuilder, Pixmap, PixmapPaint, Rect, Stroke, Transform};
 
 use crate::ChartError;
 use crate::font::Font;
 use crate::plates::{connection, place};
-use crate::primitives::{Area, Colour, INK, Position, class_colour, ink_on};
+use crate::primitives::{Area, Colour, INK, class_colour, ink_on};
 
 /// An image with labelled boxes.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,7 +46,7 @@ impl Picture {
         Ok(Self { pixels, boxes })
     }
 
-    pub(crate) fn size(&self) -> (u32, u32) {
+    fn size(&self) -> (u32, u32) {
         self.pixels.dimensions()
     }
 
@@ -55,23 +58,32 @@ impl Picture {
     /// # Errors
     /// [`ChartError::Size`] if the image is too large to be drawn on.
     pub fn annotated(&self) -> Result<RgbImage, ChartError> {
-        self.drawn(&self.pixels, LEAST_LABEL).map(|image| rgb(&image))
+        self.drawn().map(|image| rgb(&image))
     }
 
-    /// The image at another size, with lines and text that fit this size. `least` is the least font size in px.
-    pub(crate) fn annotated_at(&self, width: u32, height: u32, least: f32) -> Result<Pixmap, ChartError> {
-        self.drawn(&resize(&*self.pixels, width.max(1), height.max(1), FilterType::Triangle), least)
+    /// Returns the image without its boxes as the address of a JPEG that a page embeds, at most [`EMBEDDED`] px wide.
+    ///
+    /// # Errors
+    /// [`ChartError::Encode`].
+    pub fn embedded(&self) -> Result<String, ChartError> {
+        let (width, height) = self.size();
+        let narrow = width.min(EMBEDDED);
+        let size = (narrow, (height * narrow / width).max(1));
+        let image = resize(&*self.pixels, size.0, size.1, FilterType::Triangle);
+        let mut jpeg = Vec::new();
+        // A report with photographs is much smaller with JPEG than with PNG.
+        JpegEncoder::new_with_quality(&mut jpeg, QUALITY).encode_image(&image)?;
+        Ok(format!("data:image/jpeg;base64,{}", STANDARD.encode(jpeg)))
     }
 
-    fn drawn(&self, image: &RgbImage, least: f32) -> Result<Pixmap, ChartError> {
-        let mut image = pixmap(image)?;
+    fn drawn(&self) -> Result<Pixmap, ChartError> {
+        let mut image = pixmap(&self.pixels)?;
         let size = (image.width() as f32, image.height() as f32);
-        let scale = (size.0 / self.pixels.width() as f32, size.1 / self.pixels.height() as f32);
         let mean = (size.0 + size.1) / 2.0;
         // The rule of the ultralytics package.
         let line = (0.003 * mean).round().max(2.0);
-        let text = Lettering { font: Font::new(), size: (0.02 * mean).round().max(least) };
-        let visible = |labelled| Some((labelled, visible(labelled, scale, size)?));
+        let text = Lettering { font: Font::new(), size: (0.02 * mean).round().max(LEAST_LABEL) };
+        let visible = |labelled| Some((labelled, visible(labelled, size)?));
         let boxes: Vec<(&LabelledBox, Area)> = self.boxes.iter().filter_map(visible).collect();
         for (labelled, area) in boxes.iter().rev() {
             outline(&mut image, *area, line, labelled.colour);
@@ -94,22 +106,19 @@ impl Picture {
     }
 }
 
-/// Least font size on an image, px of the chart.
-pub const LEAST_TEXT: f32 = 9.0;
-/// Least font size of the labels on an image of its own size, px.
+/// Largest width of an image in a page, px.
+const EMBEDDED: u32 = 1800;
+/// Quality of JPEG, of 100.
+const QUALITY: u8 = 82;
+/// Least font size of the labels on an image, px.
 const LEAST_LABEL: f32 = 12.0;
 /// Colour of the thin line around a box.
 const CASING: Colour = [0x20; 3];
 
 /// The visible part of a box, in whole pixels of an image of size `(width, height)`. `None` if it is outside.
-fn visible(labelled: &LabelledBox, scale: (f32, f32), (width, height): (f32, f32)) -> Option<Area> {
-    let [left, top, right, bottom] = labelled.corners;
-    let area = (
-        (left * scale.0).round().max(0.0),
-        (top * scale.1).round().max(0.0),
-        (right * scale.0).round().min(width),
-        (bottom * scale.1).round().min(height),
-    );
+fn visible(labelled: &LabelledBox, (width, height): (f32, f32)) -> Option<Area> {
+    let [left, top, right, bottom] = labelled.corners.map(f32::round);
+    let area = (left.max(0.0), top.max(0.0), right.min(width), bottom.min(height));
     let finite = labelled.corners.iter().all(|at| at.is_finite());
     (finite && area.0 < area.2 && area.1 < area.3).then_some(area)
 }
@@ -145,14 +154,18 @@ fn block(image: &mut Pixmap, (left, top, right, bottom): Area, colour: Colour) {
 
 /// Draws a line from the box to its label if they do not touch.
 fn connect(image: &mut Pixmap, of: Area, plate: Area, colour: Colour) {
-    if let Some(line) = connection(of, plate).and_then(|(from, to)| path(&[from, to], false)) {
+    let Some((from, to)) = connection(of, plate) else { return };
+    let mut line = PathBuilder::new();
+    line.move_to(from.0, from.1);
+    line.line_to(to.0, to.1);
+    if let Some(line) = line.finish() {
         // As thick as a box.
         let stroke = Stroke { width: 2.0, ..Stroke::default() };
         image.stroke_path(&line, &paint(colour), &stroke, Transform::identity(), None);
     }
 }
 
-pub(crate) struct Lettering {
+struct Lettering {
     pub font: Font,
     /// Font size, px.
     pub size: f32,
@@ -165,25 +178,27 @@ impl Lettering {
     }
 
     /// Draws `text` with its left end at column `x` and its capital letters in the middle between `top` and `bottom`.
-    pub fn draw(&self, image: &mut Pixmap, (x, top, bottom): (f32, f32, f32), text: &str, colour: Colour) {
+    fn draw(&self, image: &mut Pixmap, (x, top, bottom): (f32, f32, f32), text: &str, colour: Colour) {
         /// Height of a capital letter at font size 1.
         const CAPITAL: f32 = 0.73;
         let baseline = (top + bottom + CAPITAL * self.size) / 2.0;
         // On whole pixels the horizontal lines of letters are sharp.
         let place = Transform::from_translate(x.round(), baseline.round());
-        fill(image, self.font.path(text, self.size), colour, place);
+        if let Some(path) = self.font.path(text, self.size) {
+            image.fill_path(&path, &paint(colour), FillRule::Winding, place, None);
+        }
     }
 }
 
 /// Red, green and blue of each pixel. All pixels are opaque, so that premultiplied samples equal the plain ones.
-pub fn rgb(pixels: &Pixmap) -> RgbImage {
+fn rgb(pixels: &Pixmap) -> RgbImage {
     let mut rgb = Vec::with_capacity(pixels.data().len() / 4 * 3);
     pixels.data().chunks_exact(4).for_each(|pixel| rgb.extend_from_slice(&pixel[..3]));
     RgbImage::from_raw(pixels.width(), pixels.height(), rgb).expect("three samples a pixel")
 }
 
 /// The image as pixels to draw on.
-pub fn pixmap(image: &RgbImage) -> Result<Pixmap, ChartError> {
+fn pixmap(image: &RgbImage) -> Result<Pixmap, ChartError> {
     let (width, height) = image.dimensions();
     let mut pixels = Pixmap::new(width, height).ok_or(ChartError::Size(width, height))?;
     for (pixel, rgb) in pixels.data_mut().chunks_exact_mut(4).zip(image.as_raw().chunks_exact(3)) {
@@ -193,28 +208,11 @@ pub fn pixmap(image: &RgbImage) -> Result<Pixmap, ChartError> {
     Ok(pixels)
 }
 
-pub fn path(points: &[Position], closed: bool) -> Option<Path> {
-    let mut builder = PathBuilder::new();
-    for (index, &(x, y)) in points.iter().enumerate() {
-        if index == 0 { builder.move_to(x, y) } else { builder.line_to(x, y) }
-    }
-    if closed {
-        builder.close();
-    }
-    builder.finish()
-}
-
-pub fn paint(colour: Colour) -> Paint<'static> {
+fn paint(colour: Colour) -> Paint<'static> {
     let [r, g, b] = colour;
     let mut paint = Paint { anti_alias: true, ..Paint::default() };
     paint.set_color_rgba8(r, g, b, 255);
     paint
-}
-
-pub fn fill(pixels: &mut Pixmap, path: Option<Path>, colour: Colour, transform: Transform) {
-    if let Some(path) = path {
-        pixels.fill_path(&path, &paint(colour), FillRule::Winding, transform, None);
-    }
 }
 
 /// Width of the white gap between images, px.
@@ -247,7 +245,7 @@ pub fn sheet<S: AsRef<str>>(pictures: &[(S, Option<Picture>)], classes: &[&str])
         let (left, top) = (index % columns * (width + SHEET_GAP), index / columns * (SHEET_LINE + height));
         text.draw(&mut sheet, (left as f32 + 2.0, top as f32, (top + SHEET_LINE) as f32), name.as_ref(), INK);
         let Some(picture) = picture else { continue };
-        let picture = picture.drawn(&picture.pixels, LEAST_LABEL).ok()?;
+        let picture = picture.drawn().ok()?;
         let (left, top) = (left as i32, (top + SHEET_LINE) as i32);
         let paint = PixmapPaint::default();
         sheet.draw_pixmap(left, top, picture.as_ref(), &paint, Transform::identity(), None);

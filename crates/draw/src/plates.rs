@@ -1,6 +1,5 @@
 //! [`place`]: places the labels of boxes so that they cover neither each other nor, if possible, objects.
 
-use crate::label::{crosses, nearest};
 use crate::primitives::{Area, Position};
 
 /// Rings of places around a box, each half the height of a label farther away than the last.
@@ -119,6 +118,21 @@ fn crossed(placed: &[Option<Area>], of: Area, label: Area) -> f32 {
     };
     let between = placed.iter().flatten().filter(near).filter(|other| crosses(from, to, **other));
     CROSSED * between.count() as f32
+}
+
+fn nearest(spot: Position, (left, top, right, bottom): Area) -> Position {
+    (spot.0.clamp(left, right), spot.1.clamp(top, bottom))
+}
+
+/// Whether the line from `a` to `b` crosses the area, checked every 3 px.
+fn crosses(a: Position, b: Position, area: Area) -> bool {
+    let length = (b.0 - a.0).hypot(b.1 - a.1);
+    let steps = (length / 3.0).ceil().clamp(1.0, 1000.0);
+    (0..=steps as u16).any(|step| {
+        let share = f32::from(step) / steps;
+        let (x, y) = (a.0 + share * (b.0 - a.0), a.1 + share * (b.1 - a.1));
+        x > area.0 && x < area.2 && y > area.1 && y < area.3
+    })
 }
 
 fn shared(a: Area, b: Area) -> f32 {

@@ -2,8 +2,8 @@
 
 use std::f32::consts::{PI, TAU};
 
-use crate::canvas::{Canvas, Shape};
-use crate::primitives::{Colour, FADED_TEXT, Position, RADIUS, WHITE, hash};
+use crate::canvas::Canvas;
+use crate::primitives::{Colour, Position, RADIUS, WHITE, hash};
 
 /// Half the width of the caps of an interval, px.
 const CAP: f32 = 3.5;
@@ -57,37 +57,33 @@ impl Style {
             return Self { colour, marker: hash / STYLES.len() % MARKERS, dash: 0.0, open: true };
         };
         words.retain(|word| style(word).is_none() && *word != "recovered");
-        // Variants that differ in a number, such as that of the threads, differ in marker and dashes, too.
-        let number: usize = name.chars().filter_map(|c| c.to_digit(10)).map(|digit| digit as usize).sum();
+        // Variants, such as those of several models, differ in marker and dashes. The upper bits of the hash differ for similar words, too.
+        let number = if words.is_empty() { 0 } else { hash(&words.join(" ")) >> 20 };
         let dash = if words.is_empty() { 0.0 } else { [5.0, 2.0, 9.0][number % 3] };
         Self { colour: *colour, marker: (marker + number) % MARKERS, dash, open: !words.is_empty() }
     }
 
-    pub fn line(&self, canvas: &mut Canvas, points: Vec<Position>) {
-        canvas.shapes.push(Shape::Line { points, colour: self.colour, width: 1.8, dash: self.dash });
+    pub fn line(&self, canvas: &mut Canvas, points: &[Position]) {
+        canvas.line(points, self.colour, 1.8, self.dash);
     }
 
     /// Draws the marker. The SVG shows `hover` while the pointer is on it.
     pub fn mark(&self, canvas: &mut Canvas, (x, y): Position, is_faded: bool, hover: &str) {
-        let points = self.outline().into_iter().map(|(dx, dy)| (x + RADIUS * dx, y + RADIUS * dy)).collect();
+        let points: Vec<Position> =
+            self.outline().into_iter().map(|(dx, dy)| (x + RADIUS * dx, y + RADIUS * dy)).collect();
         let colour = if is_faded { FADED } else { self.colour };
         // An outline shows the marker that it may cover.
         let (fill, edge) = if self.open { (None, (colour, 1.8)) } else { (Some(colour), (WHITE, 1.0)) };
-        canvas.shapes.push(Shape::Area { points, fill, edge, hover: hover.to_owned() });
+        canvas.area(&points, fill, edge, hover);
     }
 
     /// Draws the interval from `low` to `high` of a point as a vertical bar with caps.
     pub fn interval(&self, canvas: &mut Canvas, x: f32, (low, high): (f32, f32), is_faded: bool) {
         let colour = if is_faded { FADED } else { self.colour };
-        canvas.line(vec![(x, low), (x, high)], colour, 1.1);
+        canvas.line(&[(x, low), (x, high)], colour, 1.1, 0.0);
         for y in [low, high] {
-            canvas.line(vec![(x - CAP, y), (x + CAP, y)], colour, 1.1);
+            canvas.line(&[(x - CAP, y), (x + CAP, y)], colour, 1.1, 0.0);
         }
-    }
-
-    /// The colour of a label beside a marker.
-    pub fn text_colour(&self, is_faded: bool) -> Colour {
-        if is_faded { FADED_TEXT } else { self.colour }
     }
 
     /// The outline of the marker around (0, 0), about as large as the unit circle.

@@ -27,7 +27,7 @@ impl Scorer<'_> {
         found
             .iter()
             .zip(&self.frames)
-            .map(|(found, frame)| self.is_nearest_found(found, &frame.truth))
+            .map(|(found, frame)| self.is_nearest_found(found, frame.truth))
             .collect()
     }
 
@@ -60,7 +60,7 @@ impl Scorer<'_> {
                     })
                 };
                 let here: Vec<usize> =
-                    (0..nearest.len()).filter(|&at| is_here(&self.frames[at].change)).collect();
+                    (0..nearest.len()).filter(|&at| is_here(&self.frames[at].record.change)).collect();
                 let ap50 = groups.iter().filter_map(|images| {
                     let images: Vec<ImageBoxes> = here.iter().map(|&at| images[at].clone()).collect();
                     average::ap(&images, 0.5)

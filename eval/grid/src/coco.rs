@@ -9,6 +9,7 @@ use modulo_core::BBox;
 use serde_json::{Value, json};
 
 use crate::GridError;
+use crate::frames::FrameRecord;
 use crate::score::{ScoreOptions, Scorer, scorers};
 use crate::store::{Folder, replace};
 
@@ -52,7 +53,7 @@ fn categories<'a>(scorer: &'a Scorer<'_>) -> Vec<(usize, &'a str)> {
 /// The objects of a group in a frame.
 fn objects(scorer: &Scorer<'_>, frame: usize, group: &str) -> ImageBoxes {
     let frame = &scorer.frames[frame];
-    image_boxes(&[], &frame.truth, scorer.difficulty, |class| scorer.groups.membership(class, group))
+    image_boxes(&[], frame.truth, scorer.difficulty, |class| scorer.groups.membership(class, group))
 }
 
 fn rectangle(b: BBox) -> [f64; 4] {
@@ -61,9 +62,9 @@ fn rectangle(b: BBox) -> [f64; 4] {
 }
 
 fn labels(scorer: &Scorer<'_>) -> Value {
-    let image = |(id, frame): (usize, &crate::score::ScoredFrame)| {
-        let [height, width] = frame.size;
-        json!({ "id": id, "file_name": frame.name, "drive": frame.drive, "height": height, "width": width })
+    let image = |(id, frame): (usize, &crate::score::ScoredFrame<'_>)| {
+        let FrameRecord { name, drive, size: [height, width], .. } = frame.record;
+        json!({ "id": id, "file_name": name, "drive": drive, "height": height, "width": width })
     };
     let images: Vec<Value> = (1..).zip(&scorer.frames).map(image).collect();
     let mut annotations = Vec::new();

@@ -14,6 +14,7 @@ use crate::handed::HandedFrame;
 use crate::makers::needs_neighbours;
 use crate::messages::{classes, found};
 use crate::plan::Cell;
+use crate::progress::{GridEvent, Listener};
 use crate::quality::TrueExposures;
 use crate::store::FrameFound;
 
@@ -57,14 +58,6 @@ pub struct CellRun {
     pub frames: Vec<FrameFound>,
 }
 
-/// What a run calls after each frame, and asks before it whether it is to stop.
-pub struct Hooks<'a> {
-    /// Called after each frame.
-    pub done: &'a (dyn Fn() + Sync),
-    /// Whether to stop.
-    pub stopped: &'a (dyn Fn() -> bool + Sync),
-}
-
 /// Runs units one after the other. It keeps the sessions of the detector while its model and input size stay.
 pub struct Engine<'a> {
     timer: &'a dyn Clock,
@@ -89,7 +82,7 @@ impl<'a> Engine<'a> {
         &mut self,
         (cells, is_ordered): (&[&Cell<'_>], bool),
         (frames, slice): (&mut Frames, &Slice),
-        hooks: &Hooks<'_>,
+        listener: &Listener<'_>,
     ) -> Result<Vec<CellRun>, GridError> {
         let (_, session) = shared(cells[0]);
         if self.loaded.as_ref() != Some(&session) {
@@ -104,7 +97,7 @@ impl<'a> Engine<'a> {
             cells,
             is_still,
             is_ordered,
-            hooks,
+            listener,
             walk: Mutex::new(Walk::new(frames, slice, lead(cells, is_ordered))?),
             found: Mutex::new(vec![None; slice.frames.len()]),
             has_failed: AtomicBool::new(false),
@@ -148,7 +141,7 @@ struct Work<'w, 'f> {
     cells: &'w [&'w Cell<'w>],
     is_still: bool,
     is_ordered: bool,
-    hooks: &'w Hooks<'w>,
+    listener: &'w Listener<'w>,
     /// A thread reads its next frame while the others compute, so that few frames are in memory: a frame has twelve bytes a pixel.
     walk: Mutex<Walk<'f>>,
     /// What the cells have found in each frame.
@@ -163,7 +156,7 @@ impl Work<'_, '_> {
         let mut worker =
             Worker { work: self, sessions, chain: None, drive: None, truth: TrueExposures::default(), known };
         let next = || self.walk.lock().unwrap_or_else(PoisonError::into_inner).next();
-        while !(self.hooks.stopped)()
+        while !(self.listener.stopped)()
             && !self.has_failed.load(Ordering::Relaxed)
             && let Some(frame) = next()
         {
@@ -206,7 +199,7 @@ impl<'w> Worker<'w, '_> {
             Some(index) => {
                 let found = self.run(frame)?;
                 self.work.found.lock().unwrap_or_else(PoisonError::into_inner)[index] = Some(found);
-                (self.work.hooks.done)();
+                (self.work.listener.tell)(GridEvent::Frame);
                 Ok(())
             }
             // The captures of a frame have those around it.

@@ -267,13 +267,6 @@ pub fn alphas(cells: &[&Cell]) -> Vec<f64> {
     ascending(cells.iter().map(|cell| cell.point.sensor.alpha))
 }
 
-/// The cells at the alpha nearest to 4, the largest of the paper.
-pub fn nearest_to_four<'a>(cells: &[&'a Cell]) -> Vec<&'a Cell> {
-    let distance = |cell: &&Cell| (cell.point.sensor.alpha - 4.0).abs();
-    let least = cells.iter().map(distance).fold(f64::INFINITY, f64::min);
-    cells.iter().filter(|cell| distance(cell) == least).copied().collect()
-}
-
 /// A fraction as percent as [`below_100`] has it, with at least one decimal digit; `-` without a value.
 pub fn percent(fraction: Option<f64>) -> String {
     fraction.map_or_else(|| "-".to_owned(), |fraction| below_100(fraction, 1))

@@ -67,7 +67,7 @@ use modulo_runtime::ParameterError;
 use modulo_runtime::lockstep::LockstepError;
 use modulo_runtime::output::OutputError;
 use modulo_video::VideoError;
-pub use pictures::draw_pictures;
+pub use pictures::{Pictures, draw_pictures};
 pub use quality::up_to_offset;
 
 /// Error of an evaluation. The message names the value and the possible ones.

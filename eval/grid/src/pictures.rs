@@ -1,23 +1,22 @@
-//! [`draw_pictures`]: images with the labelled and the detected boxes, for the report.
+//! [`draw_pictures`]: images with the labelled and the detected boxes, for the report: figure 2 of the paper.
 
 use std::collections::BTreeMap;
 
 use modulo_ap::difficulty::DONT_CARE;
 use modulo_bags::source::GroundTruth;
 use modulo_core::{BBox, Detection, Frame};
-use modulo_draw::{LabelledBox, Picture, class_colour, distinct};
+use modulo_draw::{LabelledBox, Picture, RgbImage, class_colour, distinct, sheet};
 use modulo_runtime::{Clock, StreamKind, StreamScale};
 
 use crate::GridError;
 use crate::chain::Chain;
-use crate::chart::NamedChart;
-use crate::chart::pictures::{self, DetectionPicture};
 use crate::engine::units;
 use crate::feeds::{Feed, feeds};
 use crate::frames::{FrameRecord, Lead, Walk};
+use crate::labels;
 use crate::messages::image;
 use crate::plan::{self, Cell};
-use crate::results::{Point, Results};
+use crate::results::{self, Point, Results};
 use crate::run::Request;
 use crate::store::Folder;
 use crate::stored::{Stored, StoredCell};
@@ -29,8 +28,16 @@ const LEAST_IOU: f32 = 0.5;
 /// Colour of labelled boxes.
 const WHITE: [u8; 3] = [0xff; 3];
 
-/// Draws the frame in which the cells that the chart shows differ most in the objects that they find. Without such cells
-/// there is no chart.
+/// The pictures of one frame.
+pub struct Pictures {
+    /// The name of the frame, the model, and the sensor but alpha.
+    pub title: String,
+    /// The images of the cells with their boxes.
+    pub sheet: RgbImage,
+}
+
+/// Draws the frame in which the cells differ most in the objects that they find: those of the first model, lens, noise and method, for each
+/// alpha. `None` without such cells.
 ///
 /// # Errors
 /// [`GridError`] if a step fails.
@@ -38,19 +45,53 @@ pub fn draw_pictures(
     request: &Request,
     timer: &dyn Clock,
     results: &Results,
-) -> Result<Option<NamedChart>, GridError> {
+) -> Result<Option<Pictures>, GridError> {
     let mut cells = plan::cells(&request.variants)?;
-    let mut results = results.clone();
     // The folder may have cells of other runs.
-    results.cells.retain(|cell| cells.iter().any(|own| own.point == cell.point));
-    let selected = pictures::selected(&results);
-    cells.retain(|cell| selected.iter().any(|wanted| wanted.point == cell.point));
+    let own: Vec<results::Cell> = results
+        .cells
+        .iter()
+        .filter(|cell| cells.iter().any(|own| own.point == cell.point))
+        .cloned()
+        .collect();
+    let selected = selected(&own);
+    cells.retain(|cell| selected.contains(&&cell.point));
     let Some(mut feed) = feeds(cells, request.data.as_ref())?.into_iter().next() else { return Ok(None) };
     let stored = Stored::read(&[Folder::existing(&request.out)?])?;
     let shown = shown(&stored, &feed)?;
     let Some(frame) = most_differing(&stored, &feed, &shown) else { return Ok(None) };
     let pictures = pictures_of(&mut feed, timer, frame, &shown)?;
-    Ok((!pictures.is_empty()).then(|| pictures::chart(&results, &frame.name, &selected, &pictures)))
+    let named = |point: &&Point| {
+        let picture = pictures.iter().find(|(of, _)| of == *point).map(|(_, picture)| picture.clone());
+        (format!("alpha {}: {}", point.sensor.alpha, labels::stream(point)), picture)
+    };
+    let named: Vec<_> = selected.iter().map(named).collect();
+    let classes = distinct(
+        shown.iter().filter_map(|shown| shown.get(&frame.place)).flatten().map(|found| &*found.class),
+    );
+    Ok(sheet(&named, &classes).map(|sheet| {
+        let (model, sensor) =
+            (labels::model(selected[0]), labels::conditions(&labels::conditions_of(selected[0])));
+        Pictures { title: format!("{}, {model}, {sensor}", frame.name), sheet }
+    }))
+}
+
+/// The points of one cell for each alpha and each stream, in the order of the paper: those of the first model, lens, noise and method.
+fn selected(cells: &[results::Cell]) -> Vec<&Point> {
+    let Some(first) = labels::all_conditions(cells).into_iter().next() else { return Vec::new() };
+    let own: Vec<&Point> =
+        cells.iter().map(|cell| &cell.point).filter(|point| labels::conditions_of(point) == first).collect();
+    // All methods, lenses and models would make a table of hundreds of images. The first ones in the order of the grid
+    // are those that the user named first.
+    let method = own.iter().find_map(|point| point.method.as_ref());
+    let is_first = |point: &&&Point| {
+        let is_of_method = point.method.is_none() || point.method.as_ref() == method;
+        labels::model(point) == labels::model(own[0]) && is_of_method && !point.deblur
+    };
+    let mut selected: Vec<&Point> = own.iter().filter(is_first).copied().collect();
+    // The order of the cells is that of the streams.
+    selected.sort_by(|a, b| a.sensor.alpha.total_cmp(&b.sensor.alpha));
+    selected
 }
 
 /// The boxes that are drawn of a cell, by the places of the frames with an answer.
@@ -99,7 +140,7 @@ fn pictures_of(
     timer: &dyn Clock,
     record: &FrameRecord,
     shown: &[Shown],
-) -> Result<Vec<DetectionPicture>, GridError> {
+) -> Result<Vec<(Point, Picture)>, GridError> {
     let Feed { frames, cells, .. } = feed;
     let (place, is_still) = (record.place, frames.is_still());
     let slice = frames.inspect(place..place + 1)?;
@@ -119,12 +160,7 @@ fn pictures_of(
             let boxes: Vec<&Detection> = boxes.get(&place).into_iter().flatten().collect();
             let picture = image(&out, &cell.stream.images).filter(|_| index.is_some());
             let picture = picture.and_then(|shown| picture_of(&shown.frame, &cell.point, &truth, &boxes));
-            let classes = distinct(boxes.iter().map(|found| found.class.clone()));
-            pictures.extend(picture.map(|picture| DetectionPicture {
-                of: cell.point.clone(),
-                classes,
-                picture,
-            }));
+            pictures.extend(picture.map(|picture| (cell.point.clone(), picture)));
         }
     }
     Ok(pictures)

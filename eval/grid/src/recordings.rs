@@ -195,8 +195,8 @@ fn method_of(out: &[OnTopic], topic: &str) -> Option<String> {
     Some(format!("{method_used}{trust}"))
 }
 
-/// An annotated frame. `None` unless it is 8-bit RGB.
-fn picture(frame: &Frame) -> Option<Picture> {
+/// A frame as it is. `None` unless it is 8-bit RGB.
+pub(crate) fn picture(frame: &Frame) -> Option<Picture> {
     let pixels = frame.as_u8()?;
     let (height, width, _) = pixels.dim();
     let [width, height] = [width, height].map(|side| u32::try_from(side).ok());

@@ -5,11 +5,10 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use modulo_runtime::Clock;
-use sha2::{Digest as _, Sha256};
 
 use crate::GridError;
 use crate::data::Data;
-use crate::engine::{Engine, Hooks, Unit, units};
+use crate::engine::{Engine, Unit, units};
 use crate::feeds::{Feed, feeds};
 use crate::frames::{Frames, Slice};
 use crate::labels;
@@ -18,7 +17,7 @@ use crate::plan::{self, Cell, Variant};
 use crate::progress::{GridEvent, Listener};
 use crate::results::{Point, Results};
 use crate::score::{self, ScoreOptions};
-use crate::store::{CellKey, CellSlice, Claim, Folder};
+use crate::store::{CellKey, CellSlice, Claim, Folder, digest};
 use crate::timing::{self, Timing};
 
 /// Number of frames of a slice. A run that is killed loses the slices that its threads are at.
@@ -201,8 +200,7 @@ impl<'w> Work<'w> {
     /// The name of the work on a unit.
     fn name(&self, unit: &Unit<'_>) -> String {
         let points: Vec<&Point> = unit.cells.iter().map(|cell| &cell.point).collect();
-        let text = serde_json::to_vec(&(self.feed, points)).expect("its keys are texts");
-        modulo_models::hex(&Sha256::digest(text))[..16].to_owned()
+        digest(&(self.feed, points))
     }
 
     fn key(&self, cell: &Cell<'_>) -> CellKey {
@@ -237,10 +235,8 @@ impl<'w> Work<'w> {
         let name = todo.iter().map(|(cell, _)| cell.point.stream.as_str()).collect::<Vec<_>>().join(", ");
         let name = format!("{name}, alpha {}", unit.cells[0].point.sensor.alpha);
         (self.listener.tell)(GridEvent::Cell { frames: (number as u64 * each, all * each), name: &name });
-        let hooks =
-            Hooks { done: &|| (self.listener.tell)(GridEvent::Frame), stopped: self.listener.stopped };
         let cells: Vec<&Cell<'_>> = todo.iter().map(|(cell, _)| *cell).collect();
-        let runs = engine.run((&cells, unit.is_ordered), (frames, &part), &hooks)?;
+        let runs = engine.run((&cells, unit.is_ordered), (frames, &part), self.listener)?;
         for (cell, run) in cells.into_iter().zip(runs) {
             // A run that was stopped has the frames before the first one that is missing.
             let end = part.frames.get(run.frames.len()).map_or(end, |next| next.place);

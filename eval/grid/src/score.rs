@@ -9,7 +9,7 @@ use modulo_ap::Difficulty;
 use modulo_ap::average::{self, Membership, image_boxes};
 use modulo_ap::difficulty::{self, DONT_CARE};
 use modulo_ap::matching::ImageBoxes;
-use modulo_bags::source::{GroundTruth, LightChange, Skipped};
+use modulo_bags::source::{GroundTruth, Skipped};
 use modulo_core::Detection;
 use sha2::{Digest as _, Sha256};
 
@@ -208,26 +208,20 @@ impl Rules {
     }
 }
 
-/// A frame that is scored, with all that the scores need of it.
-pub struct ScoredFrame {
-    /// Its name.
-    pub name: String,
-    /// The labelled objects.
-    pub truth: Vec<GroundTruth>,
-    /// Its drive.
-    pub drive: Option<String>,
-    /// Rows and columns.
-    pub size: [usize; 2],
-    /// The change of the light around it.
-    pub change: Option<LightChange>,
+/// A frame that is scored.
+pub struct ScoredFrame<'a> {
+    /// The frame.
+    pub record: &'a FrameRecord,
+    /// Its labelled objects.
+    pub truth: &'a [GroundTruth],
     /// What the cell has found in it.
-    found: FrameFound,
+    found: &'a FrameFound,
 }
 
 /// The ground truth and what a cell has found in it.
 pub struct Scorer<'a> {
     /// The labelled frames.
-    pub frames: Vec<ScoredFrame>,
+    pub frames: Vec<ScoredFrame<'a>>,
     /// Mapping from the classes of the model to those of the labels.
     map: ClassMap,
     /// The groups in which classes are scored.
@@ -253,22 +247,21 @@ impl<'a> Scorer<'a> {
     /// The labelled frames of `scene` that a cell has seen.
     fn new(
         rules: &'a Rules,
-        (scene, found): (&Scene, &BTreeMap<usize, FrameFound>),
+        (scene, found): (&'a Scene, &'a BTreeMap<usize, FrameFound>),
         point: &'a Point,
         classes: &'a [String],
     ) -> Self {
-        let scored = |(place, frame): (&usize, &FrameRecord)| {
-            let FrameRecord { name, truth, drive, size, change, .. } = frame.clone();
-            Some(ScoredFrame { name, truth: truth?, drive, size, change, found: found.get(place)?.clone() })
+        let scored = |(place, record): (&usize, &'a FrameRecord)| {
+            Some(ScoredFrame { record, truth: record.truth.as_deref()?, found: found.get(place)? })
         };
-        let frames: Vec<ScoredFrame> = scene.frames.iter().filter_map(scored).collect();
-        let drives: Vec<_> = frames.iter().map(|frame| frame.drive.clone()).collect();
+        let frames: Vec<ScoredFrame<'a>> = scene.frames.iter().filter_map(scored).collect();
+        let drives: Vec<_> = frames.iter().map(|frame| frame.record.drive.clone()).collect();
         // All cells and reports use the same draws.
         let units = bootstrap::Units::new(&drives, 0);
         let map = rules.map(point, scene.names);
         let labels: BTreeSet<String> = frames
             .iter()
-            .flat_map(|frame| &frame.truth)
+            .flat_map(|frame| frame.truth)
             .map(|label| label.class.clone())
             .filter(|class| class != DONT_CARE)
             .collect();
@@ -297,7 +290,7 @@ impl<'a> Scorer<'a> {
         let labels: BTreeSet<&String> = self
             .frames
             .iter()
-            .flat_map(|frame| &frame.truth)
+            .flat_map(|frame| frame.truth)
             .map(|label| &label.class)
             .filter(|class| *class != DONT_CARE)
             .collect();
@@ -393,7 +386,7 @@ impl<'a> Scorer<'a> {
         membership: impl Fn(&str) -> Membership,
     ) -> Vec<ImageBoxes> {
         let frames = found.iter().zip(&self.frames);
-        frames.map(|(found, frame)| image_boxes(found, &frame.truth, difficulty, &membership)).collect()
+        frames.map(|(found, frame)| image_boxes(found, frame.truth, difficulty, &membership)).collect()
     }
 
     fn classes(&self, found: &Found) -> BTreeMap<String, ClassScore> {
@@ -418,7 +411,7 @@ impl<'a> Scorer<'a> {
     }
 
     fn papers(&self, found: &Found) -> Vec<Paper> {
-        let of_image = |(found, frame): (&Vec<Detection>, &ScoredFrame)| {
+        let of_image = |(found, frame): (&Vec<Detection>, &ScoredFrame<'_>)| {
             let labels = frame.truth.iter().filter(|label| label.class != DONT_CARE);
             let labels: Vec<_> = labels.map(|label| (label.bbox, label.class.as_str())).collect();
             paper::of_image(found, &labels)

@@ -119,7 +119,7 @@ impl CellKey {
 }
 
 /// The first 16 digits of the sha256 of a value as JSON.
-fn digest(value: &impl Serialize) -> String {
+pub(crate) fn digest(value: &impl Serialize) -> String {
     let text = serde_json::to_vec(value).expect("its keys are texts");
     modulo_models::hex(&Sha256::digest(text))[..16].to_owned()
 }

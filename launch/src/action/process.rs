@@ -4,34 +4,21 @@ use modulo_runtime::yaml::{Content, Item, ScalarType};
 
 use super::ActionKind;
 use crate::attributes::{Attributes, Text};
-use crate::substitution::{Part, Template};
 use crate::{LaunchError, Mistakes, listed};
 
 /// The keys of a node beside those of a process.
-pub(super) const NODE_KEYS: &[&str] =
-    &["pkg", "exec", "namespace", "args", "ros_args", "exec_name", "param", "remap"];
+pub(super) const NODE_KEYS: &[&str] = &["pkg", "exec", "namespace", "args", "ros_args", "param", "remap"];
 
 /// The keys of a node and of an executable.
-pub(super) const PROCESS_KEYS: &[&str] = &[
-    "name",
-    "env",
-    "output",
-    "respawn",
-    "respawn_delay",
-    "respawn_max_retries",
-    "cwd",
-    "on_exit",
-    "sigterm_timeout",
-    "sigkill_timeout",
-];
+pub(super) const PROCESS_KEYS: &[&str] =
+    &["name", "env", "output", "respawn", "respawn_delay", "on_exit", "sigterm_timeout", "sigkill_timeout"];
 
-const PARAMETER_KEYS: [&str; 5] = ["name", "value", "type", "param", "from"];
+const PARAMETER_KEYS: [&str; 4] = ["name", "value", "type", "from"];
 /// The types that the value of a parameter may have in the file.
 const SCALARS: [ScalarType; 4] =
     [ScalarType::Integer, ScalarType::Float, ScalarType::Bool, ScalarType::String];
-/// The parameter types of ROS 2's launch files.
-const TYPES: [&str; 8] =
-    ["int", "float", "bool", "str", "list_of_int", "list_of_float", "list_of_bool", "list_of_str"];
+/// The types of ROS 2's launch files for a parameter that is no list.
+const TYPES: [&str; 4] = ["int", "float", "bool", "str"];
 
 #[derive(Clone, Debug)]
 pub(crate) struct ProcessAction {
@@ -40,8 +27,6 @@ pub(crate) struct ProcessAction {
     pub output: Option<Text>,
     pub respawn: Option<Text>,
     pub respawn_delay: Option<Text>,
-    pub respawn_max_retries: Option<Text>,
-    pub cwd: Option<Text>,
     /// Whether the end of the process is the end of all.
     pub ends_all: bool,
     pub sigterm_timeout: Option<Text>,
@@ -59,8 +44,6 @@ pub(crate) struct NodeAction {
     pub package: Text,
     pub executable: Text,
     pub namespace: Option<Text>,
-    /// The label of its output, when it is not the node's name.
-    pub label: Option<Text>,
     pub args: Option<Text>,
     pub ros_args: Option<Text>,
     pub parameters: Vec<Parameter>,
@@ -72,7 +55,7 @@ pub(crate) struct NodeAction {
 pub(crate) enum Parameter {
     /// A file in ROS 2's parameter format.
     File(Text),
-    /// One parameter; nested names are joined with dots.
+    /// One parameter.
     Value { name: Text, value: ParameterValue, kind: Option<&'static str> },
 }
 
@@ -90,7 +73,6 @@ pub(super) fn node(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> 
         package: attributes.required("pkg")?,
         executable: attributes.required("exec")?,
         namespace: attributes.text("namespace")?,
-        label: attributes.text("exec_name")?,
         args: command_line(attributes, "args")?,
         ros_args: command_line(attributes, "ros_args")?,
         parameters: parameters(attributes)?,
@@ -121,8 +103,6 @@ fn process(attributes: &Attributes<'_>) -> Result<ProcessAction, LaunchError> {
         output: attributes.text("output")?,
         respawn: attributes.text("respawn")?,
         respawn_delay: attributes.literal("respawn_delay", ScalarType::Float)?,
-        respawn_max_retries: attributes.literal("respawn_max_retries", ScalarType::Integer)?,
-        cwd: attributes.text("cwd")?,
         ends_all: ends_all(attributes)?,
         sigterm_timeout: attributes.literal("sigterm_timeout", ScalarType::Float)?,
         sigkill_timeout: attributes.literal("sigkill_timeout", ScalarType::Float)?,
@@ -139,47 +119,20 @@ fn ends_all(attributes: &Attributes<'_>) -> Result<bool, LaunchError> {
 }
 
 fn parameters(attributes: &Attributes<'_>) -> Result<Vec<Parameter>, LaunchError> {
-    let mut all = Vec::new();
-    collect(attributes, None, &mut all)?;
-    Ok(all)
+    attributes.entries("param", &PARAMETER_KEYS)?.iter().map(parameter).collect()
 }
 
-fn collect(
-    attributes: &Attributes<'_>,
-    outer: Option<&Text>,
-    all: &mut Vec<Parameter>,
-) -> Result<(), LaunchError> {
-    for entry in attributes.entries("param", &PARAMETER_KEYS)? {
-        if let Some(file) = entry.text("from")? {
-            let alone = outer.is_none() && PARAMETER_KEYS[..4].iter().all(|key| entry.item(key).is_none());
-            if !alone {
-                return Err(entry.refuse(file.line, "'from' must be the only key of its entry"));
-            }
-            all.push(Parameter::File(file));
-            continue;
-        }
-        // A nested parameter has the name that it has in a parameter file of ROS 2: `filter.size`.
-        let name = joined(outer, entry.required("name")?);
-        match (entry.item("value"), entry.item("param")) {
-            (Some(item), None) => {
-                let kind = kind(&entry)?;
-                check_types(&entry, item, kind)?;
-                all.push(Parameter::Value { name, value: read(&entry, item)?, kind });
-            }
-            (None, Some(_)) => collect(&entry, Some(&name), all)?,
-            _ => return Err(entry.refuse(entry.line, "one of 'value' and 'param' is needed")),
-        }
+fn parameter(entry: &Attributes<'_>) -> Result<Parameter, LaunchError> {
+    if let Some(file) = entry.text("from")? {
+        let is_alone = PARAMETER_KEYS[..3].iter().all(|key| entry.item(key).is_none());
+        let why = "'from' must be the only key of its entry";
+        return if is_alone { Ok(Parameter::File(file)) } else { Err(entry.refuse(file.line, why)) };
     }
-    Ok(())
-}
-
-fn joined(outer: Option<&Text>, inner: Text) -> Text {
-    let Some(outer) = outer else { return inner };
-    let mut parts = outer.template.parts.clone();
-    parts.push(Part::Text(".".to_owned()));
-    parts.extend(inner.template.parts);
-    let source = format!("{}.{}", outer.source, inner.source);
-    Text { line: inner.line, source, template: Template { parts } }
+    let name = entry.required("name")?;
+    let item = entry.item("value").ok_or_else(|| entry.missing("value"))?;
+    let kind = kind(entry)?;
+    check_types(entry, item, kind)?;
+    Ok(Parameter::Value { name, value: read(entry, item)?, kind })
 }
 
 fn kind(entry: &Attributes<'_>) -> Result<Option<&'static str>, LaunchError> {
@@ -194,16 +147,12 @@ fn kind(entry: &Attributes<'_>) -> Result<Option<&'static str>, LaunchError> {
 /// Checks the types of `item`. ROS 2 converts a string with a substitution to the type that is asked for, and nothing
 /// else. The items of a list are of one type beside such strings.
 fn check_types(entry: &Attributes<'_>, item: &Item, kind: Option<&str>) -> Result<(), LaunchError> {
-    let (items, of) = match (&item.content, kind) {
-        (Content::List(items), Some(kind)) => match kind.strip_prefix("list_of_") {
-            Some(of) => (items.as_slice(), Some(of)),
-            None => return Err(entry.refuse(item.line, format!("value: is a list, must be of type {kind}"))),
-        },
-        (Content::List(items), None) => (items.as_slice(), None),
-        (_, Some(kind)) if kind.starts_with("list_of_") => {
-            return Err(entry.refuse(item.line, format!("value: is no list, must be of type {kind}")));
+    let items = match (&item.content, kind) {
+        (Content::List(_), Some(kind)) => {
+            return Err(entry.refuse(item.line, format!("value: is a list, must be of type {kind}")));
         }
-        (_, kind) => (std::slice::from_ref(item), kind),
+        (Content::List(items), None) => items.as_slice(),
+        _ => std::slice::from_ref(item),
     };
     let type_of = |item: &Item| match &item.content {
         Content::Scalar(text, ScalarType::String) if text.contains("$(") => None,
@@ -221,8 +170,8 @@ fn check_types(entry: &Attributes<'_>, item: &Item, kind: Option<&str>) -> Resul
             let why = format!("value: {} must be of type {must}", item.described());
             Err(entry.refuse(item.line, why))
         };
-        match (given, of, first) {
-            (Some(given), Some(of), _) if given != of => return wrong(of),
+        match (given, kind, first) {
+            (Some(given), Some(kind), _) if given != kind => return wrong(kind),
             (Some(given), None, Some(first)) if given != first => {
                 return wrong(&format!("{first} as the first in its list"));
             }

@@ -65,13 +65,7 @@ impl Collector {
         for action in actions {
             match &action.kind {
                 ActionKind::Argument(argument) => self.declare(file, argument),
-                ActionKind::Let(name, value) => {
-                    let view = self.scope.at(file);
-                    if let (Ok(name), Ok(value)) = (view.string(name), view.string(value)) {
-                        self.scope.variables.insert(name, value);
-                    }
-                }
-                ActionKind::Group { children, .. } => self.all(file, children),
+                ActionKind::Group(children) => self.all(file, children),
                 ActionKind::Include(include) => self.include(file, include),
                 _ => {}
             }

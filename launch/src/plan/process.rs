@@ -7,7 +7,7 @@ use modulo_runtime::NodeName;
 use modulo_runtime::embedded::locate;
 
 use super::scope::{Scope, View, parameter_value};
-use super::{ExecutablePlan, NodeParameter, NodePlan, ProcessPlan, Respawn};
+use super::{ExecutablePlan, NodeParameter, NodePlan, ProcessPlan};
 use crate::LaunchError;
 use crate::action::{ExecutableAction, NodeAction, Parameter, ProcessAction};
 use crate::attributes::Text;
@@ -46,7 +46,7 @@ pub(super) fn node(action: &NodeAction, site: &DeclarationSite<'_>) -> Result<No
     let given = view.optional(&action.process.name)?;
     // A program of another package may choose its own name; a node of this suite has that of its executable.
     let name = given.or_else(|| (package == SUITE).then(|| executable.clone()));
-    let label = view.optional(&action.label)?.or_else(|| name.clone()).unwrap_or_else(|| executable.clone());
+    let label = name.clone().unwrap_or_else(|| executable.clone());
     let parameters = own_parameters(&action.parameters, site)?;
     // As in `launch_ros`, the rules for all nodes come first. The first rule that fits is used.
     let mut remaps = site.scope.remaps.clone();
@@ -60,7 +60,6 @@ pub(super) fn node(action: &NodeAction, site: &DeclarationSite<'_>) -> Result<No
         executable,
         name,
         namespace,
-        shared_parameters: site.scope.parameters.clone(),
         parameters,
         remaps,
         args: words(action.args.as_ref(), site)?,
@@ -109,12 +108,9 @@ fn process(
         Some(text) => view.number(key, text).map(Duration::from_secs_f64),
         None => Ok(default),
     };
-    let mut env = site.scope.environment.clone();
-    env.extend(view.pairs(&action.env)?);
     Ok(ProcessPlan {
         label,
-        env,
-        cwd: view.optional(&action.cwd)?.map(PathBuf::from),
+        env: view.pairs(&action.env)?.into_iter().collect(),
         errors_only: errors_only(action.output.as_ref(), view)?,
         respawn: respawn(action, view)?,
         ends_all: action.ends_all,
@@ -132,24 +128,10 @@ fn errors_only(output: Option<&Text>, view: View<'_>) -> Result<bool, LaunchErro
     }
 }
 
-fn respawn(action: &ProcessAction, view: View<'_>) -> Result<Option<Respawn>, LaunchError> {
+fn respawn(action: &ProcessAction, view: View<'_>) -> Result<Option<Duration>, LaunchError> {
     let wanted = action.respawn.as_ref().map(|text| view.bool("respawn", text)).transpose()?;
     let delay = action.respawn_delay.as_ref().map(|text| view.number("respawn_delay", text)).transpose()?;
-    let max_retries = match &action.respawn_max_retries {
-        None => None,
-        Some(text) => {
-            let value = view.string(text)?;
-            let why = format!("respawn_max_retries = '{value}' must be a count, or -1 for any number");
-            let number: i64 = value.trim().parse().map_err(|_| view.refuse(text, &why))?;
-            if number < -1 {
-                return Err(view.refuse(text, why));
-            }
-            // Neither -1 nor a count beyond 32 bits fits: `None` stands for any number of starts.
-            u32::try_from(number).ok()
-        }
-    };
-    let delay = Duration::from_secs_f64(delay.unwrap_or(0.0));
-    Ok((wanted == Some(true)).then_some(Respawn { delay, max_retries }))
+    Ok((wanted == Some(true)).then(|| Duration::from_secs_f64(delay.unwrap_or(0.0))))
 }
 
 /// Splits a command line into words as a shell would, without running one: quotes group, a backslash makes the next
@@ -215,9 +197,7 @@ mod tests {
 
     fn split(text: &str) -> Result<Vec<String>, SubstitutionError> {
         let variables = [("v".to_owned(), "a b".to_owned())].into();
-        let environment = Default::default();
-        let file = std::path::Path::new("f");
-        let around = Surroundings { file, variables: &variables, environment: &environment };
+        let around = Surroundings { file: std::path::Path::new("f"), variables: &variables };
         split_words(&Template::parse(text)?, &around)
     }
 

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use super::arguments::{self, absolute, identity};
-use super::scope::{Scope, View, argument_value, included, shared_value};
+use super::scope::{Scope, View, argument_value, included};
 use super::{NodePlan, Plan, process};
 use crate::action::{self, Action, ActionKind, Include};
 use crate::attributes::Text;
@@ -86,12 +86,9 @@ impl Resolver {
             Err(mistake) => Err(mistake.into()),
         };
         // A use of this variable would be reported as undefined, which only follows from this mistake.
-        let name = match &action.kind {
-            ActionKind::Argument(argument) => Some(argument.declared.name.as_str()),
-            ActionKind::Let(name, _) => name.template.as_plain(),
-            _ => None,
-        };
-        self.scope.broken.extend(name.filter(|_| done.is_err()).map(str::to_owned));
+        if let (ActionKind::Argument(argument), Err(_)) = (&action.kind, &done) {
+            self.scope.broken.insert(argument.declared.name.clone());
+        }
         done.or_else(|mistakes| mistakes.without(&LaunchError::Consequence))
     }
 
@@ -102,23 +99,13 @@ impl Resolver {
                 let (name, value) = argument_value(argument, view)?;
                 self.scope.variables.insert(name, value);
             }
-            ActionKind::Let(name, value) => {
-                self.scope.variables.insert(view.string(name)?, view.string(value)?);
-            }
-            ActionKind::SetEnvironment(name, value) => {
-                self.scope.environment.insert(variable_name(view, name)?, view.string(value)?);
-            }
             ActionKind::PushNamespace(namespace) => {
                 self.scope.namespace = self.scope.joined(&view.string(namespace)?);
-            }
-            ActionKind::SetParameter(name, value) => {
-                self.scope.parameters.push((view.string(name)?, shared_value(name, value, view)?));
             }
             ActionKind::SetRemap(from, to) => {
                 self.scope.remaps.push((view.string(from)?, view.string(to)?));
             }
-            ActionKind::Log(message) => self.plan.messages.push(view.string(message)?),
-            ActionKind::Group { scoped, children } => self.group(file, scoped.as_ref(), children)?,
+            ActionKind::Group(children) => self.group(file, children)?,
             ActionKind::Include(include) => self.include(file, action.line, include)?,
             ActionKind::Node(node) => {
                 self.plan.nodes.push(process::node(node, &self.site(file, action.line))?);
@@ -135,14 +122,11 @@ impl Resolver {
         process::DeclarationSite { file, line, view: self.scope.at(file), scope: &self.scope }
     }
 
-    fn group(&mut self, file: &Path, scoped: Option<&Text>, children: &[Action]) -> Result<(), Mistakes> {
-        let scoped = scoped.map(|text| self.scope.at(file).bool("scoped", text)).transpose()?;
+    fn group(&mut self, file: &Path, children: &[Action]) -> Result<(), Mistakes> {
         // The scope is restored also after a mistake, since the actions behind the group are checked as well.
         let outer = self.scope.clone();
         let done = self.all(file, children);
-        if scoped.unwrap_or(true) {
-            self.scope = outer;
-        }
+        self.scope = outer;
         done
     }
 
@@ -180,12 +164,4 @@ fn applies(condition: Option<&(Text, bool)>, view: View<'_>) -> Result<bool, Lau
     let key = if *wanted { "if" } else { "unless" };
     let holds = truth(&view.string(text)?).map_err(|e| view.refuse(text, format!("{key}: {e}")))?;
     Ok(holds == *wanted)
-}
-
-fn variable_name(view: View<'_>, text: &Text) -> Result<String, LaunchError> {
-    let name = view.string(text)?;
-    if name.is_empty() || name.contains(['=', '\0']) {
-        return Err(view.refuse(text, format!("'{name}' is no name of an environment variable")));
-    }
-    Ok(name)
 }

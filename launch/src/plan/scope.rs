@@ -1,4 +1,4 @@
-//! [`Scope`]: the variables, the environment, the namespace, the parameters and the remappings at a place of a launch file.
+//! [`Scope`]: the variables, the namespace and the remappings at a place of a launch file.
 //! [`View`] evaluates texts there. A group that is scoped works on a copy.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -16,14 +16,10 @@ use crate::{LaunchError, Mistakes, listed};
 /// The state at a place of a launch file, as the actions before it have left it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Scope {
-    /// Arguments and `let`s.
+    /// The values of the arguments.
     pub variables: BTreeMap<String, String>,
-    /// The variables of `set_env`.
-    pub environment: BTreeMap<String, String>,
     /// The pushed namespace, absolute.
     pub namespace: String,
-    /// The parameters of `set_parameter`.
-    pub parameters: Vec<(String, ParameterText)>,
     /// The rules of `set_remap`.
     pub remaps: Vec<(String, String)>,
     /// Variables that have no value because of a mistake.
@@ -61,8 +57,7 @@ pub(super) struct View<'a> {
 impl View<'_> {
     /// Returns the values that templates can refer to.
     pub fn surroundings(&self) -> Surroundings<'_> {
-        let Scope { variables, environment, .. } = self.scope;
-        Surroundings { file: self.file, variables, environment }
+        Surroundings { file: self.file, variables: &self.scope.variables }
     }
 
     /// Returns `result`, with the line of `text` in its error.
@@ -144,7 +139,7 @@ pub(super) fn parameter_value(
         ParameterValue::List(items) => {
             let values: Result<Vec<_>, LaunchError> =
                 items.iter().map(|(text, kind)| Ok((view.string(text)?, *kind))).collect();
-            ParameterText::list(values?, kind)
+            Ok(ParameterText::list(values?))
         }
     };
     checked.map_err(|why| view.refuse(name, format!("parameter '{}' {why}", name.source)))
@@ -171,22 +166,12 @@ pub(super) fn included(include: &Include, view: View<'_>) -> Result<LaunchFile, 
     })
 }
 
-/// The value of the parameter `name` for all nodes, which ROS 2 reads with YAML's rules and passes on as a scalar.
-pub(super) fn shared_value(name: &Text, value: &Text, view: View<'_>) -> Result<ParameterText, LaunchError> {
-    let checked = ParameterText::scalar(view.string(value)?, None);
-    let scalar = checked.and_then(|value| match value.text.starts_with('[') {
-        true => Err(format!("= {value} is a list, which ROS 2 does not pass on here")),
-        false => Ok(value),
-    });
-    scalar.map_err(|why| view.refuse(name, format!("parameter '{}' {why}", name.source)))
-}
-
 /// The value of a parameter.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ParameterText {
     /// The value as text, a list as `[a, b]`.
     pub text: String,
-    /// The type that the launch file asks for, such as `str` or `list_of_int`.
+    /// The type that the launch file asks for, such as `str`; that of a list is `None`.
     pub kind: Option<&'static str>,
 }
 
@@ -206,22 +191,14 @@ impl ParameterText {
         Ok(Self { text, kind })
     }
 
-    /// A list of (text, type as it is written); a `kind` is that of a list.
-    pub(super) fn list(
-        items: Vec<(String, Option<ScalarType>)>,
-        kind: Option<&'static str>,
-    ) -> Result<Self, String> {
-        let of = kind.and_then(|kind| kind.strip_prefix("list_of_")).unwrap_or_default();
-        let items: Result<Vec<String>, String> = items
-            .into_iter()
-            .map(|(text, kind)| {
-                let text = typed(text, of)?;
-                // Without quotes, ROS 2 would read the string '1' as a number.
-                let is_string = of == "str" || (of.is_empty() && kind == Some(ScalarType::String));
-                Ok(if is_string { of_string(&text) } else { text })
-            })
-            .collect();
-        Ok(Self { text: format!("[{}]", items?.join(", ")), kind })
+    /// A list of (text, type as it is written).
+    pub(super) fn list(items: Vec<(String, Option<ScalarType>)>) -> Self {
+        // Without quotes, ROS 2 would read the string '1' as a number.
+        let item = |(text, kind): (String, _)| {
+            if kind == Some(ScalarType::String) { of_string(&text) } else { text }
+        };
+        let items: Vec<String> = items.into_iter().map(item).collect();
+        Self { text: format!("[{}]", items.join(", ")), kind: None }
     }
 }
 
@@ -270,8 +247,8 @@ mod tests {
         fn a_string_reads_back(text in "[ -~\n\t\u{7f}\u{85}é']{0,8}") {
             let scalar = ParameterText::scalar(text.clone(), Some("str")).expect("any text is a string");
             prop_assert_eq!(yaml_text::string(&scalar.to_string()), Some(text.clone()));
-            let list = ParameterText::list(vec![(text.clone(), Some(ScalarType::String))], Some("list_of_str"));
-            prop_assert_eq!(Value::Strings(Vec::new()).parse_like(&list.expect("strings").to_string()), Some(Value::Strings(vec![text])));
+            let list = ParameterText::list(vec![(text.clone(), Some(ScalarType::String))]);
+            prop_assert_eq!(Value::Strings(Vec::new()).parse_like(&list.to_string()), Some(Value::Strings(vec![text])));
         }
     }
 }

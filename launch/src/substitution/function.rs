@@ -1,8 +1,8 @@
-//! The functions that a substitution can call, their values, and the functions of ROS 2 that are refused, with the reason.
+//! The functions that a substitution can call, and their values.
 //! Only the given surroundings are read, and the file system for packages; nothing is executed.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::{Part, SubstitutionError, Template};
 use crate::listed;
@@ -22,65 +22,35 @@ impl PartialEq for Function {
 
 impl Eq for Function {}
 
-static KNOWN: [Function; 12] = [
-    // `$(var name [default])`: a launch argument or a `let`.
+static KNOWN: [Function; 6] = [
+    // `$(var name [default])`: a launch argument.
     Function("var", [1, 2], |given, around| variable(&given[0], given.get(1), around)),
     // `$(env NAME [default])`: an environment variable.
-    Function("env", [1, 2], |given, around| environment_variable(&given[0], given.get(1), around)),
-    // The folder and the path of this launch file.
+    Function("env", [1, 2], |given, _| environment_variable(&given[0], given.get(1))),
+    // The folder of this launch file.
     Function("dirname", [0, 0], |_, around| Ok(folder_of(around.file))),
-    Function("filename", [0, 0], |_, around| Ok(around.file.display().to_string())),
-    // `<prefix>/share/<package>`, and the prefix.
+    // `<prefix>/share/<package>`.
     Function("find-pkg-share", [1, 1], |given, around| {
-        found(package::share(&given[0], around.file, around.environment))
-    }),
-    Function("find-pkg-prefix", [1, 1], |given, around| {
-        found(package::prefix(&given[0], around.file, around.environment))
+        let folder = package::share(&given[0], around.file);
+        folder.map(|folder| folder.display().to_string()).map_err(SubstitutionError::Invalid)
     }),
     Function("not", [1, 1], |given, _| Ok((!truth(&given[0])?).to_string())),
-    // Both sides are evaluated: one that is not a condition is an error, whatever the other says.
-    Function("and", [2, 2], |given, _| Ok((truth(&given[0])? & truth(&given[1])?).to_string())),
-    Function("or", [2, 2], |given, _| Ok((truth(&given[0])? | truth(&given[1])?).to_string())),
-    // As bools or numbers when both are, else as text.
-    Function("equals", [2, 2], |given, _| Ok(equal(&given[0], &given[1]).to_string())),
-    Function("not-equals", [2, 2], |given, _| Ok((!equal(&given[0], &given[1])).to_string())),
     // `$(if condition then [else])`.
     Function("if", [2, 3], |given, _| {
         Ok(given.get(if truth(&given[0])? { 1 } else { 2 }).cloned().unwrap_or_default())
     }),
 ];
 
-/// The functions of ROS 2 that are not supported, each with the reason.
-const REFUSED: [(&str, &str); 11] = [
-    ("eval", "it runs Python; compute the value outside or use $(if), $(equals), $(and), $(or), $(not)"),
-    ("command", "it runs a shell; pass the value as a launch argument"),
-    ("anon", "names must be the same on every run; give the name as a launch argument"),
-    ("param", "it reads a parameter of the launch; use 'let' and $(var)"),
-    ("file-content", "it pastes a file into text; pass the path and let the node read it"),
-    ("exec-in-pkg", "use the action 'node' with pkg and exec"),
-    ("find-exec", "the action 'executable' looks a program up in PATH itself"),
-    ("log_dir", "output is shown on the terminal and no log folder is kept"),
-    ("any", "use nested $(or a b)"),
-    ("all", "use nested $(and a b)"),
-    ("launch_log_dir", "output is shown on the terminal and no log folder is kept"),
-];
-
 impl Function {
     /// The function called `name`.
     ///
     /// # Errors
-    /// [`SubstitutionError`] with the known names, or with the reason why a known one of ROS 2 is not supported.
+    /// [`SubstitutionError`] with the supported names.
     pub fn named(name: &str) -> Result<&'static Self, SubstitutionError> {
-        if let Some(function) = KNOWN.iter().find(|known| known.0 == name) {
-            return Ok(function);
-        }
-        Err(SubstitutionError::Invalid(match REFUSED.iter().find(|refused| refused.0 == name) {
-            Some((_, why)) => format!("$({name}) is not supported: {why}"),
-            None => {
-                let known = listed(KNOWN.iter().map(|known| known.0), "");
-                format!("unknown substitution $({name}), known are {known}")
-            }
-        }))
+        KNOWN.iter().find(|known| known.0 == name).ok_or_else(|| {
+            let known = listed(KNOWN.iter().map(|known| known.0), "");
+            SubstitutionError::Invalid(format!("$({name}) is not supported, supported are {known}"))
+        })
     }
 
     pub(super) fn check_count(&self, given: usize) -> Result<(), SubstitutionError> {
@@ -101,10 +71,8 @@ impl Function {
 pub struct Surroundings<'a> {
     /// The launch file in which the template stands.
     pub file: &'a Path,
-    /// Launch arguments and `let`s.
+    /// The values of the launch arguments.
     pub variables: &'a BTreeMap<String, String>,
-    /// The variables of `set_env`, which stand before those of the launcher's environment.
-    pub environment: &'a BTreeMap<String, String>,
 }
 
 impl Template {
@@ -127,12 +95,8 @@ impl Part {
     }
 }
 
-fn found(folder: Result<PathBuf, String>) -> Value {
-    folder.map(|folder| folder.display().to_string()).map_err(SubstitutionError::Invalid)
-}
-
-fn environment_variable(name: &str, default: Option<&String>, around: &Surroundings<'_>) -> Value {
-    package::variable(around.environment, name).or_else(|| default.cloned()).ok_or_else(|| {
+fn environment_variable(name: &str, default: Option<&String>) -> Value {
+    std::env::var(name).ok().or_else(|| default.cloned()).ok_or_else(|| {
         SubstitutionError::Invalid(format!(
             "environment variable {name} is not set, $(env {name} DEFAULT) gives it a default"
         ))
@@ -160,22 +124,6 @@ pub(crate) fn truth(text: &str) -> Result<bool, SubstitutionError> {
     }
 }
 
-/// ROS 2's `$(equals)`: bools as bools, numbers within 1e-9 of the larger, else text.
-fn equal(left: &str, right: &str) -> bool {
-    // Conditions come before numbers, so that `true` equals `1`.
-    if let (Ok(left), Ok(right)) = (truth(left), truth(right)) {
-        return left == right;
-    }
-    match (left.trim().parse::<f64>(), right.trim().parse::<f64>()) {
-        (Ok(l), Ok(r)) => {
-            // The tolerance is the default of `math.isclose` of Python. The first comparison makes equal
-            // infinities equal, whose difference is not a number.
-            l == r || (l - r).abs() <= 1e-9 * l.abs().max(r.abs()) && l.is_finite() && r.is_finite()
-        }
-        _ => left == right,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -183,9 +131,8 @@ mod tests {
     fn value(text: &str) -> Result<String, String> {
         let pair = |(k, v): (&str, &str)| (k.to_owned(), v.to_owned());
         let variables = [("x", "4.0"), ("name", "x"), ("on", "True")].map(pair).into();
-        let environment = [("HOME", "/home/u")].map(pair).into();
         let file = Path::new("/opt/pkg/launch/a.launch.yaml");
-        let around = Surroundings { file, variables: &variables, environment: &environment };
+        let around = Surroundings { file, variables: &variables };
         Template::parse(text).and_then(|t| t.evaluate(&around)).map_err(|e| e.to_string())
     }
 
@@ -195,12 +142,9 @@ mod tests {
             ("$(var x)", "4.0"),
             ("$(var $(var name))", "4.0"),
             ("$(var none 'a b')", "a b"),
-            ("$(env HOME)/$(env NOPE d)", "/home/u/d"),
-            ("$(dirname)|$(filename)", "/opt/pkg/launch|/opt/pkg/launch/a.launch.yaml"),
+            ("$(env NOPE d)", "d"),
+            ("$(dirname)", "/opt/pkg/launch"),
             ("$(not $(var on))", "false"),
-            ("$(and 1 $(var on))$(or 0 false)", "truefalse"),
-            ("$(equals $(var x) 4)$(equals true 1)$(equals a b)", "truetruefalse"),
-            ("$(not-equals nan nan)$(equals inf inf)", "truetrue"),
             ("$(if $(var on) yes no)$(if 0 yes)", "yes"),
         ] {
             assert_eq!(value(text).as_deref(), Ok(expected), "{text}");

@@ -19,7 +19,7 @@ use super::running::{CommandLine, Killed, Running};
 use super::{Channel, Ending, Print, ProcessEnd, ProcessOutcome, Supervision, start_error};
 use crate::LaunchError;
 use crate::package::{SUITE, prefixes};
-use crate::plan::{ExecutablePlan, NodePlan, Plan, ProcessPlan, Respawn, ros_arguments};
+use crate::plan::{ExecutablePlan, NodePlan, Plan, ProcessPlan, ros_arguments};
 
 /// A process that lived shorter crashed for a reason that may still be there.
 const SHORT_LIFE: Duration = Duration::from_secs(5);
@@ -192,7 +192,7 @@ fn executable_job(executable: &ExecutablePlan, how: &Supervision, reports: &Path
 
 fn installed(node: &NodePlan) -> Result<PathBuf, LaunchError> {
     let place = |prefix: PathBuf| prefix.join("lib").join(&node.package).join(&node.executable);
-    let places: Vec<PathBuf> = prefixes(&node.process.env).into_iter().map(place).collect();
+    let places: Vec<PathBuf> = prefixes().into_iter().map(place).collect();
     if let Some(program) = places.iter().find(|place| place.is_file()) {
         return Ok(program.clone());
     }
@@ -284,15 +284,10 @@ impl Job {
         print: &Print,
     ) -> Result<Duration, ProcessEnd> {
         let ProcessEnd::Crashed(status) = end else { return Err(end.clone()) };
-        let Some(Respawn { delay, max_retries }) = self.process.respawn else {
+        let Some(delay) = self.process.respawn else {
             self.say(print, &format!("ended with {status}"));
             return Err(end.clone());
         };
-        if max_retries.is_some_and(|most| restarts.count >= most) {
-            let count = restarts.count;
-            self.say(print, &format!("ended with {status} after {count} restarts (respawn_max_retries)"));
-            return Err(end.clone());
-        }
         let now = Instant::now();
         if let Some(crashes) = restarts.exceed(self.max_restarts, now) {
             self.say(print, &format!("ended with {status}, crash {crashes} within a minute: the run ends"));

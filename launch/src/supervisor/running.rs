@@ -164,9 +164,6 @@ fn prepared(command: &CommandLine, process: &ProcessPlan) -> Command {
     // A process in the background that reads from the terminal would be stopped by SIGTTIN.
     prepared.args(&command.arguments).envs(&process.env).stdin(Stdio::null()).stderr(Stdio::piped());
     prepared.stdout(if process.errors_only { Stdio::null() } else { Stdio::piped() });
-    if let Some(cwd) = &process.cwd {
-        prepared.current_dir(cwd);
-    }
     // Its own group: Ctrl-C reaches the launcher alone, which then ends all in order.
     prepared.process_group(0).kill_on_drop(true);
     prepared
@@ -203,7 +200,6 @@ mod tests {
         let process = ProcessPlan {
             label: "parent".into(),
             env: [].into(),
-            cwd: None,
             errors_only: false,
             respawn: None,
             ends_all: false,

@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use modulo_launch::plan::Respawn;
 use modulo_launch::{NodeParameter, NodePlan, Plan, compose, declared_arguments, resolve, ros_arguments};
 
 use crate::{Files, owned};
@@ -33,66 +32,43 @@ launch:
         - { name: "list", value: ["a", "b c", "$(var gain)"] }
         - { name: "text", value: "12", type: "str" }
         - { name: "empty", value: "", type: "str" }
-        - { name: "filter", param: [{ name: "size", value: 3 }] }
       remap: [{ from: "modulo", to: "/camera/image" }]
       env: [{ name: "A", value: "$(var gain)" }]
       output: "log"
       respawn: "true"
       respawn_delay: 0.5
-      respawn_max_retries: 3
-      cwd: "/tmp"
       on_exit: "shutdown"
       sigterm_timeout: 1.5
 "#;
     let plan = plan(text, &[("gain", "4")]);
     let node = &plan.nodes[0];
     let expected = "--fast | a b | --ros-args | -r | __node:=u | -r | __ns:=/left | -p | gain:=4.0 | \
-                    -p | list:=[a, 'b c', 4] | -p | text:='12' | -p | empty:='' | -p | filter.size:=3 | \
+                    -p | list:=[a, 'b c', 4] | -p | text:='12' | -p | empty:='' | \
                     -r | modulo:=/camera/image | --log-level | debug";
     assert_eq!(ros_arguments(node).join(" | "), expected);
     assert_eq!(node.fully_qualified().as_deref(), Some("/left/u"));
     let process = &node.process;
     assert_eq!((process.env["A"].as_str(), process.errors_only), ("4", true));
     assert!(process.ends_all);
-    assert_eq!(process.respawn, Some(Respawn { delay: Duration::from_millis(500), max_retries: Some(3) }));
-    assert_eq!(process.cwd, Some(PathBuf::from("/tmp")));
+    assert_eq!(process.respawn, Some(Duration::from_millis(500)));
     assert_eq!((process.sigterm_timeout.as_millis(), process.sigkill_timeout.as_millis()), (1500, 5000));
 }
 
-/// A node's own values and files come after those of all nodes, in the order of the launch file, as in `launch_ros`.
 #[test]
-fn parameters_of_all_nodes_come_before_those_of_one() {
-    let text = "launch:\n  - set_parameter: { name: a, value: '1' }\n  - node:\n      pkg: modulo\n      exec: unwrap\n      \
-                param: [{ name: a, value: 2 }, { from: $(dirname)/p.yaml }]\n";
-    let files = Files::new(text).with("p.yaml", "");
-    let node = files.resolve(&[]).expect("resolves").nodes.remove(0);
-    let file = files.path("p.yaml").display().to_string();
-    assert_eq!(ros_arguments(&node)[5..], ["-p", "a:=1", "-p", "a:=2", "--params-file", &file]);
-}
-
-#[test]
-fn a_group_keeps_its_changes_unless_it_is_not_scoped() {
+fn a_group_keeps_its_changes() {
     let inner = "
         - push_ros_namespace: { namespace: inner }
-        - let: { name: x, value: inner }
-        - set_env: { name: MODULO_TEST_X, value: inner }
-        - set_parameter: { name: p, value: '1' }
+        - arg: { name: x, default: inner }
         - set_remap: { from: a, to: b }
         - node: { pkg: p, exec: e, name: in }";
     let outer = "
-  - node: { pkg: p, exec: e, name: $(var x) }";
-    let head = "launch:\n  - let: { name: x, value: outer }\n  - group:";
+  - node: { pkg: p, exec: e, name: $(var x outer) }";
+    let head = "launch:\n  - group:";
     let scoped = plan(&format!("{head}{inner}{outer}"), &[]);
-    let open = plan(&format!("{head}\n      scoped: false\n      children:{inner}{outer}"), &[]);
-    for node in [&scoped.nodes[0], &open.nodes[0], &open.nodes[1]] {
-        assert_eq!(node.namespace, "/inner");
-        assert_eq!(node.process.env["MODULO_TEST_X"], "inner");
-        assert_eq!((node.shared_parameters.len(), node.remaps.len()), (1, 1));
-    }
-    assert_eq!(labels(&open), ["in", "inner"]);
+    assert_eq!((scoped.nodes[0].namespace.as_str(), scoped.nodes[0].remaps.len()), ("/inner", 1));
     let after = &scoped.nodes[1];
     assert_eq!((labels(&scoped)[1], after.namespace.as_str()), ("outer", "/"));
-    assert!(after.shared_parameters.is_empty() && after.remaps.is_empty() && after.process.env.is_empty());
+    assert!(after.remaps.is_empty());
 }
 
 #[test]
@@ -132,26 +108,17 @@ launch:
       arg: [{ name: name, value: $(var who)_$(var who) }]";
     let files = Files::new(text).with(
         "sub.launch.yaml",
-        "launch:\n  - arg: { name: name }\n  - executable: { cmd: run $(filename), name: $(var name) }\n",
+        "launch:\n  - arg: { name: name }\n  - executable: { cmd: run $(dirname), name: $(var name) }\n",
     );
     let plan = files.resolve(&[("who", "y")]).expect("resolves");
     assert_eq!(labels(&plan), ["y_y"]);
-    assert_eq!(plan.executables[0].command[1], files.path("sub.launch.yaml").display().to_string());
-}
-
-#[test]
-fn a_process_has_its_own_variables_and_those_of_set_env() {
-    let text = "launch:\n  - set_env: { name: A, value: $(env A none) }\n  - set_env: { name: B, value: b }\n  \
-                - executable: { cmd: a, env: [{ name: B, value: c$(env B) }] }";
-    let plan = plan(text, &[]);
-    let expected = [("A".to_owned(), "none".to_owned()), ("B".to_owned(), "cb".to_owned())];
-    assert_eq!(plan.executables[0].process.env, expected.into());
+    assert_eq!(plan.executables[0].command[1], files.0.path().display().to_string());
 }
 
 /// `launch_ros` keeps a string without a substitution as a string, even if it looks like a number.
 #[test]
 fn a_quoted_number_is_a_string() {
-    let text = "launch:\n  - let: { name: n, value: '2' }\n  - node:\n      pkg: modulo\n      exec: unwrap\n      param:\n";
+    let text = "launch:\n  - arg: { name: n, default: '2' }\n  - node:\n      pkg: modulo\n      exec: unwrap\n      param:\n";
     let cases = [
         ("'1'", "'1'"),
         ("$(var n), type: float", "2.0"),
@@ -192,7 +159,10 @@ fn only_nodes_of_the_suite_can_share_a_process() {
     for (more, why) in [
         ("  - executable: { cmd: a }\n", "a cannot run in one process: it is an executable"),
         ("  - node: { pkg: p, exec: e }\n", "e cannot run in one process: its package is 'p'"),
-        ("  - node: { pkg: modulo, exec: unwrap, cwd: / }\n", "unwrap cannot run in one process: it has cwd"),
+        (
+            "  - node: { pkg: modulo, exec: unwrap, args: a }\n",
+            "unwrap cannot run in one process: it has args",
+        ),
     ] {
         let error = compose(&plan(&format!("{suite}{more}"), &[])).expect_err(why).to_string();
         assert!(error.starts_with(why), "{error}");
@@ -223,8 +193,7 @@ fn a_plan_can_be_shown() {
         "launch:\n  - node: { pkg: p, exec: e, name: n, respawn: 'true' }\n  - executable: { cmd: ls }",
         &[],
     );
-    let expected =
-        "node /n: p/e\n  started again after a crash, any number of times, 0 s later\nexecutable ls: ls\n";
+    let expected = "node /n: p/e\n  started again after a crash, 0 s later\nexecutable ls: ls\n";
     assert_eq!(plan.to_string(), expected);
 }
 

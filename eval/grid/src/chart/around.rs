@@ -1,6 +1,6 @@
 //! The accuracy over the time before and after a change of the light.
 
-use modulo_draw::{Axis, ChartBody, ChartPanel, DataPoint, Scale, Series, SeriesStyle};
+use modulo_draw::{Axis, ChartPanel, DataPoint, Scale, Series, SeriesStyle};
 
 use super::{NamedChart, models};
 use crate::labels::{self, distinct, number};
@@ -40,8 +40,7 @@ pub fn charts(results: &Results) -> Vec<NamedChart> {
                 let footer = "Frame 0 is the first one of the change. A moment has the frames of all changes of this kind in all drives. The nearest object \
                               of a frame has the highest box of those that count; it is found by a box of a score of at least 0.25 and an \
                               IoU of at least 0.5.";
-                let (name, body) = (file_name(&name), ChartBody::Panels(panels));
-                charts.push(NamedChart::new(name, title, results, footer, body));
+                charts.push(NamedChart::new(file_name(&name), title, results, footer, panels));
             }
         }
     }

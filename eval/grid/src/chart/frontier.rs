@@ -1,6 +1,6 @@
 //! Speed against accuracy.
 
-use modulo_draw::{Axis, ChartBody, ChartPanel, DataPoint, Scale, Series, SeriesStyle};
+use modulo_draw::{Axis, ChartPanel, DataPoint, Scale, Series, SeriesStyle};
 use modulo_runtime::SensorModel;
 
 use super::pareto::{Candidate, pareto_front};
@@ -29,9 +29,9 @@ fn frontier(results: &Results, cells: &[&Cell], alpha: f64, conditions: &SensorM
                  intervals of both, and not slower. No sensor delivers the ideal streams: they are not on the front. \
                  Towards the upper left is better.";
     let title = format!("Speed against accuracy, alpha {alpha}, {}", labels::conditions(conditions));
-    let body = ChartBody::Panels(groups.iter().map(|group| frontier_panel(&cells, group)).collect());
+    let panels = groups.iter().map(|group| frontier_panel(&cells, group)).collect();
     let name = format!("frontier_alpha{alpha}_{}", labels::suffix(conditions, &["alpha"]));
-    NamedChart::new(name, title, results, footer, body)
+    NamedChart::new(name, title, results, footer, panels)
 }
 
 fn frontier_panel(cells: &[&Cell], group: &str) -> ChartPanel {
@@ -46,14 +46,14 @@ fn frontier_panel(cells: &[&Cell], group: &str) -> ChartPanel {
     let mut series: Vec<Series> = Vec::new();
     for (cell, (cost, gain)) in &scored {
         let kept = !is_choice(cell) || !real.iter().any(|(other, _)| beats(other, cell, group));
-        let name = labels::stream(&cell.point);
-        let (model, ms, percent) = (labels::model(&cell.point), number(*cost, 1), number(100.0 * gain, 1));
+        let (stream, model) = (labels::stream(&cell.point), labels::model(&cell.point));
+        let name = if several { format!("{stream}, {model}") } else { stream.clone() };
+        let (ms, percent) = (number(*cost, 1), number(100.0 * gain, 1));
         let point = DataPoint {
             x: *cost,
             y: *gain,
             interval: cell.interval_of(group),
-            hover: format!("{name}, {model}: {ms} ms, AP50 of {group} {percent} %"),
-            label: if several { model } else { name.clone() },
+            hover: format!("{stream}, {model}: {ms} ms, AP50 of {group} {percent} %"),
             is_faded: !kept,
         };
         match series.iter_mut().find(|series| series.name == name) {

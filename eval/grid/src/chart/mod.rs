@@ -3,12 +3,8 @@
 mod around;
 mod frontier;
 mod pareto;
-pub(crate) mod pictures;
 
-use modulo_draw::{
-    Axis, Chart, ChartBody, ChartError, ChartPanel, DataPoint, PageWidth, Scale, Series, SeriesStyle,
-};
-
+use modulo_draw::{Axis, Chart, ChartPanel, DataPoint, Scale, Series, SeriesStyle};
 use modulo_runtime::SensorModel;
 
 use crate::labels::{self, GridSetting, distinct, number};
@@ -23,33 +19,17 @@ pub struct NamedChart {
     pub chart: Chart,
 }
 
-/// A chart as SVG, for a wide and for a narrow page.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RenderedChart {
-    /// Name of the [`NamedChart`].
-    pub name: String,
-    /// Title of the chart.
-    pub title: String,
-    /// SVG of [`PageWidth::Wide`].
-    pub wide: String,
-    /// SVG of [`PageWidth::Narrow`].
-    pub narrow: String,
-}
-
 impl NamedChart {
     /// A chart whose subtitle names the data and the machine of `results`.
-    pub(crate) fn new(name: String, title: String, results: &Results, footer: &str, body: ChartBody) -> Self {
+    pub(crate) fn new(
+        name: String,
+        title: String,
+        results: &Results,
+        footer: &str,
+        panels: Vec<ChartPanel>,
+    ) -> Self {
         let (subtitle, footer) = (subtitle(results), footer.to_owned());
-        Self { name, chart: Chart { title, subtitle, footer, body } }
-    }
-
-    /// Renders both widths.
-    ///
-    /// # Errors
-    /// [`ChartError`] if a font or picture cannot be processed.
-    pub fn render(&self) -> Result<RenderedChart, ChartError> {
-        let (wide, narrow) = (self.chart.svg(PageWidth::Wide)?, self.chart.svg(PageWidth::Narrow)?);
-        Ok(RenderedChart { name: self.name.clone(), title: self.chart.title.clone(), wide, narrow })
+        Self { name, chart: Chart { title, subtitle, footer, panels } }
     }
 }
 
@@ -116,9 +96,9 @@ fn over_setting(
                   without a lens.";
     let without = [setting.0];
     let title = format!("Accuracy over {}: {model}, {}", setting.name(), labels::sensor(others, &without));
-    let body = ChartBody::Panels(groups.iter().map(|group| panel(&cells, group, setting)).collect());
+    let panels = groups.iter().map(|group| panel(&cells, group, setting)).collect();
     let name = format!("{}_{}_{}", setting.file(), file_name(model), labels::suffix(others, &without));
-    NamedChart::new(name, title, results, footer, body)
+    NamedChart::new(name, title, results, footer, panels)
 }
 
 fn panel(cells: &[&Cell], group: &str, setting: GridSetting) -> ChartPanel {

@@ -5,17 +5,18 @@ pub(crate) mod tables;
 use std::path::{Path, PathBuf};
 
 use maud::{Markup, PreEscaped, html};
-use modulo_draw::{ChartError, html_page};
+use modulo_draw::{PageWidth, RgbImage, html_page};
+use modulo_images::read_image;
 
 use crate::GridError;
-use crate::chart::pictures::PICTURES;
-use crate::chart::{self, NamedChart, RenderedChart};
+use crate::chart::{self, NamedChart};
 use crate::labels;
+use crate::recordings::picture;
 use crate::results::Results;
 use crate::store::replace;
 
-/// The whole page with `charts` in their order.
-pub fn page(results: &Results, charts: &[RenderedChart]) -> String {
+/// The whole page with `charts` in their order, and with the image of this address.
+pub fn page(results: &Results, charts: &[NamedChart], picture: Option<&str>) -> String {
     let (done, all) = (results.cells.len(), results.setup.grid.len());
     let title = format!("modulo eval: {}", results.setup.source);
     let body = html! {
@@ -24,7 +25,12 @@ pub fn page(results: &Results, charts: &[RenderedChart]) -> String {
         }
         @for warning in labels::busy(&results.cells) { p.warning { (warning) } }
         @if let Some(verdict) = &results.verdict { p { strong { (verdict) "." } } }
-        @for chart in charts.iter().filter(|chart| chart.name == PICTURES) { (figure(chart)) }
+        @if let Some(picture) = picture {
+            figure {
+                img src=(picture) alt="The frame in which the streams differ most.";
+                figcaption.note { (ABOUT_PICTURES) }
+            }
+        }
         (tables::summary(results))
         (figures(charts))
         (tables::cells(results))
@@ -40,22 +46,22 @@ pub(crate) fn html(title: &str, body: Markup) -> String {
 }
 
 /// All charts. The first one of each kind is open.
-fn figures(charts: &[RenderedChart]) -> Markup {
+fn figures(charts: &[NamedChart]) -> Markup {
     // The kind is the part of the name before the first `_`.
-    let kind = |chart: &RenderedChart| chart.name.split('_').next().map(str::to_owned);
-    let charts: Vec<&RenderedChart> = charts.iter().filter(|chart| chart.name != PICTURES).collect();
+    let kind = |chart: &NamedChart| chart.name.split('_').next().map(str::to_owned);
     html! {
         h2 { "Charts" }
         p.note { "Move the pointer to a marker to see its cell." }
         @for (index, chart) in charts.iter().enumerate() {
             @if charts[..index].iter().all(|other| kind(other) != kind(chart)) { (figure(chart)) }
-            @else { details { summary { (chart.title) } (figure(chart)) } }
+            @else { details { summary { (chart.chart.title) } (figure(chart)) } }
         }
     }
 }
 
 /// A chart for wide and for narrow pages. The style sheet shows one of them.
-fn figure(RenderedChart { name, wide, narrow, .. }: &RenderedChart) -> Markup {
+fn figure(NamedChart { name, chart }: &NamedChart) -> Markup {
+    let [wide, narrow] = [PageWidth::Wide, PageWidth::Narrow].map(|page| chart.svg(page));
     html! { figure id=(name) { div.broad { (PreEscaped(wide)) } div.narrow { (PreEscaped(narrow)) } } }
 }
 
@@ -95,54 +101,40 @@ const CHARTS: &str = "charts";
 /// The picture of the frame in which the streams differ most, beside the report.
 pub const GRID: &str = "grid.png";
 
-/// Draws all charts of `results` into `folder/charts` and writes [`PAGE`] into `folder`, which also shows the chart with
-/// images that is in that folder. Returns the path of the page.
+/// Says what the colours of the boxes mean.
+const ABOUT_PICTURES: &str = "The frame in which the streams differ most in the objects that are found. White boxes are labelled objects. Coloured boxes \
+                              are objects that were found with a score of at least 0.25, in the colour of their class.";
+
+/// Draws all charts of `results` into `folder/charts` and writes [`PAGE`] into `folder`, which also shows the pictures that
+/// are in that folder. Returns the path of the page.
 ///
 /// # Errors
-/// [`GridError`] if a chart cannot be drawn, or a file cannot be read or written.
+/// [`GridError`] if a file cannot be read or written.
 pub fn write(folder: &Path, results: &Results) -> Result<PathBuf, GridError> {
-    let (path, charts) = (folder.join(PAGE), folder.join(CHARTS));
-    let drawn: Result<Vec<_>, _> = chart::all(results).iter().map(|named| save(&charts, named)).collect();
-    let charts: Vec<RenderedChart> = drawn?.into_iter().chain(pictures(&charts)?).collect();
-    replace(&path, page(results, &charts).as_bytes())?;
+    let charts = chart::all(results);
+    for NamedChart { name, chart } in &charts {
+        let svg = chart.svg(PageWidth::Wide);
+        replace(&folder.join(CHARTS).join(format!("{name}.svg")), svg.as_bytes())?;
+    }
+    let (path, pictures) = (folder.join(PAGE), embedded(&folder.join(GRID))?);
+    replace(&path, page(results, &charts, pictures.as_deref()).as_bytes())?;
     Ok(path)
 }
 
-/// Draws the chart with images into `folder/charts`, where [`write()`] finds it.
+/// Writes pictures into `folder`, where [`write()`] finds them.
 ///
 /// # Errors
-/// [`GridError`] if it cannot be drawn or written.
-pub fn save_pictures(folder: &Path, pictures: &NamedChart) -> Result<(), GridError> {
-    save(&folder.join(CHARTS), pictures).map(drop)
+/// [`GridError`] if they cannot be written.
+pub fn save_pictures(folder: &Path, pictures: &RgbImage) -> Result<(), GridError> {
+    let path = folder.join(GRID);
+    pictures.save(&path).map_err(|why| GridError::of_file(&path, why))
 }
 
-/// Writes `NAME.svg`, `NAME.png`, and for the chart with images `NAME.narrow.svg`.
-fn save(folder: &Path, named: &NamedChart) -> Result<RenderedChart, GridError> {
-    let chart = |why: ChartError| GridError::Results(format!("chart {}: {why}", named.name));
-    let drawn = named.render().map_err(chart)?;
-    let file = |extension: &str| folder.join(format!("{}.{extension}", named.name));
-    replace(&file("svg"), drawn.wide.as_bytes())?;
-    // The narrow form of pictures is kept for the next report.
-    let (png, narrow) = match named.name == PICTURES {
-        true => (folder.with_file_name(GRID), Some(file("narrow.svg"))),
-        false => (file("png"), None),
-    };
-    narrow.map_or(Ok(()), |narrow| replace(&narrow, drawn.narrow.as_bytes()))?;
-    replace(&png, &named.chart.png().map_err(chart)?)?;
-    Ok(drawn)
-}
-
-/// The chart with images in the folder; `None` where there is none.
-fn pictures(folder: &Path) -> Result<Option<RenderedChart>, GridError> {
-    let path = |ending: &str| folder.join(format!("{PICTURES}.{ending}"));
-    if !path("narrow.svg").exists() {
+/// The address of an image for the page; `None` where there is none.
+fn embedded(path: &Path) -> Result<Option<String>, GridError> {
+    if !path.exists() {
         return Ok(None);
     }
-    let read = |path: PathBuf| std::fs::read_to_string(&path).map_err(|why| GridError::io(&path, why));
-    Ok(Some(RenderedChart {
-        title: "What the detector sees".to_owned(),
-        name: PICTURES.to_owned(),
-        wide: read(path("svg"))?,
-        narrow: read(path("narrow.svg"))?,
-    }))
+    let picture = picture(&read_image(path)?).map(|picture| picture.embedded()).transpose();
+    picture.map_err(|why| GridError::Results(format!("{}: {why}", path.display())))
 }

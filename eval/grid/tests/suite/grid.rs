@@ -325,7 +325,7 @@ fn what_moves_has_ghosts_in_three_captures_and_none_in_one() {
     assert!(merged.latency_ms.contains_key("merge"));
 
     let pictures = draw_pictures(&request, &SystemClock::default(), &results).expect("pictures");
-    report::save_pictures(folder.path(), &pictures.expect("a chart")).expect("kept");
+    report::save_pictures(folder.path(), &pictures.expect("pictures").sheet).expect("kept");
     let page =
         std::fs::read_to_string(report::write(folder.path(), &results).expect("a page")).expect("readable");
     assert!(page.contains("multi_exposure_still") && page.contains("data:image/jpeg;base64,"));

@@ -199,7 +199,6 @@ fn a_wrong_simulation_is_refused_before_anything_is_written() {
         simulate::simulate(&request, &|_| ()).unwrap_err().to_string()
     };
     let request = |change| with("", change);
-    assert_eq!(request(&|r| r.images.clear()), "the list of files is empty; at least one entry is needed");
     assert!(request(&|r| r.run.method = vec!["best".into()]).contains("method \"best\" is unknown"));
     assert!(request(&|r| r.coding.white = -1.0).starts_with("white = -1"));
     for (option, values, wanted) in [
@@ -350,14 +349,14 @@ fn only_files_that_keep_the_codes_are_unwrapped() {
     assert_eq!((outcome.rows.len(), outcome.skipped.len()), (1, 1));
 }
 
-/// A folder stands for the images in it; hidden files are none, and others are counted.
+/// A folder stands for the images in it; hidden files are none, and images of other formats are counted.
 #[test]
 fn a_folder_stands_for_its_images() {
     let folder = tempfile::tempdir().unwrap();
     let [pictures, simulated, out] = ["pictures", "simulated", "out"].map(|name| folder.path().join(name));
     std::fs::create_dir(&pictures).unwrap();
     ["b.png", "a.png"].iter().for_each(|name| street(&pictures.join(name)));
-    for other in ["notes.txt", "labels.json", "._a.png"] {
+    for other in ["notes.txt", "old.bmp", "new.webp", "._a.png"] {
         std::fs::write(pictures.join(other), "no picture").unwrap();
     }
     let wanted = RefCell::default();
@@ -370,7 +369,9 @@ fn a_folder_stands_for_its_images() {
     let files: Vec<_> = rows.unwrap().rows.into_iter().map(|row| row.file).collect();
     assert_eq!(files, ["a.png", "b.png"].map(|name| pictures.join(name).display().to_string()));
     assert!(
-        wanted.len() == 1 && wanted[0].contains("skipped 2 files") && wanted[0].contains("labels.json"),
+        wanted.len() == 1
+            && wanted[0].contains("2 images of other formats")
+            && wanted[0].contains("new.webp"),
         "{wanted:?}"
     );
     let codes = folder.path().join("codes");
@@ -381,5 +382,5 @@ fn a_folder_stands_for_its_images() {
     assert_eq!(rows.len(), 1);
     std::fs::remove_file(codes.join("a.png")).unwrap();
     let none = simulate::simulate(&request(&codes.join("none"), &[&codes]), &|_| ()).unwrap_err();
-    assert!(none.to_string().contains("there is no readable image"), "{none}");
+    assert!(none.to_string().contains("no image in this folder"), "{none}");
 }

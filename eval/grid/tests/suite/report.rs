@@ -95,8 +95,7 @@ fn made_up() -> Results {
 }
 
 fn page(results: &Results) -> String {
-    let charts: Vec<_> = chart::all(results).iter().map(|named| named.render().expect("drawn")).collect();
-    report::page(results, &charts)
+    report::page(results, &chart::all(results), None)
 }
 
 /// Checks that every element except `meta` is closed in the right order.
@@ -219,7 +218,7 @@ fn svg(results: &Results, name: &str) -> String {
     let names = || charts.iter().map(|named| &named.name).collect::<Vec<_>>();
     let found = charts.iter().find(|named| named.name == name);
     let found = found.unwrap_or_else(|| panic!("{name}: {:?}", names()));
-    found.chart.svg(modulo_draw::PageWidth::Wide).expect("drawn")
+    found.chart.svg(modulo_draw::PageWidth::Wide)
 }
 
 /// The fill, edge and text of the entry of a series in the legend of the first chart that has it.
