@@ -5,14 +5,14 @@ use std::net::{IpAddr, Ipv4Addr};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::mpsc::{Receiver, sync_channel};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use clap::Args;
 use modulo_draw::{Picture, sheet};
 use modulo_middleware::transport::{Incoming, Transport as _};
 use modulo_runtime::output::{prepare_file, replace};
-use modulo_runtime::{Address, Message, MessageKind, NodeName, Stop, Topic, Urgency};
+use modulo_runtime::{Address, Clock, Message, MessageKind, NodeName, Stop, Topic, Urgency};
 
 use super::view::{Running, ViewCommand, quiet_program, serve};
 use super::{open_session, stop_on_signals, usage};
@@ -29,8 +29,8 @@ const STREAMS: [(&str, &str); 3] = [
 ];
 /// The most images and moments that wait.
 const QUEUE: usize = 16;
-/// The program ends with an error after this time without a picture: loading three detectors takes seconds.
-const PATIENCE: Duration = Duration::from_secs(60);
+/// The program ends with an error after so many seconds without a picture: loading three detectors takes seconds.
+const PATIENCE: u64 = 60;
 const GLANCE: Duration = Duration::from_millis(100);
 
 /// What the page shows first, as the parameters of its address.
@@ -58,7 +58,7 @@ pub fn demo(args: &Demo) -> Result<Ended, Failure> {
 fn picture(file: &Path) -> Result<Ended, Failure> {
     prepare_file(file, None).map_err(usage)?;
     let stop = stop_on_signals()?;
-    let (_, transport) = open_session()?;
+    let (clock, transport) = open_session()?;
     let name = NodeName::new("demo", "/", &[]).map_err(usage)?;
     let (sender, received) = sync_channel(QUEUE);
     // Before the suite starts, so that the detectors draw from the first frame on.
@@ -73,7 +73,7 @@ fn picture(file: &Path) -> Result<Ended, Failure> {
     };
     let subscriptions = STREAMS.iter().enumerate().map(subscribe).collect::<Result<Vec<_>, _>>()?;
     let mut running = Running::start(suite()?.stderr(Stdio::null()))?;
-    let pictures = one_of_each(&received, &stop);
+    let pictures = one_of_each(&received, &*clock, &stop);
     running.stop();
     drop(subscriptions);
     let Some(pictures) = pictures? else { return Ok(Ended::Done) };
@@ -90,14 +90,14 @@ fn picture(file: &Path) -> Result<Ended, Failure> {
 /// Returns the images of one moment, of each stream one; `None` if it was asked for an end.
 fn one_of_each(
     received: &Receiver<(usize, Incoming)>,
+    clock: &dyn Clock,
     stop: &Stop,
 ) -> Result<Option<[Picture; STREAMS.len()]>, Failure> {
     let mut moments: BTreeMap<u64, [Option<Picture>; STREAMS.len()]> = BTreeMap::new();
-    let started = Instant::now();
+    let end = clock.ticks_ns() + PATIENCE * 1_000_000_000;
     while stop.urgency() == Urgency::None {
-        if started.elapsed() > PATIENCE {
-            let seconds = PATIENCE.as_secs();
-            return Err(anyhow!("no moment with the images of all detectors came within {seconds} s; `modulo launch {FILE}` shows why").into());
+        if clock.ticks_ns() > end {
+            return Err(anyhow!("no moment with the images of all detectors came within {PATIENCE} s; `modulo launch {FILE}` shows why").into());
         }
         let Ok((at, incoming)) = received.recv_timeout(GLANCE) else { continue };
         let Message::Image(image) = incoming.open(MessageKind::Image).context("an image of a detector")?

@@ -365,12 +365,12 @@ fn sharp_shapes_with_two_gains_behind_a_known_lens_are_never_trusted_and_wrong()
 
 #[test]
 fn sharp_shapes_behind_a_lens_that_is_described_a_fifth_too_wide_or_narrow_are_never_trusted_and_wrong() {
-    [0.8, 1.2].map(|described| never_trusted_and_wrong(Kind::OneGain, Some(described)));
+    [0.8, 1.2].iter().for_each(|described| never_trusted_and_wrong(Kind::OneGain, Some(*described)));
 }
 
 #[test]
 fn sharp_shapes_behind_an_unknown_lens_are_hardly_ever_trusted_and_wrong() {
-    [Kind::OneGain, Kind::Mosaic].map(|kind| never_trusted_and_wrong(kind, None));
+    [Kind::OneGain, Kind::Mosaic].iter().for_each(|kind| never_trusted_and_wrong(*kind, None));
 }
 
 /// Stairs whose steps are half a peak look like stairs that fall, which leave the range.

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::time::Duration;
 
 use modulo_msgs::std_msgs::Time;
 use modulo_runtime::{Address, Clock, Flow, Message, MessageKind, Topic, Trigger, Urgency};
@@ -14,6 +15,8 @@ use crate::driver::pacing::ack_message;
 use crate::transport::Incoming;
 use crate::transport::queue::{Arrived, Queued as _};
 
+/// A node waits this long for messages that tell what it will get, where they are published, before it reports ready.
+const UNTOLD: Duration = Duration::from_millis(500);
 /// A draining node gives up this long after its last message, even if its upstream is still there.
 const DRAIN_LIMIT_NS: u64 = 2_000_000_000;
 /// After this many late messages on one topic the upstream node is considered to be running on, and the drain ends. An upstream
@@ -31,6 +34,24 @@ struct Drain {
 }
 
 impl Live<'_> {
+    /// Takes the messages that tell what will come, and has the node get ready for it.
+    pub(super) fn get_ready(&mut self) -> Result<(), RunError> {
+        let until = self.time.ticks_ns() + nanoseconds(UNTOLD);
+        loop {
+            let mut is_published = false;
+            for topic in self.node.get_ready() {
+                let address = Address::resolve(&self.node_name, &topic)?;
+                is_published |= !self.transport.publishers(&address.topic).is_empty();
+            }
+            if !is_published || self.time.ticks_ns() >= until || self.stop.urgency() != Urgency::None {
+                return Ok(());
+            }
+            if let Some(arrived) = self.queue.take(Some(GRAPH_GLANCE)) {
+                self.handle(arrived)?;
+            }
+        }
+    }
+
     pub(super) fn run_listener(&mut self) -> Result<(), RunError> {
         // When the last message came, or the drain began; and since when no publisher is left.
         let (mut quiet_since, mut alone_since) = (None, None);

@@ -40,8 +40,6 @@ use watch::Silence;
 
 /// An idle node wakes this often for its periodic tasks.
 const IDLE: Duration = Duration::from_millis(250);
-/// A node waits this long for messages that tell what it will get, where they are published, before it reports ready.
-const UNTOLD: Duration = Duration::from_millis(500);
 /// Parameter requests that wait for a busy node; each caller waits for its answer.
 const REQUESTS: usize = 64;
 
@@ -228,24 +226,6 @@ impl Live<'_> {
                 format!("waited {seconds} s for {missing}, which is not there; start it, or change wait_for");
             RunError::Fatal(self.telemetry.node().to_owned(), why)
         })
-    }
-
-    /// Takes the messages that tell what will come, and has the node get ready for it.
-    fn get_ready(&mut self) -> Result<(), RunError> {
-        let until = self.time.ticks_ns() + nanoseconds(UNTOLD);
-        loop {
-            let mut is_published = false;
-            for topic in self.node.get_ready() {
-                let address = Address::resolve(&self.node_name, &topic)?;
-                is_published |= !self.transport.publishers(&address.topic).is_empty();
-            }
-            if !is_published || self.time.ticks_ns() >= until || self.stop.urgency() != Urgency::None {
-                return Ok(());
-            }
-            if let Some(arrived) = self.queue.take(Some(GRAPH_GLANCE)) {
-                self.handle(arrived)?;
-            }
-        }
     }
 
     fn subscribe(&mut self) -> Result<(), RunError> {
