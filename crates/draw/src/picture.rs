@@ -61,7 +61,7 @@ impl Picture {
         self.drawn().map(|image| rgb(&image))
     }
 
-    /// Returns the image without its boxes as the address of a JPEG that a page embeds, at most [`EMBEDDED`] px wide.
+    /// Returns the image without its boxes as the address of a JPEG that a page embeds, at most 1,800 px wide.
     ///
     /// # Errors
     /// [`ChartError::Encode`].
