@@ -184,15 +184,16 @@ fn describe(command: &clap::Command, called: &str, page: &mut String) {
 fn launch_arguments() -> String {
     let (mut page, mut rows) =
         ("\n| file | content |\n|---|---|\n".to_owned(), Vec::<([String; 3], Vec<String>)>::new());
-    for file in modulo_launch::launch_files().expect("those of the suite") {
+    let files = modulo_launch::launch_files().expect("those of the suite");
+    for file in &files {
         page.push_str(&row(&[&format!("`{}`", file.name), &file.about]));
         for argument in modulo_launch::declared_arguments(&file.path).expect("a launch file of the suite") {
-            let default = argument.default.map_or("required".to_owned(), |text| format!("`'{text}'`"));
+            let default = argument.default.map_or("required".to_owned(), |text| shown_default(&text));
             let mut help = argument.description.unwrap_or_default();
             if !argument.choices.is_empty() {
                 let _ = write!(help, ". One of `{}`", argument.choices.join("`, `"));
             }
-            let cells = [format!("`{}`", argument.name), default, help];
+            let cells = [format!("`{}`", argument.name), help, default];
             match rows.iter_mut().find(|(other, _)| *other == cells) {
                 Some((_, files)) => files.push(file.name.clone()),
                 None => rows.push((cells, vec![file.name.clone()])),
@@ -200,11 +201,30 @@ fn launch_arguments() -> String {
         }
     }
     rows.sort_by(|(one, _), (other, _)| one[0].cmp(&other[0]));
-    page.push_str("\n| argument | default | files | |\n|---|---|---|---|\n");
-    for ([name, default, help], files) in rows {
-        page.push_str(&row(&[&name, &default, &files.join(", "), &help]));
+    page.push_str("\n| argument | meaning | default | files |\n|---|---|---|---|\n");
+    for ([name, help, default], having) in rows {
+        let others: Vec<&str> = files
+            .iter()
+            .map(|file| &*file.name)
+            .filter(|name| !having.iter().any(|file| file == name))
+            .collect();
+        let which = match others.len() {
+            0 => "all".to_owned(),
+            count if count < having.len() => format!("all but {}", others.join(", ")),
+            _ => having.join(", "),
+        };
+        page.push_str(&row(&[&name, &help, &default, &which]));
     }
     page
+}
+
+/// Returns the default of an argument as a reader needs it: both values of one that depends on another argument.
+fn shown_default(text: &str) -> String {
+    let choice = text.strip_prefix("$(if $(var ").and_then(|rest| rest.strip_suffix(')')?.split_once(") "));
+    match choice.and_then(|(name, values)| Some((name, values.split_once(' ')?))) {
+        Some((name, (set, not))) => format!("`'{set}'`, with {name}:=false `'{not}'`"),
+        None => format!("`'{text}'`"),
+    }
 }
 
 #[test]
