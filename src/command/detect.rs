@@ -98,7 +98,7 @@ struct Opened {
     pictures: Each,
     /// The number of its parts that cannot be read.
     lost: usize,
-    /// What has none is ended by a signal.
+    /// Whether the pictures end; if they do not, a signal ends the command.
     has_end: bool,
 }
 

@@ -1,4 +1,4 @@
-//! What tests of live nodes in one process need.
+//! A transport within one process for tests of live nodes.
 
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex};

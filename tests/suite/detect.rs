@@ -206,7 +206,7 @@ fn the_limit_of_the_embedded_model_is_told_once() {
     }
 }
 
-/// As PyPI's onnxruntime finds on the same pictures in Python with the letterbox of the detector.
+/// The number of boxes is that which ONNX Runtime of PyPI finds in Python on the same pictures, with the letterbox of the detector.
 #[test]
 fn real_pictures_have_the_boxes_of_onnx_runtime() {
     let (Some(folder), Some(model)) =

@@ -11,7 +11,7 @@ use modulo_runtime::embedded::locate;
 use modulo_video::VideoAddress;
 use ndarray::Array3;
 
-use super::folder::{images_below, is_image, no_image, one_image, others};
+use super::folder::{images_below, is_image, no_image, one_image, others, stem};
 use super::{BagSource, Source as _, SourceError, SourceOptions, open};
 use crate::FileError;
 
@@ -48,7 +48,7 @@ impl Pictures {
             return Self::of_folder(&path, options);
         }
         if path.is_file() && is_image(&path) {
-            let name = PathBuf::from(path.file_stem().unwrap_or_default());
+            let name = PathBuf::from(stem(&path));
             let files = [(name, one_image(&path)?)].into();
             return Ok(Self { files, ..Self::of_frames(options, iter::empty()) });
         }
@@ -63,9 +63,10 @@ impl Pictures {
         let mut source = open(spec, options)?;
         let (warnings, losses) = (source.warnings(), source.losses());
         // The frames of a video have nothing but numbers.
-        let video = matches!(VideoAddress::of(spec)?, Some(VideoAddress::File(_)));
-        let before = video.then(|| format!("{}_", path.file_stem().unwrap_or_default().display()));
-        let before = before.unwrap_or_default();
+        let before = match VideoAddress::of(spec)? {
+            Some(VideoAddress::File(_)) => format!("{}_", stem(&path)),
+            _ => String::new(),
+        };
         let frames = iter::from_fn(move || source.next()).map(move |frame| {
             let frame = frame?;
             let name = format!("{before}{}", frame.name).into();
@@ -81,7 +82,9 @@ impl Pictures {
         }
         let folders: BTreeSet<_> = images.iter().filter_map(|image| image.parent()).collect();
         let warnings = others(folders).into_iter().collect();
-        let name = |image: &PathBuf| image.strip_prefix(folder).unwrap_or(image).with_extension("");
+        let name = |image: &PathBuf| {
+            image.strip_prefix(folder).expect("it was found below the folder").with_extension("")
+        };
         let files = images.iter().map(|image| (name(image), image.clone())).collect();
         Ok(Self { warnings, files, ..Self::of_frames(options, iter::empty()) })
     }

@@ -14,7 +14,7 @@ use crate::names::ClassNames;
 /// Value of the parameter `model` for the embedded model; a file of that name is `./demo`.
 pub const DEMO: &str = "demo";
 
-/// What the embedded model is not made for, and the remedy.
+/// The sentence that says which images the embedded model is made for, and how another model is fetched.
 pub const DEMO_LIMIT: &str = "the embedded demonstration model knows rendered scenes (scene://PRESET) only; fetch a real one, such as by \
                               modulo model fetch yolov10n";
 

@@ -425,7 +425,7 @@ enum CameraInput {
 /// A source that is read once or again and again.
 struct FrameReader {
     source: Box<dyn Source>,
-    /// What the source has given next, where it was asked before the frame is due.
+    /// The next answer of the source, if it was asked for it before the frame was due.
     ahead: Option<Option<Result<SourceFrame, SourceError>>>,
     repeat: bool,
     /// Whether a frame of this round was good.

@@ -412,7 +412,7 @@ fn a_crash_in_a_later_round_changes_no_frame() {
     }
 }
 
-/// Nothing is told of a frame that is not there or cannot be read, and it counts when it is due.
+/// The camera describes no frame that is missing or cannot be read; such a frame counts when it is due.
 #[test]
 fn a_camera_without_a_good_first_frame_tells_nothing_before_it() {
     let folder = folder_of(2);

@@ -35,7 +35,7 @@ use offered::Offered;
 
 type Size = (usize, usize);
 
-/// What has become of a model of a test.
+/// A model of a test, which counts how often it was loaded and at which sizes it has run.
 struct Model {
     path: PathBuf,
     search: Duration,
@@ -383,7 +383,7 @@ fn no_frame_waits_for_a_search_at_another_size() {
     }
 }
 
-/// As the workers of an evaluation on a GPU do.
+/// The workers of an evaluation on a GPU share one model in this way.
 #[test]
 fn detectors_of_many_threads_load_and_search_once() {
     let model = Model::new("shared", Duration::from_millis(100));
