@@ -74,7 +74,8 @@ def theirs(session, names, path, threshold):
     port = session.get_inputs()[0]
     tensor, (top, left) = padded(image, port.shape[2:])
     tensor = cv2.cvtColor(tensor, cv2.COLOR_BGR2RGB).transpose(2, 0, 1)[None].astype(np.float32) / 255
-    output = session.run(None, {port.name: np.ascontiguousarray(tensor)})[0][0]
+    tensor = np.ascontiguousarray(tensor, np.float16 if port.type == "tensor(float16)" else np.float32)
+    output = session.run(None, {port.name: tensor})[0][0].astype(np.float32)
     rows, overlap = candidates(output, len(names))
     rows = rows[rows[:, 4] >= threshold]
     if overlap and len(rows):
@@ -118,8 +119,8 @@ def compare(program, model, folder, threshold="0.25"):
     return not wrong and count > 0
 
 
-def small_head(folder, name, output):
-    """A model that always gives this output, with the three names person, bicycle, car."""
+def small_head(folder, name, output, kind):
+    """A model that always gives this output, with the three names person, bicycle, car, in numbers of this kind."""
     from onnx import TensorProto, helper, numpy_helper
 
     nodes = [
@@ -127,11 +128,12 @@ def small_head(folder, name, output):
         helper.make_node("Mul", ["mean", "zero"], ["nothing"]),
         helper.make_node("Add", ["boxes", "nothing"], ["output0"]),
     ]
-    output = np.asarray(output, np.float32)[None]
+    output = np.asarray(output, kind)[None]
+    element = TensorProto.FLOAT if kind is np.float32 else TensorProto.FLOAT16
     graph = helper.make_graph(
-        nodes, "head", [helper.make_tensor_value_info("images", TensorProto.FLOAT, [1, 3, "height", "width"])],
-        [helper.make_tensor_value_info("output0", TensorProto.FLOAT, output.shape)],
-        [numpy_helper.from_array(output, "boxes"), numpy_helper.from_array(np.float32(0), "zero")])
+        nodes, "head", [helper.make_tensor_value_info("images", element, [1, 3, "height", "width"])],
+        [helper.make_tensor_value_info("output0", element, output.shape)],
+        [numpy_helper.from_array(output, "boxes"), numpy_helper.from_array(kind(0), "zero")])
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
     helper.set_model_props(model, {"names": "{0: 'person', 1: 'bicycle', 2: 'car'}"})
     (folder / name).write_bytes(model.SerializeToString())
@@ -151,8 +153,10 @@ def known(program):
         (folder / "images").mkdir()
         cv2.imwrite(str(folder / "images/a.png"), np.zeros((96, 160, 3), np.uint8))
         right = True
-        for name, output in [("end_to_end.onnx", numbers), ("columns.onnx", columns), ("rows.onnx", rows)]:
-            model = small_head(folder, name, output)
+        forms = [("end_to_end.onnx", numbers, np.float32), ("columns.onnx", columns, np.float32), ("rows.onnx", rows, np.float32),
+                 ("halves.onnx", numbers, np.float16)]
+        for name, output, kind in forms:
+            model = small_head(folder, name, output, kind)
             right &= compare(program, model, str(folder / "images"))
             wrong = differences(ours(program, model, str(folder / "images"), "0.25")["a.png"], expected)
             print("\n".join(f"{name}: {box} is not as known" for box in wrong), end="\n" if wrong else "")

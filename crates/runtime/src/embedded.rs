@@ -60,21 +60,30 @@ pub fn folder() -> Result<PathBuf> {
     FOLDER.get_or_init(unpack).clone().map_err(Error::other)
 }
 
-fn unpack() -> std::result::Result<PathBuf, String> {
+const REMEDY: &str = "set XDG_CACHE_HOME to a folder that can be written";
+
+/// Returns the folder of this suite in the cache of the user, which may not be there yet.
+///
+/// # Errors
+/// A text with the remedy, where the environment names no cache.
+pub fn cache() -> std::result::Result<PathBuf, String> {
     let variable = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     let cache = variable("XDG_CACHE_HOME").or_else(|| Some(variable("HOME")?.join(".cache")));
-    let remedy = "set XDG_CACHE_HOME to a folder that can be written";
-    let cache = cache.ok_or_else(|| {
-        format!("there is no folder for the files in the program, since HOME is not set; {remedy}")
-    })?;
+    let cache =
+        cache.ok_or_else(|| format!("there is no folder for files, since HOME is not set; {REMEDY}"))?;
+    Ok(cache.join("modulo"))
+}
+
+fn unpack() -> std::result::Result<PathBuf, String> {
+    let cache = cache()?;
     // Programs of different versions run side by side.
     let mut hash = DefaultHasher::new();
     FILES.hash(&mut hash);
-    let folder = cache.join("modulo").join(format!("{}-{:016x}", env!("CARGO_PKG_VERSION"), hash.finish()));
+    let folder = cache.join(format!("{}-{:016x}", env!("CARGO_PKG_VERSION"), hash.finish()));
     for (name, content) in FILES {
         let file = folder.join(name);
         write(&file, content).map_err(|why| {
-            format!("{}: cannot be written from the program: {why}; {remedy}", file.display())
+            format!("{}: cannot be written from the program: {why}; {REMEDY}", file.display())
         })?;
     }
     Ok(folder)

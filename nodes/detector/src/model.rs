@@ -23,12 +23,16 @@ pub fn embedded(model: &Path) -> Option<&'static [u8]> {
     (model == Path::new(DEMO)).then_some(modulo_models::DEMO)
 }
 
-const INPUT: &str = "exactly one input [1, 3, H, W] of float32, H and W both fixed or both free";
+const INPUT: &str = "exactly one input [1, 3, H, W] of float32 or float16, H and W both fixed or both free";
 const NAMES: &str = "a text file with one name a line, or none";
 const TASK: &str = "a YOLO for detection (task detect), such as yolo11n.pt";
 
-/// The type of the elements of a tensor that is read: 32-bit float.
+/// The type of the elements of a tensor that each engine reads: floats of 32 bits.
 pub const FLOAT32: &str = "float32";
+/// Floats of 16 bits, which ONNX Runtime reads as well: exports with `half=True` have them.
+pub const FLOAT16: &str = "float16";
+/// The types of the elements that a tensor may have.
+const FLOATS: [&str; 2] = [FLOAT32, FLOAT16];
 
 /// An input or output of a model.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -152,7 +156,7 @@ impl ModelLayout {
 fn image_input(inputs: &[TensorSpec]) -> Option<(&str, Option<(usize, usize)>)> {
     let [TensorSpec { name, element, shape: Some(shape) }] = inputs else { return None };
     match shape[..] {
-        _ if element != FLOAT32 => None,
+        _ if !FLOATS.contains(&element.as_str()) => None,
         [Some(1) | None, Some(3) | None, Some(height), Some(width)] if height > 0 && width > 0 => {
             Some((name, Some((height, width))))
         }
@@ -166,7 +170,8 @@ fn image_input(inputs: &[TensorSpec]) -> Option<(&str, Option<(usize, usize)>)> 
 fn output(outputs: &[TensorSpec]) -> Option<&TensorSpec> {
     let mut possible = outputs.iter().filter(|port| {
         let sides = port.shape.as_deref();
-        port.element == FLOAT32 && sides.is_none_or(|sides| matches!(sides, [None | Some(1), _, _]))
+        FLOATS.contains(&port.element.as_str())
+            && sides.is_none_or(|sides| matches!(sides, [None | Some(1), _, _]))
     });
     let has_rows = |port: &&TensorSpec| matches!(port.shape.as_deref(), Some([_, _, Some(6)]));
     possible.clone().find(has_rows).or_else(|| possible.next())

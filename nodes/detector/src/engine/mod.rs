@@ -2,6 +2,7 @@
 //!
 //! An engine knows tensors, but no images, parameters or messages. A requested engine is used or refused; only `auto` chooses, and it reports its choice.
 
+mod nvidia;
 mod onnxruntime;
 mod rten;
 mod shared;

@@ -2,22 +2,27 @@
 //!
 //! The library is loaded at run time, once a process, and never downloaded.
 
+use std::fs;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use ndarray::{Array2, ArrayView4};
+use half::f16;
+use half::slice::HalfFloatSliceExt as _;
+use modulo_runtime::embedded;
+use ndarray::{Array2, ArrayD, ArrayView4};
 use ort::environment::Environment;
 use ort::ep::cuda::ConvAlgorithmSearch;
 use ort::ep::{self, ArbitrarilyConfigurableExecutionProvider as _, ExecutionProvider};
-use ort::session::Session;
 use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
+use ort::session::{Session, SessionInputValue};
 use ort::value::{Outlet, TensorElementType, TensorRef, ValueType};
 
 use super::weights::ModelFile;
-use super::{Engine, EngineChoice, EngineDevice, EngineError};
+use super::{Engine, EngineChoice, EngineDevice, EngineError, nvidia};
 use crate::head::FORMS;
-use crate::model::{FLOAT32, Metadata, ModelLayout, Signature, TensorSpec, embedded};
+use crate::model::{self, FLOAT16, FLOAT32, Metadata, ModelLayout, Signature, TensorSpec};
 
 /// The word for this engine.
 pub const NAME: &str = "ort";
@@ -73,6 +78,8 @@ pub struct OnnxRuntime {
     session: Session,
     engine: &'static str,
     output: String,
+    /// The input with 16 bits, where the model wants it so.
+    halves: Option<Vec<f16>>,
 }
 
 impl OnnxRuntime {
@@ -94,17 +101,19 @@ impl OnnxRuntime {
             // A pattern of the memory, made for each size of the input, saves no time, but takes 28 MB at 1248 x 384.
             .and_then(|builder| Ok(builder.with_memory_pattern(false)?))
             .map_err(failed)?;
-        let mut builder = with_provider(builder, (engine, device), threads, library)?;
+        let mut builder = with_provider(builder, (engine, device), threads, (library, &file))?;
         let session = match file {
             // Mapped into the memory rather than copied.
-            ModelFile { parts, .. } if parts.len() == 1 && embedded(model).is_none() => {
+            ModelFile { parts, .. } if parts.len() == 1 && model::embedded(model).is_none() => {
                 builder.commit_from_file(model)
             }
             ModelFile { whole, .. } => builder.commit_from_memory(&whole),
         };
         let session = session.map_err(failed)?;
-        let layout = ModelLayout::of(model, &signature(&session))?;
-        Ok((Self { session, engine: engine.word(), output: layout.output.clone() }, layout))
+        let signature = signature(&session);
+        let layout = ModelLayout::of(model, &signature)?;
+        let halves = signature.inputs.iter().any(|input| input.element == FLOAT16).then(Vec::new);
+        Ok((Self { session, engine: engine.word(), output: layout.output.clone(), halves }, layout))
     }
 }
 
@@ -114,8 +123,11 @@ fn with_provider(
     mut builder: SessionBuilder,
     (engine, device): (EngineChoice, EngineDevice),
     threads: NonZeroUsize,
-    library: &Library,
+    (library, file): (&Library, &ModelFile),
 ) -> Result<SessionBuilder, EngineError> {
+    if device != EngineDevice::Cpu {
+        nvidia::preload(Path::new(&library.place));
+    }
     let registered = match (engine, device) {
         (EngineChoice::OpenVino | EngineChoice::OpenVinoF32, _) => {
             let precision = if uses_bf16(engine) { "bf16" } else { "f32" };
@@ -132,17 +144,40 @@ fn with_provider(
             let cuda = ep::CUDA::default().with_conv_algorithm_search(ConvAlgorithmSearch::Heuristic);
             register(&cuda.with_device_id(number.into()), &mut builder)
         }
-        (_, EngineDevice::TensorRt(number)) => {
-            register(&ep::TensorRT::default().with_device_id(number.into()).with_fp16(true), &mut builder)
-        }
+        (_, EngineDevice::TensorRt(number)) => register(&tensorrt(number.into(), file), &mut builder),
     };
     let (engine, library) = (engine.word(), &library.place);
-    let remedy = "fetch one that can (modulo model runtime --build openvino or gpu), or set engine to ort and device to cpu";
-    let failed = |why| {
+    let failed = |why: String| {
         let what = format!("engine {engine} on {device} is not possible with the library {library}");
-        EngineError(format!("{what}: {why}; {remedy}"))
+        let (why, remedy) = (nvidia::missing(&why), nvidia::remedy(&why));
+        EngineError(format!("{what}: {why}; {remedy}, or set engine to ort and device to cpu"))
     };
     registered.map_err(failed).map(|()| builder)
+}
+
+/// TensorRT with 16 bits, whose engines are kept: making one takes minutes. TensorRT itself makes another one for another GPU, size of the
+/// input or version of itself, but not for other weights.
+fn tensorrt(device: i32, ModelFile { whole, .. }: &ModelFile) -> ep::TensorRT {
+    let provider = ep::TensorRT::default().with_device_id(device).with_fp16(true);
+    let mut hash = DefaultHasher::new();
+    whole.hash(&mut hash);
+    let folder = embedded::cache().and_then(|cache| {
+        let folder = cache.join(format!("tensorrt-{:016x}", hash.finish()));
+        fs::create_dir_all(&folder).map_err(|why| format!("{}: {why}", folder.display()))?;
+        Ok(folder)
+    });
+    match folder {
+        Ok(folder) => {
+            let folder = folder.display();
+            tracing::info!("TensorRT makes an engine of a new model for minutes, and keeps it in {folder}");
+            let provider = provider.with_engine_cache(true).with_engine_cache_path(&folder);
+            provider.with_timing_cache(true).with_timing_cache_path(folder)
+        }
+        Err(why) => {
+            tracing::warn!("the engine that TensorRT makes of the model cannot be kept: {why}");
+            provider
+        }
+    }
 }
 
 /// Registers a provider, which is never replaced by another one in silence.
@@ -178,6 +213,7 @@ fn port(outlet: &Outlet) -> TensorSpec {
             name,
             element: match ty {
                 TensorElementType::Float32 => FLOAT32.to_owned(),
+                TensorElementType::Float16 => FLOAT16.to_owned(),
                 other => other.to_string(),
             },
             shape: Some(shape.iter().map(|&side| usize::try_from(side).ok()).collect()),
@@ -186,21 +222,36 @@ fn port(outlet: &Outlet) -> TensorSpec {
     }
 }
 
+impl OnnxRuntime {
+    /// Runs the session on `input`, and reads its output.
+    fn output_of(&mut self, input: ArrayView4<'_, f32>) -> ort::Result<ArrayD<f32>> {
+        let tensor: SessionInputValue<'_> = match &mut self.halves {
+            None => TensorRef::from_array_view(input)?.into(),
+            Some(halves) => {
+                let pixels = input.to_slice().expect("the input of an engine is contiguous");
+                halves.resize(pixels.len(), f16::ZERO);
+                halves.convert_from_f32_slice(pixels);
+                TensorRef::from_array_view((input.shape(), halves.as_slice()))?.into()
+            }
+        };
+        let outputs = self.session.run(ort::inputs![tensor])?;
+        // The layout names an output of this session.
+        let output = &outputs[self.output.as_str()];
+        if matches!(output.dtype(), ValueType::Tensor { ty: TensorElementType::Float16, .. }) {
+            return Ok(output.try_extract_array::<f16>()?.mapv(f16::to_f32));
+        }
+        Ok(output.try_extract_array::<f32>()?.into_owned())
+    }
+}
+
 impl Engine for OnnxRuntime {
     fn run(&mut self, input: ArrayView4<'_, f32>) -> Result<Array2<f32>, EngineError> {
         let engine = self.engine;
         let failed = |why: String| EngineError::run(engine, input, why);
-        let tensor = TensorRef::from_array_view(input).map_err(|error| failed(error.to_string()))?;
-        let outputs = self.session.run(ort::inputs![tensor]).map_err(|error| failed(error.to_string()))?;
-        let output = outputs
-            .get(&self.output)
-            .ok_or_else(|| failed(format!("no output '{}'", self.output)))?
-            .try_extract_array::<f32>()
-            .map_err(|error| failed(error.to_string()))?;
+        let output = self.output_of(input).map_err(|error| failed(error.to_string()))?;
         match *output.shape() {
             [1, rows, columns] => {
-                let matrix = output.to_shape((rows, columns)).map_err(|error| failed(error.to_string()))?;
-                Ok(matrix.into_owned())
+                Ok(output.into_shape_with_order((rows, columns)).expect("the first side is 1"))
             }
             ref shape => Err(failed(format!("output is {shape:?}, needed is {FORMS}"))),
         }
