@@ -2,6 +2,8 @@
 //!
 //! Two pixels beside each other, or a square of four, share their chroma. Cameras use these encodings because they need half the data.
 
+use modulo_core::simd::run_widest;
+
 /// The places of Y, U and V in the data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum YuvLayout {
@@ -49,76 +51,81 @@ impl YuvLayout {
     /// `width` times [`YuvLayout::pixel`], and `data` has [`YuvLayout::size`] bytes or more.
     pub fn to_rgb(self, data: &[u8], height: usize, width: usize, step: usize) -> Vec<u8> {
         let mut rgb = vec![0; height * width * 3];
-        let (first, second) = data.split_at(height * step);
-        for (row, (luma, into)) in first.chunks_exact(step).zip(rgb.chunks_exact_mut(3 * width)).enumerate() {
-            // Of the two planes, the second one has the chroma.
-            let chroma = |row: usize, step: usize| &second[row * step..];
-            match self {
-                Self::Uyvy => pairs(into, luma, |&[u, y0, v, y1]| [y0, y1, u, v]),
-                Self::Yuyv => pairs(into, luma, |&[y0, u, y1, v]| [y0, y1, u, v]),
-                Self::Nv12 => planes(into, luma, chroma(row / 2, step), |&[u, v]| [u, v]),
-                Self::Nv21 => planes(into, luma, chroma(row / 2, step), |&[v, u]| [u, v]),
-                Self::Nv24 => {
-                    let pixels = luma.iter().zip(chroma(row, 2 * step).as_chunks().0);
-                    for (into, (&y, &[u, v])) in into.as_chunks_mut().0.iter_mut().zip(pixels) {
-                        *into = Chroma::new(u, v).rgb(y);
-                    }
-                }
-            }
+        let mut parts = [(); 3].map(|()| vec![0; width]);
+        let (luma, chroma) = data.split_at(height * step);
+        for (row, (luma, into)) in luma.chunks_exact(step).zip(rgb.chunks_exact_mut(3 * width)).enumerate() {
+            run_widest(
+                #[inline(always)]
+                || {
+                    self.split(&mut parts, luma, chroma, (row, step));
+                    join(&parts, into);
+                },
+            );
         }
         rgb
     }
-}
 
-/// Writes a row of four bytes for each two pixels; `parts` gives Y of both, U and V.
-fn pairs(into: &mut [u8], row: &[u8], parts: impl Fn(&[u8; 4]) -> [u8; 4]) {
-    for (into, pair) in into.as_chunks_mut().0.iter_mut().zip(row.as_chunks().0) {
-        let [y0, y1, u, v] = parts(pair);
-        *into = two([y0, y1], Chroma::new(u, v));
+    /// Writes Y, U and V of the pixels of the row `luma`. Where there are two planes, `chroma` is the second one.
+    #[inline(always)]
+    fn split(self, parts: &mut Parts, luma: &[u8], chroma: &[u8], (row, step): (usize, usize)) {
+        match self {
+            Self::Uyvy => pairs(parts, luma, |&[u, y0, v, y1]| [y0, y1, u, v]),
+            Self::Yuyv => pairs(parts, luma, |&[y0, u, y1, v]| [y0, y1, u, v]),
+            Self::Nv12 => planes(parts, luma, &chroma[row / 2 * step..], |&[u, v]| [u, v]),
+            Self::Nv21 => planes(parts, luma, &chroma[row / 2 * step..], |&[v, u]| [u, v]),
+            Self::Nv24 => {
+                let [y, u, v] = parts;
+                y.copy_from_slice(&luma[..u.len()]);
+                let pixels = u.iter_mut().zip(v);
+                for ((u, v), &[blue, red]) in pixels.zip(chroma[row * 2 * step..].as_chunks().0) {
+                    (*u, *v) = (blue, red);
+                }
+            }
+        }
     }
 }
 
-/// Writes a row of Y with two bytes of chroma for each two pixels; `parts` gives U and V.
-fn planes(into: &mut [u8], luma: &[u8], chroma: &[u8], parts: impl Fn(&[u8; 2]) -> [u8; 2]) {
-    let rows = luma.as_chunks().0.iter().zip(chroma.as_chunks().0);
-    for (into, (y, chroma)) in into.as_chunks_mut().0.iter_mut().zip(rows) {
-        let [u, v] = parts(chroma);
-        *into = two(*y, Chroma::new(u, v));
+/// Writes a row of pixels as RGB.
+#[inline(always)]
+fn join([y, u, v]: &Parts, into: &mut [u8]) {
+    for (into, ((&y, &u), &v)) in into.as_chunks_mut().0.iter_mut().zip(y.iter().zip(u).zip(v)) {
+        *into = rgb_of(y, u, v);
     }
 }
 
-fn two([first, second]: [u8; 2], chroma: Chroma) -> [u8; 6] {
-    let ([a, b, c], [d, e, f]) = (chroma.rgb(first), chroma.rgb(second));
-    [a, b, c, d, e, f]
+/// Y, U and V of each pixel of a row, in vectors of their own: so the compiler finds the same steps for pixels beside each other.
+type Parts = [Vec<u8>; 3];
+
+/// Takes a row of four bytes for each two pixels apart; `parts` gives Y of both, U and V.
+#[inline(always)]
+fn pairs([y, u, v]: &mut Parts, row: &[u8], parts: impl Fn(&[u8; 4]) -> [u8; 4]) {
+    let pixels = y.as_chunks_mut().0.iter_mut().zip(u.as_chunks_mut().0).zip(v.as_chunks_mut().0);
+    for (((y, u), v), bytes) in pixels.zip(row.as_chunks().0) {
+        let [y0, y1, blue, red] = parts(bytes);
+        (*y, *u, *v) = ([y0, y1], [blue, blue], [red, red]);
+    }
+}
+
+/// Takes a row of Y with two bytes of chroma for each two pixels apart; `parts` gives U and V.
+#[inline(always)]
+fn planes([y, u, v]: &mut Parts, luma: &[u8], chroma: &[u8], parts: impl Fn(&[u8; 2]) -> [u8; 2]) {
+    y.copy_from_slice(&luma[..u.len()]);
+    let pixels = u.as_chunks_mut().0.iter_mut().zip(v.as_chunks_mut().0);
+    for ((u, v), bytes) in pixels.zip(chroma.as_chunks().0) {
+        let [blue, red] = parts(bytes);
+        (*u, *v) = ([blue, blue], [red, red]);
+    }
 }
 
 /// Bits behind the point of the factors below.
 const SHIFT: i32 = 20;
 
-/// The contribution of U and V to red, green and blue, with half a unit for rounding.
-#[derive(Clone, Copy)]
-struct Chroma {
-    red: i32,
-    green: i32,
-    blue: i32,
-}
-
-impl Chroma {
-    /// BT.601: 1.596 V, -0.813 V - 0.391 U and 2.018 U, in steps of 2^-20 as OpenCV has them, so that the results are the same.
-    fn new(u: u8, v: u8) -> Self {
-        let (u, v) = (i32::from(u) - 128, i32::from(v) - 128);
-        let half = 1 << (SHIFT - 1);
-        Self {
-            red: half + 1_673_527 * v,
-            green: half - 852_492 * v - 409_993 * u,
-            blue: half + 2_116_026 * u,
-        }
-    }
-
-    /// Returns red, green and blue of the pixel with the luma `y`.
-    fn rgb(self, y: u8) -> [u8; 3] {
-        // 1.164 (Y - 16)
-        let luma = 1_220_542 * (i32::from(y) - 16).max(0);
-        [self.red, self.green, self.blue].map(|chroma| ((luma + chroma) >> SHIFT).clamp(0, 255) as u8)
-    }
+/// Returns red, green and blue of a pixel by BT.601: 1.164 (Y - 16) and 1.596 V, -0.813 V - 0.391 U or 2.018 U, in steps of 2^-20 as OpenCV has
+/// them, so that the results are the same.
+#[inline(always)]
+fn rgb_of(y: u8, u: u8, v: u8) -> [u8; 3] {
+    let (u, v) = (i32::from(u) - 128, i32::from(v) - 128);
+    let luma = 1_220_542 * (i32::from(y) - 16).max(0) + (1 << (SHIFT - 1));
+    [1_673_527 * v, -852_492 * v - 409_993 * u, 2_116_026 * u]
+        .map(|chroma| ((luma + chroma) >> SHIFT).clamp(0, 255) as u8)
 }

@@ -25,7 +25,7 @@ pub mod mosaic;
 pub mod optics;
 mod range;
 pub mod sensor;
-mod simd;
+pub mod simd;
 pub mod tone;
 mod transfer;
 pub mod unwrap;

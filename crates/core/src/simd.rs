@@ -41,9 +41,10 @@ pub(crate) fn floor(x: f64) -> u32 {
     (nearest.to_bits() as u32).wrapping_sub(u32::from(nearest - WHOLE > x))
 }
 
-/// Calls `work` in the widest copy that the processor has; use [`widest!`].
+/// Calls `work` in the widest copy that the processor has. Only code that is inlined into `work`, which is `#[inline(always)]` itself,
+/// profits, as in the macro `widest` of this crate.
 #[inline]
-pub(crate) fn run_widest<R>(work: impl FnOnce() -> R) -> R {
+pub fn run_widest<R>(work: impl FnOnce() -> R) -> R {
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx512f")
         && is_x86_feature_detected!("avx512bw")
