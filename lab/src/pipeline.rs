@@ -16,7 +16,7 @@ use anyhow::{Context, ensure};
 use clap::Parser;
 use nix::sys::time::TimeValLike as _;
 use nix::time::{ClockId, clock_gettime};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use processes::{children_cpu_s, watch};
 use trace::Times;
@@ -58,6 +58,18 @@ struct Options {
     /// Number of runs of each mode
     #[arg(long, default_value_t = 4)]
     rounds: usize,
+    /// Numbers of cameras, each with a camera and an unwrapping of its own, that one detector answers, such as 1,2,4,8, in place of the two modes
+    #[arg(long, value_delimiter = ',')]
+    cameras: Vec<usize>,
+}
+
+/// What a run starts.
+#[derive(Clone, Copy)]
+enum Setup {
+    /// A camera, an unwrapping and a detector, in one process or in three.
+    Pipeline { is_composed: bool },
+    /// So many cameras with an unwrapping each, and one detector, each in a process of its own.
+    Cameras(usize),
 }
 
 /// The runs of one mode.
@@ -68,22 +80,34 @@ struct Mode {
     first_box_s: Vec<f64>,
     cpu_s_per_frame: Vec<f64>,
     rss_mb: Vec<f64>,
+    dropped: usize,
     engine: String,
 }
 
 fn main() -> anyhow::Result<()> {
     let options = Options::parse();
     let domain = free_domain()?;
-    let mut modes = BTreeMap::<&str, Mode>::new();
+    let mut modes = BTreeMap::<String, Mode>::new();
     for _ in 0..options.rounds {
-        for name in ["composed", "live"] {
-            run(&options, domain, name, modes.entry(name).or_default())?;
+        for &cameras in &options.cameras {
+            let mode = modes.entry(format!("cameras {cameras}")).or_default();
+            run(&options, domain, Setup::Cameras(cameras), mode)?;
+        }
+        for (name, is_composed) in [("composed", true), ("live", false)] {
+            if options.cameras.is_empty() {
+                run(
+                    &options,
+                    domain,
+                    Setup::Pipeline { is_composed },
+                    modes.entry(name.to_owned()).or_default(),
+                )?;
+            }
         }
     }
     let load = fs::read_to_string("/proc/loadavg").context("the load of this machine")?;
     println!("load of this machine: {}", load.trim());
     println!(
-        "mode      engine   frames    p50 ms    p99 ms  infer ms    ratio  frames/s  first box s  cpu s/frame    rss MB"
+        "mode      engine   frames    p50 ms    p99 ms  infer ms    ratio  frames/s  first box s  cpu s/frame    rss MB  age p50   age p99  dropped"
     );
     for (name, mode) in &modes {
         print(name, mode);
@@ -92,19 +116,22 @@ fn main() -> anyhow::Result<()> {
 }
 
 /// Prints the figures of a mode, and the medians of its stages.
-fn print(name: &str, Mode { times, frames_per_s, first_box_s, cpu_s_per_frame, rss_mb, engine }: &Mode) {
+fn print(name: &str, mode: &Mode) {
+    let Mode { times, frames_per_s, first_box_s, cpu_s_per_frame, rss_mb, dropped, engine } = mode;
     let stages = times.stages.iter().map(|(name, ms)| (name, quantile(ms, 0.5)));
     let stages: BTreeMap<&String, f64> = stages.collect();
     let infer = stages.iter().find(|(name, _)| name.ends_with(" infer")).map_or(f64::NAN, |(_, ms)| *ms);
     let (p50, p99) = (quantile(&times.frames_ms, 0.5), quantile(&times.frames_ms, 0.99));
     println!(
-        "{name:<9} {engine:<8} {:>6} {p50:>9.2} {p99:>9.2} {infer:>9.2} {:>8.3} {:>9.2} {:>12.2} {:>12.3} {:>9.1}",
+        "{name:<9} {engine:<8} {:>6} {p50:>9.2} {p99:>9.2} {infer:>9.2} {:>8.3} {:>9.2} {:>12.2} {:>12.3} {:>9.1} {:>8.2} {:>9.2} {dropped:>8}",
         times.frames_ms.len(),
         p50 / infer,
         quantile(frames_per_s, 0.5),
         quantile(first_box_s, 1.0),
         quantile(cpu_s_per_frame, 0.5),
         quantile(rss_mb, 1.0),
+        quantile(&times.ages_ms, 0.5),
+        quantile(&times.ages_ms, 0.99),
     );
     let stages: Vec<String> = stages.iter().map(|(name, ms)| format!("{name} {ms:.2}")).collect();
     println!("          {}", stages.join(", "));
@@ -125,20 +152,35 @@ fn free_domain() -> anyhow::Result<u16> {
 }
 
 /// Runs the suite once, and adds its figures to those of its mode.
-fn run(options: &Options, domain: u16, name: &str, mode: &mut Mode) -> anyhow::Result<()> {
+fn run(options: &Options, domain: u16, setup: Setup, mode: &mut Mode) -> anyhow::Result<()> {
     let folder = tempfile::tempdir().context("a folder for the files of a run")?;
     let [log, summary] = ["log.txt", "summary.json"].map(|file| folder.path().join(file));
     let out = File::create(&log).context("the log of a run")?;
     let mut command = Command::new(&options.program);
-    command.args(arguments(options)).arg("--summary").arg(&summary).env("MODULO_TRACE_DIR", folder.path());
-    command.args((name == "composed").then_some("--compose"));
+    let (file, cameras) = match setup {
+        Setup::Pipeline { .. } => (PathBuf::from("recovered.launch.yaml"), 1),
+        Setup::Cameras(cameras) => {
+            let file = folder.path().join("cameras.launch.yaml");
+            fs::write(&file, launch_file(cameras)).context("the launch file of a run")?;
+            (file, cameras)
+        }
+    };
+    command
+        .arg("launch")
+        .arg(file)
+        .args(arguments(options))
+        .arg("--summary")
+        .arg(&summary)
+        .env("MODULO_TRACE_DIR", folder.path());
+    let is_composed = matches!(setup, Setup::Pipeline { is_composed: true });
+    command.args(is_composed.then_some("--compose"));
     command.stdin(Stdio::null()).stdout(out.try_clone()?).stderr(out);
     command.env("ROS_DOMAIN_ID", domain.to_string());
     command.env("ZENOH_CONFIG_OVERRIDE", "transport/shared_memory/enabled=true");
     let cpu_s = children_cpu_s()?;
     let start_ms = clock_gettime(ClockId::CLOCK_MONOTONIC)?.num_nanoseconds() as f64 / 1e6;
     let mut child = command.spawn().with_context(|| options.program.display().to_string())?;
-    let (status, rss_mb) = watch(&mut child, name == "composed")?;
+    let (status, rss_mb) = watch(&mut child, is_composed)?;
     ensure!(status.success(), "the run failed, {status}: {}", fs::read_to_string(&log)?.trim());
     let times = Times::read(&traces(folder.path())?, WARM_UP);
     ensure!(
@@ -150,7 +192,9 @@ fn run(options: &Options, domain: u16, name: &str, mode: &mut Mode) -> anyhow::R
     mode.engine = summary["engine"].as_str().context("no detector told its engine")?.to_owned();
     mode.frames_per_s.extend(times.frames_per_s);
     mode.first_box_s.extend(times.first_box_ms.map(|end| (end - start_ms) / 1e3));
-    mode.cpu_s_per_frame.push((children_cpu_s()? - cpu_s) / (options.count + WARM_UP) as f64);
+    let frames = cameras * (options.count + WARM_UP);
+    mode.cpu_s_per_frame.push((children_cpu_s()? - cpu_s) / frames as f64);
+    mode.dropped += frames - WARM_UP - times.frames_ms.len();
     mode.rss_mb.push(rss_mb);
     mode.times.add(times);
     Ok(())
@@ -160,8 +204,6 @@ fn run(options: &Options, domain: u16, name: &str, mode: &mut Mode) -> anyhow::R
 fn arguments(options: &Options) -> Vec<String> {
     let Options { source, model, engine, device, alpha, psf_sigma, rate, count, .. } = options;
     vec![
-        "launch".to_owned(),
-        "recovered.launch.yaml".to_owned(),
         format!("source:={source}"),
         format!("frames:={}", count + WARM_UP),
         "loop:=true".to_owned(),
@@ -172,6 +214,30 @@ fn arguments(options: &Options) -> Vec<String> {
         format!("alpha:={alpha:?}"),
         format!("psf_sigma:={psf_sigma:?}"),
     ]
+}
+
+/// A launch file with so many cameras, each with its unwrapping in a namespace of its own, and one detector for all of them.
+fn launch_file(cameras: usize) -> String {
+    let namespaces: Vec<String> = (1..=cameras).map(|number| format!("/camera_{number}")).collect();
+    let include = |namespace: &String| {
+        json!({"group": [
+            {"push_ros_namespace": {"namespace": namespace}},
+            {"include": {
+                "file": "$(find-pkg-share modulo)/launch/sensor.launch.yaml",
+                "arg": [{"name": "detectors", "value": "[/detector]"}],
+            }},
+        ]})
+    };
+    let passed = ["model", "engine", "device"];
+    let set = |name: &str, value: Value| json!({"name": name, "value": value});
+    let mut parameters = vec![set("cameras", json!(namespaces)), set("input", json!("recovered"))];
+    parameters.extend(passed.map(|name| set(name, json!(format!("$(var {name})")))));
+    let node = json!({"pkg": "modulo", "exec": "detector", "name": "detector", "param": parameters});
+    let mut entities: Vec<Value> = passed.map(|name| json!({"arg": {"name": name}})).into();
+    entities.push(json!({"node": node}));
+    entities.extend(namespaces.iter().map(include));
+    // JSON is YAML.
+    json!({"launch": entities}).to_string()
 }
 
 /// The lines of the traces in a folder.

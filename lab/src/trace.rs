@@ -9,6 +9,8 @@ use serde_json::Value;
 pub struct Times {
     /// From the arrival of the modulo image of each frame at `unwrap` to the end of the sending of its boxes.
     pub frames_ms: Vec<f64>,
+    /// The age of the boxes: from the begin of the exposure of each frame by its camera to the end of the sending of its boxes.
+    pub ages_ms: Vec<f64>,
     /// Frames per second between the first and the last boxes.
     pub frames_per_s: Option<f64>,
     /// The end of the sending of the first boxes, on the monotonic clock of the machine.
@@ -33,7 +35,8 @@ fn spans(trace: &[Value]) -> impl Iterator<Item = Span<'_>> {
         // Only spans have all fields.
         let (frame, begin) = (event["args"]["frame"].as_str()?, event["ts"].as_f64()? / 1e3);
         let (name, end) = (event["name"].as_str()?, begin + event["dur"].as_f64()? / 1e3);
-        Some(Span { node: node?.trim_start_matches('/'), frame, name, begin, end })
+        // Nodes of several cameras differ by their namespaces.
+        Some(Span { node: node?.rsplit('/').next()?, frame, name, begin, end })
     })
 }
 
@@ -42,10 +45,14 @@ impl Times {
     pub fn read(traces: &[Vec<Value>], warm_up: usize) -> Self {
         let all = || traces.iter().flat_map(|trace| spans(trace));
         let of = |node: &'static str| all().filter(move |span| span.node == node);
-        let (mut arrived, mut sent) = (BTreeMap::new(), BTreeMap::new());
-        for Span { frame, begin, .. } in of("unwrap") {
-            arrived.entry(frame).and_modify(|first: &mut f64| *first = first.min(begin)).or_insert(begin);
-        }
+        let first_of = |node| {
+            let mut begins = BTreeMap::new();
+            for Span { frame, begin, .. } in of(node) {
+                begins.entry(frame).and_modify(|first: &mut f64| *first = first.min(begin)).or_insert(begin);
+            }
+            begins
+        };
+        let (taken, arrived, mut sent) = (first_of("modulo_camera"), first_of("unwrap"), BTreeMap::new());
         for Span { frame, end, .. } in of("detector") {
             sent.entry(frame).and_modify(|last: &mut f64| *last = last.max(end)).or_insert(end);
         }
@@ -65,12 +72,14 @@ impl Times {
         let (first, last) = ends.fold((f64::INFINITY, 0.0f64), |(a, b), ms| (a.min(ms), b.max(ms)));
         let frames_per_s = (last > first).then(|| 1e3 * (counted.len() - 1) as f64 / (last - first));
         let frames_ms = counted.values().map(|(arrived, sent)| sent - arrived).collect();
-        Self { frames_ms, frames_per_s, first_box_ms, stages }
+        let ages = counted.iter().filter_map(|(frame, (_, sent))| Some(sent - taken.get(frame)?));
+        Self { ages_ms: ages.collect(), frames_ms, frames_per_s, first_box_ms, stages }
     }
 
     /// Adds the frames of another run.
     pub fn add(&mut self, other: Self) {
         self.frames_ms.extend(other.frames_ms);
+        self.ages_ms.extend(other.ages_ms);
         for (name, ms) in other.stages {
             self.stages.entry(name).or_default().extend(ms);
         }
@@ -87,7 +96,7 @@ mod tests {
     fn a_frame_lasts_from_its_arrival_at_unwrap_to_the_end_of_its_boxes() {
         let span = |name: &str, frame: &str, ts: f64, dur: f64| json!({"name": name, "ph": "X", "ts": ts, "dur": dur, "args": {"frame": frame}});
         let [mut camera, mut detector, mut unwrap] =
-            ["/camera", "/detector", "/unwrap"].map(|node| vec![json!({"node": node})]);
+            ["/modulo_camera", "/detector", "/unwrap"].map(|node| vec![json!({"node": node})]);
         for (number, frame) in ["1", "2", "3"].into_iter().enumerate() {
             let begin = 10_000.0 * number as f64;
             camera.push(span("step", frame, begin, 900.0));
@@ -99,7 +108,7 @@ mod tests {
         // This one was replaced by a newer one.
         unwrap.push(span("step", "4", 90_000.0, 1.0));
         let times = Times::read(&[camera, detector, unwrap], 1);
-        assert_eq!(times.frames_ms, [6.0, 6.0]);
+        assert_eq!((times.frames_ms, times.ages_ms), (vec![6.0; 2], vec![7.0; 2]));
         assert_eq!((times.frames_per_s, times.first_box_ms), (Some(100.0), Some(7.0)));
         let stages = [("detector infer", vec![3.5; 2]), ("unwrap unwrap", vec![1.5; 2])];
         assert_eq!(times.stages, stages.map(|(name, ms)| (name.to_owned(), ms)).into());
