@@ -12,8 +12,8 @@ use modulo_camera::CameraParameters;
 use modulo_core::unwrap::{Method, Options, WORK_OF_NOISE};
 use modulo_core::{Frame, Range, Recovered};
 use modulo_detector::{
-    EngineChoice, EngineDevice, EngineOptions, ModelInfo, Speed, describe, measure, onnxruntime_library,
-    onnxruntime_places,
+    EngineChoice, EngineDevice, EngineOptions, ModelInfo, Speed, describe, gpu_libraries, gpus, measure,
+    onnxruntime_library, onnxruntime_places,
 };
 use modulo_eval::score::words;
 use modulo_middleware::transport::zenoh::meeting_port;
@@ -236,6 +236,7 @@ fn findings(sensor: Option<&SensorModel>) -> serde_json::Value {
         "budget_ms": UnwrapParameters::default().budget * relative_work(),
         "engine": if library.is_some() { "ort" } else { "rten" },
         "onnxruntime": library,
+        "gpus": gpus(),
         "ffmpeg": modulo_video::version().ok(),
         "domain": domain,
         "meeting_port": port,
@@ -287,6 +288,21 @@ fn engine() {
     if library.is_err() {
         say!("faster   modulo model runtime fetches this library");
     }
+    gpu(library.ok().as_deref());
+}
+
+/// Prints the GPUs, and the libraries that were found for them beside the ONNX Runtime at `library`.
+fn gpu(library: Option<&str>) {
+    let gpus = gpus();
+    if gpus.is_empty() {
+        return say!("gpu      none with a driver of NVIDIA");
+    }
+    gpus.iter().for_each(|gpu| say!("gpu      {gpu}"));
+    let libraries = library.map(|library| gpu_libraries(Path::new(library))).unwrap_or_default();
+    if libraries.is_empty() {
+        say!("cuda     not found beside ONNX Runtime; the system's loader is asked for it");
+    }
+    libraries.iter().for_each(|library| say!("cuda     {}", library.display()));
 }
 
 fn video() {

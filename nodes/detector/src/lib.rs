@@ -35,8 +35,8 @@ use modulo_runtime::ParameterError;
 pub use classes::parse_class_map;
 pub use draw::drawn;
 pub use engine::{
-    EngineChoice, EngineDevice, EngineError, EngineOptions, model_parts, onnxruntime_library,
-    onnxruntime_places,
+    EngineChoice, EngineDevice, EngineError, EngineOptions, gpu_libraries, gpus, model_parts,
+    onnxruntime_library, onnxruntime_places,
 };
 pub use export::ClassNumbers;
 pub use measure::{ModelInfo, Speed, describe, measure};

@@ -19,6 +19,7 @@ use ndarray::{Array2, Array4, ArrayView4};
 use crate::head::Head;
 use crate::model::{ModelLayout, embedded};
 use crate::plausible::{contradiction, unnamed_classes};
+pub use nvidia::{gpus, libraries as gpu_libraries};
 pub use onnxruntime::places_here as onnxruntime_places;
 pub use shared::SharedEngine;
 use weights::ModelFile;

@@ -1,7 +1,11 @@
-//! The libraries of CUDA, cuDNN and TensorRT that packages of pip bring: loaded before ONNX Runtime asks for them, so that no variable has to
-//! name their folders.
+//! What of NVIDIA is on this machine: GPUs with their driver, and the libraries of CUDA, cuDNN and TensorRT that packages of pip bring. These are loaded
+//! before ONNX Runtime asks for them, so that no variable has to name their folders.
 
+use std::fs;
 use std::path::{Path, PathBuf};
+
+/// Where the driver tells of itself.
+const DRIVER: &str = "/proc/driver/nvidia";
 
 /// The libraries that the providers of ONNX Runtime name. Each loads its further parts itself, from its own folder.
 const NAMES: [&str; 9] = [
@@ -16,11 +20,34 @@ const NAMES: [&str; 9] = [
     "libnvonnxparser.so.",
 ];
 
+/// Returns the GPUs of NVIDIA of this machine, each with the version of its driver.
+pub fn gpus() -> Vec<String> {
+    gpus_of(Path::new(DRIVER))
+}
+
+fn gpus_of(driver: &Path) -> Vec<String> {
+    let version = fs::read_to_string(driver.join("version")).unwrap_or_default();
+    // "NVRM version: NVIDIA UNIX x86_64 Kernel Module  580.65.06  Sun Jul 27 ...": the first number with points.
+    let is_version =
+        |word: &&str| word.contains('.') && word.split('.').all(|part| part.parse::<u32>().is_ok());
+    let version = version.split_whitespace().find(is_version).unwrap_or("of unknown version").to_owned();
+    let model = |gpu: PathBuf| {
+        let information = fs::read_to_string(gpu.join("information")).ok()?;
+        let model = information.lines().find_map(|line| line.strip_prefix("Model:"))?;
+        Some(format!("{}, driver {version}", model.trim()))
+    };
+    inside(&driver.join("gpus")).into_iter().filter_map(model).collect()
+}
+
+/// Returns the libraries of CUDA, cuDNN and TensorRT that [`preload`] finds for the ONNX Runtime at `library`.
+pub fn libraries(library: &Path) -> Vec<PathBuf> {
+    found(library, std::env::var_os("VIRTUAL_ENV").map(PathBuf::from).as_deref())
+}
+
 /// Loads the libraries that lie beside the package with the ONNX Runtime at `library`, or in the environment of Python that is active.
 /// One that cannot be loaded is left to the provider, which names what it lacks.
 pub fn preload(library: &Path) {
-    let active = std::env::var_os("VIRTUAL_ENV").map(PathBuf::from);
-    for file in found(library, active.as_deref()) {
+    for file in libraries(library) {
         if let Err(why) = ort::util::preload_dylib(&file) {
             tracing::warn!("{} cannot be loaded: {why}", file.display());
         }
@@ -74,7 +101,7 @@ pub fn remedy(why: &str) -> &'static str {
 
 /// Returns what lies in `folder`, sorted; nothing where there is no such folder.
 fn inside(folder: &Path) -> Vec<PathBuf> {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
     paths.sort();
     paths
@@ -89,8 +116,8 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let put = |file: &str| {
             let path = folder.path().join(file);
-            std::fs::create_dir_all(path.parent().expect("a folder")).expect("made");
-            std::fs::write(&path, []).expect("written");
+            fs::create_dir_all(path.parent().expect("a folder")).expect("made");
+            fs::write(&path, []).expect("written");
             path
         };
         let library = put("venv/lib/python3.11/site-packages/onnxruntime/capi/libonnxruntime.so.1.31.1");
@@ -124,5 +151,17 @@ mod tests {
         );
         assert!(told("libnvinfer.so.10").contains("tensorrt-cu13-libs<11"));
         assert!(remedy("it was built without CUDAExecutionProvider").contains("--build openvino or gpu"));
+    }
+
+    #[test]
+    fn gpus_are_read_from_what_the_driver_tells() {
+        let folder = tempfile::tempdir().expect("a folder");
+        assert_eq!(gpus_of(&folder.path().join("none")), [""; 0]);
+        let gpu = folder.path().join("gpus/0000:18:00.0");
+        fs::create_dir_all(&gpu).expect("made");
+        fs::write(gpu.join("information"), "Model: \t\t NVIDIA H200\nIRQ:   \t\t 45\n").expect("written");
+        let version = "NVRM version: NVIDIA UNIX x86_64 Kernel Module  580.65.06  Sun Jul 27 07:15:22 UTC 2025\nGCC version:  gcc version 12.3.0";
+        fs::write(folder.path().join("version"), version).expect("written");
+        assert_eq!(gpus_of(folder.path()), ["NVIDIA H200, driver 580.65.06"]);
     }
 }
