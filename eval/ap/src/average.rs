@@ -74,6 +74,14 @@ impl Sample {
         self.objects.iter().sum::<u64>() as usize
     }
 
+    /// The number of objects that are found in each image with a score of at least `least`.
+    pub fn found(&self, least: f32) -> Vec<u64> {
+        let mut found = vec![0; self.objects.len()];
+        let right = self.marks.iter().filter(|(score, is_right, _)| *is_right && *score >= least);
+        right.for_each(|(_, _, place)| found[*place] += 1);
+        found
+    }
+
     /// Precision at each of the [`RECALLS`].
     fn curve(&self, times: &[u64]) -> Option<Vec<f64>> {
         let objects: u64 = self.objects.iter().zip(times).map(|(objects, times)| objects * times).sum();

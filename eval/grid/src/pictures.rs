@@ -22,7 +22,7 @@ use crate::store::Folder;
 use crate::stored::{Stored, StoredCell};
 
 /// Lowest score of a box that is drawn.
-const LEAST_SHOWN: f32 = 0.25;
+pub(crate) const LEAST_SHOWN: f32 = 0.25;
 /// Least IoU of a box and the object that it finds.
 const LEAST_IOU: f32 = 0.5;
 /// Colour of labelled boxes.
