@@ -264,8 +264,10 @@ fn write(folder: &Path, results: &Results) -> Result<PathBuf, Failure> {
 fn finish(results: &Results, page: &Path, stopped: bool) -> Result<Ended, Failure> {
     results.cells.iter().for_each(print_cell);
     results.verdict.iter().for_each(|verdict| say!("{verdict}"));
-    if results.input.labelled == 0 {
-        note!("modulo: no frame has labels, so that there is no AP");
+    if results.input.labelled == 0 && results.verdict.is_none() {
+        note!(
+            "modulo: no frame has labels, and no stream ideal was evaluated as a reference, so that there is no AP"
+        );
     } else if results.cells.iter().any(Cell::is_unscored) {
         note!(
             "modulo: no labelled object is scored, so that there is no AP; --groups names the classes that are scored, and \

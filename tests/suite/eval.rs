@@ -246,6 +246,23 @@ fn a_stream_without_a_score_says_why() {
     }
 }
 
+/// Most drives of users have no labels.
+#[test]
+fn without_labels_the_boxes_of_the_ideal_image_are_the_reference() {
+    let bench = Bench::new();
+    kitti(&bench, &[]);
+    let said = eval(&bench, 0, "launch/compare.launch.yaml engine:=rten source:=@/kitti model:=%");
+    assert_has(
+        &said,
+        &["No frame has labels: the reference is", "(ideal). ", "finds more objects than saturated"],
+    );
+    assert!(!said.contains("ideal has the highest"), "the reference is compared with itself: {said}");
+    let ideal = &cell(&bench.path("out"), "ideal")["ap50"];
+    let groups = ideal.as_object().expect("groups");
+    let is_all = !groups.is_empty() && groups.values().all(|ap50| *ap50 == 1.0);
+    assert!(is_all, "what ideal has found is not the reference: {ideal}");
+}
+
 /// A shell leaves `~` as it is behind `:=` and `=`.
 #[test]
 fn a_tilde_is_the_home_folder_wherever_a_path_is_given() {

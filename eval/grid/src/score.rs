@@ -21,7 +21,7 @@ use crate::metric::{bootstrap, latency, paper};
 use crate::quality::{ImageSimilarity, RECOVERY_DEFINITION, RecoveryQuality};
 use crate::results::{Cell, ClassScore, FIGURES, Input, Paper, Point, Results, Setup};
 use crate::store::{CellKey, Folder, FrameFound};
-use crate::stored::{Scene, Stored, StoredCell};
+use crate::stored::{IDEAL, Scene, Stored, StoredCell};
 use crate::verdict::{self, Judged};
 
 /// Least share of exact wrap counts of a frame that may be trusted: docs/explanation/trust.md promises it.
@@ -57,8 +57,10 @@ where
 /// # Errors
 /// [`GridError`] of a file that cannot be read, and of results that cannot be shown together.
 pub fn score(folders: &[Folder], options: &ScoreOptions) -> Result<Results, GridError> {
-    let stored = Stored::read(folders)?;
-    let (mut input, rules) = (input(&stored), Rules::new(&stored, options)?);
+    let mut stored = Stored::read(folders)?;
+    let mut input = input(&stored);
+    let reference = stored.refer_to_ideal()?;
+    let rules = Rules::new(&stored, options)?;
     input.warnings.extend(rules.unnamed.clone());
     let mut setup = Setup {
         version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -85,14 +87,18 @@ pub fn score(folders: &[Folder], options: &ScoreOptions) -> Result<Results, Grid
         cells.push(scorer.cell(point.clone()));
     }
     cells.sort_by(|(a, _), (b, _)| a.point.order(&b.point));
-    let (mut cells, judged): (Vec<Cell>, Vec<Judged>) = cells.into_iter().unzip();
+    let (mut cells, mut judged): (Vec<Cell>, Vec<Judged>) = cells.into_iter().unzip();
+    // The reference itself has found all of it.
+    judged.retain(|cell| reference.is_none() || !cell.point.is(IDEAL));
     for folder in folders {
         setup.grid.extend(folder.plans()?);
         take_times(folder, &mut cells)?;
     }
     setup.grid.sort_by(Point::order);
     setup.grid.dedup();
-    Ok(Results { setup, input, definitions: definitions(), verdict: verdict::sentence(&judged), cells })
+    let said: Vec<String> = reference.into_iter().chain(verdict::sentence(&judged)).collect();
+    let verdict = (!said.is_empty()).then(|| said.join(". "));
+    Ok(Results { setup, input, definitions: definitions(), verdict, cells })
 }
 
 /// Gives the cells the times that were measured last.

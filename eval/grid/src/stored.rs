@@ -3,10 +3,17 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
+use modulo_bags::source::GroundTruth;
+use modulo_core::Detection;
+
 use crate::GridError;
 use crate::data::LabelNames;
 use crate::frames::{FrameRecord, Slice};
+use crate::pictures::LEAST_SHOWN;
 use crate::store::{self, CellKey, CellSlice, Folder, FrameFound};
+
+/// The stream of what a camera without a limit of light would take.
+pub const IDEAL: &str = "ideal";
 
 /// The frames of a camera, in all slices.
 #[derive(Default)]
@@ -86,6 +93,40 @@ impl Stored {
             }
         }
         Ok(stored)
+    }
+
+    /// Where no frame has labels, takes what the one cell of the stream `ideal` has found for them, so that the others can be compared with it.
+    /// Returns the sentence that says so.
+    ///
+    /// # Errors
+    /// [`GridError`] of a file that cannot be read.
+    pub fn refer_to_ideal(&mut self) -> Result<Option<String>, GridError> {
+        if self.scenes.values().flat_map(|scene| scene.frames.values()).any(|frame| frame.truth.is_some()) {
+            return Ok(None);
+        }
+        let cells = self.cells().filter(|cell| cell.as_ref().map_or(true, |cell| cell.key.point.is(IDEAL)));
+        let cells = cells.collect::<Result<Vec<_>, _>>()?;
+        // With several models or lenses, each would have a reference of its own.
+        let [ideal] = &cells[..] else { return Ok(None) };
+        let Some(scene) = self.scenes.get_mut(&ideal.key.frames) else { return Ok(None) };
+        scene.names = LabelNames::Model;
+        for (place, frame) in &mut scene.frames {
+            let boxes = ideal.found.get(place).and_then(|found| found.boxes.as_ref());
+            let label = |Detection { bbox, class, .. }: &Detection| GroundTruth {
+                bbox: *bbox,
+                class: class.clone(),
+                truncated: -1.0,
+                occluded: -1,
+            };
+            let drawn = |boxes: &Vec<Detection>| {
+                boxes.iter().filter(|found| found.score >= LEAST_SHOWN).map(label).collect()
+            };
+            frame.truth = boxes.map(drawn);
+        }
+        Ok(Some(format!(
+            "No frame has labels: the reference is what the model finds with a score of at least {LEAST_SHOWN} in the image of a camera \
+             without a limit of light ({IDEAL})"
+        )))
     }
 
     /// Reads each cell.
