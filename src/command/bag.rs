@@ -18,6 +18,7 @@ use modulo_bags_live::replay::{self, ReplayOptions, Replayed, replay};
 use modulo_eval::score::words;
 use modulo_middleware::driver::wait_until_ready;
 use modulo_middleware::process::node_files::ReportFile;
+use modulo_middleware::process::signals::end_with_launcher;
 use modulo_runtime::launcher;
 use serde_json::json;
 
@@ -250,6 +251,8 @@ fn play(args: &BagPlay) -> Result<Ended, Failure> {
     }
     let remaps = TopicRemaps::new(pairs(&args.remap)?).map_err(usage)?;
     let options = ReplayOptions { remaps, clock_hz: args.clock };
+    // A viewer that was killed cannot end its player.
+    end_with_launcher(&stop).context("watch of the launcher")?;
     let (clock, transport) = open_session()?;
     wait_until_ready(&transport, &*clock, args.wait_for.clone(), PATIENCE, &stop)
         .map_err(|missing| LiveError::Waited(PATIENCE.as_secs(), missing))?;

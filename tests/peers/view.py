@@ -1,10 +1,10 @@
 """Drives the page of `modulo view` in Debian's Chromium, over a replay of the sample bag, two cameras, and six detectors on a busy machine.
 
-    apt-get install chromium && pip install playwright==1.56.0
+    apt-get install chromium && pip install playwright==1.56.0 axe-playwright-python==0.1.8
     python3 tests/peers/view.py target/debug/modulo
 
 Exit code 1 when the page shows no frame, shows images of two moments of a camera at once, lets one camera wait for another one, lays
-one text over another, draws a line between two nodes that have none, shows a frame without its boxes, loses the open tab, changes the colour of a node, has a control that the keyboard does not reach, or does not go on after a loss;
+one text over another, draws a line between two nodes that have none, shows a frame without its boxes, loses the open tab, changes the colour of a node, has a control that the keyboard does not reach, breaks a rule of axe, or does not go on after a loss;
 when a control does not reach its node, the console has an error, the page asks for anything outside of its origin, or a script without the token can connect.
 """
 
@@ -22,6 +22,7 @@ import tempfile
 import threading
 from pathlib import Path
 
+from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import sync_playwright
 
 from replay import BAG, ROOT, address, check, viewer
@@ -365,7 +366,8 @@ def fit_the_tab(page, tab, scheme, width, folder):
     # With everything unfolded there is the most that can collide.
     page.evaluate("() => document.querySelectorAll('details').forEach((details) => { details.open = true; })")
     page.wait_for_timeout(900)
-    clashes = page.evaluate(CLASHES)
+    clashes, faults = page.evaluate(CLASHES), Axe().run(page).response["violations"]
+    check(not faults, f"{tab}, {width} px, {scheme}: axe finds nothing: {[(fault['id'], fault['nodes'][0]['html']) for fault in faults]}")
     check(not clashes and tall < 3000, f"{tab}, {width} px, {scheme}: no text over another one, nothing outside of the page of {tall} px: {clashes[:5]}")
     page.evaluate("() => document.querySelectorAll('details').forEach((details) => { details.open = false; })")
     if scheme == "dark":
@@ -391,17 +393,20 @@ def drive_the_replay(page):
     wait_text(page, "notice", "The replay is paused")
     # What was on its way when the player paused.
     page.wait_for_timeout(1500)
-    # The second place shows that the images follow, wherever the player had paused.
-    for seconds in ["0.5", "2"]:
-        page.get_by_label("Go to, s").fill(seconds)
-        page.keyboard.press("Enter")
-        for _ in range(2):
-            page.get_by_role("button", name="Next message").click()
-            page.wait_for_timeout(500)
-        stamp = f"{float(seconds):.9f}"
-        is_at = f"(topic, stamp) => ({STAMP})(topic) === stamp && /box/.test(({CAPTION})(topic)) === (topic === '/recovered')"
+    # The second place shows that the images follow, wherever the player had paused. The frame there is played at once.
+    for seconds in [0.5, 1.75]:
+        page.get_by_label("Time of the recording").fill(str(seconds))
+        is_near = f"(topic, stamp) => ({STAMP})(topic) >= stamp && ({STAMP})(topic) < stamp + 0.6"
+        is_at = f"(topic, stamp) => ({is_near})(topic, stamp) && /box/.test(({CAPTION})(topic)) === (topic === '/recovered')"
         whole = f"(stamp) => ['/modulo', '/recovered'].every((topic) => ({is_at})(topic, stamp))"
-        wait(page, whole, stamp)
+        wait(page, whole, seconds)
+    place = page.text_content("#replay output")
+    check(re.fullmatch(r"[12]\.\d of 2\.8 s", place), f"the bar says where the replay is: {place}")
+    stamp = page.evaluate(STAMP, "/modulo")
+    for _ in range(4):
+        page.get_by_role("button", name="Next message").click()
+        page.wait_for_timeout(500)
+    wait(page, f"(stamp) => ({STAMP})('/modulo') !== stamp", stamp)
     check(True, "a paused replay says so, seeks and plays single messages, whose images and boxes come together")
     page.get_by_role("button", name="Play the replay").click()
     wait(page, "() => document.getElementById('notice').hidden")
@@ -560,6 +565,12 @@ def open_the_recording(page, file, topics):
                 page.keyboard.press("ArrowLeft")
                 page.wait_for_timeout(200)
         check(page.evaluate(STAMP, topic) != stamp, f"an arrow key shows the frame of {topic} before that of the recording's end")
+    page.click("#live")
+    wait(page, f"([topic, stamp]) => ({STAMP})(topic) !== stamp", [topics[0], page.evaluate(STAMP, topics[0])])
+    page.click("#live")
+    page.get_by_label("Time of the recording").fill("0")
+    wait(page, "() => document.querySelector('#replay output').textContent.startsWith('0.0 of')")
+    check(True, "a recording plays, and its bar goes to each frame")
     open_tab(page, "time")
     for width in [900, 1400]:
         page.set_viewport_size({"width": width, "height": 1000})

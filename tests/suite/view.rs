@@ -215,6 +215,41 @@ fn a_page_shows_images_with_their_boxes_and_sets_parameters() {
     page.event("error", |why| why.as_str().is_some_and(|why| why.contains("/no_such_node")));
 }
 
+/// A replayed bag shows the boxes of the recorded detector on the images that it has read, and tells where it is. A viewer that is killed cannot
+/// end its player.
+#[test]
+fn a_replayed_bag_has_its_boxes_and_its_time() {
+    let bench = Bench::new();
+    bench.images(4);
+    let bag = bench.path("bag");
+    let recording = bench.record(&bag, &["-a"]);
+    bench.says(0, "launch launch/recovered.launch.yaml source:=@/images model:=% engine:=rten rate:=5.0 frames:=8 loop:=true");
+    assert_eq!(recording.interrupt(), Some(0));
+    let (viewer, [address]) = viewer_with(&bench, &[bag.to_str().expect("UTF-8")], ["http://"]);
+    let mut page = Page::open(&address);
+    page.ask(&json!({ "watch": ["/modulo", "/recovered"] }));
+    let image = page.event("image", |image| image["topic"] == "/recovered" && image["boxes"] != json!([]));
+    assert_eq!(image["boxes"][0][0], "/detector/detections");
+    assert_eq!(page.event("image", |image| image["topic"] == "/modulo")["boxes"], json!([]));
+    let is_player = |status: &Value| status["name"] == "rosbag2_player";
+    let statuses = page.event("status", |all| all.as_array().is_some_and(|all| all.iter().any(is_player)));
+    let status = statuses.as_array().and_then(|all| all.iter().find(|one| is_player(one))).expect("found");
+    let second = |key: &str| {
+        let value = status["values"].as_array().and_then(|all| all.iter().find(|one| one["key"] == key));
+        value.and_then(|one| one["value"].as_str()?.parse::<f64>().ok()).expect("a number")
+    };
+    assert!((0.0..=second("duration_s")).contains(&second("position_s")), "{status}");
+    page.ask(&json!({ "player": "toggle" }));
+    page.event("player", |player| player["paused"] == true);
+    page.ask(&json!({ "drawn": ["/modulo", "/recovered"] }));
+    page.ask(&json!({ "player": { "seek": [second("start_s") + second("duration_s") / 2.0, 100] } }));
+    page.event("player", |player| player["paused"] == true);
+    page.event("image", |image| image["topic"] == "/modulo");
+    let [(player, _)] = viewer.children()[..] else { panic!("a player alone") };
+    drop(viewer);
+    wait_until("the player has ended", || command_line(player).is_empty());
+}
+
 /// The response to a request of HTTP that begins with `head`, as text.
 pub fn request(host: &str, head: &str) -> String {
     let mut stream = TcpStream::connect(host).expect("a connection");

@@ -1,11 +1,20 @@
-// Shows what the core in the worker makes of a picture, and sets its camera.
+// Shows what the core in the workers makes of a picture, and sets its camera.
 const byId = (id) => document.getElementById(id);
 const content = (id) => byId(id).textContent;
-const STREAMS = ["Normal", "Modulo", "Recovered"];
+// In the order of `Stream` of the core, and of `Class` of the scenes, with the colours that the suite gives them.
+const STREAMS = ["Normal", "Modulo", "Recovered", "Ideal", "Wrap count k"];
+const [RECOVERED, WRAP_COUNT] = [2, 4];
+// The scene that is none of the presets.
+const OWN = 4;
+const CLASSES = [["car", "#ff9f1c"], ["van", "#4cb4ff"], ["truck", "#b07cff"], ["pedestrian", "#ff4d8d"], ["cyclist", "#00c896"]];
+const SCENE = "seed=1&width=960&height=288&frames=1";
+const SIDES = ["left", "right"];
 const SETTINGS = ["alpha", "sigma", "noise", "bits"];
 const LEAST_STOP = -8;
 const BINS_OF_A_STOP = 2;
-const state = { left: 0, right: 2, wipe: 50, answer: null, isBusy: true, wanted: null, name: "The sample: a rendered street", readCodes: null };
+const BINS = 24;
+// `boxes` are the last ones of each stream, each with the turn of the answer in whose image they were found.
+const state = { name: "", answer: null, turn: 0, boxes: {}, readCodes: null };
 
 // In the order of `Reason` of the core.
 const REASONS = [
@@ -31,79 +40,158 @@ function tell(text, isFault = false) {
   byId("status").className = isFault ? "fault" : "";
 }
 
-const worker = new Worker(URL.createObjectURL(new Blob([content("worker")], { type: "text/javascript" })));
-worker.onerror = () => tell("This browser cannot run the program. Please use a browser of 2023 or later.", true);
-worker.onmessage = ({ data }) => {
-  state.isBusy = false;
-  if (data.fault) tell(data.fault, true);
-  else show(data);
-  if (data.codes) state.readCodes(data.codes);
-  if (!data.isFatal && state.wanted) ask(state.wanted);
-};
+const CODE = URL.createObjectURL(new Blob([content("worker")], { type: "text/javascript" }));
+
+// Returns a function that asks a worker of its own. While it works, only the newest wish waits.
+function asker(core, answered) {
+  const worker = new Worker(CODE);
+  let [isBusy, wanted] = [false, null];
+  const ask = (wish) => {
+    if (isBusy) {
+      wanted = { ...wanted, ...wish };
+      return;
+    }
+    [isBusy, wanted] = [true, null];
+    worker.postMessage(wish);
+  };
+  worker.onerror = cannotRun;
+  worker.onmessage = ({ data }) => {
+    isBusy = false;
+    if (data.fault) tell(data.fault, true);
+    else answered(data);
+    if (!data.isFatal && wanted) ask(wanted);
+  };
+  worker.postMessage({ core });
+  return ask;
+}
+
+const cannotRun = () => tell("This browser cannot run the program. Please use a browser of 2023 or later.", true);
 
 const settings = () => ({
   ...Object.fromEntries(SETTINGS.map((id) => [id, Number(byId(id).value)])),
   columns: byId("columns").checked ? Number(byId("columns").value) : 0,
 });
 
-// Asks the worker; while it works, only the newest wish waits.
-function ask(wish) {
-  if (state.isBusy) {
-    state.wanted = { ...state.wanted, ...wish };
-    return;
-  }
-  [state.isBusy, state.wanted] = [true, null];
+function expose(wish) {
   tell("The program is working.");
-  worker.postMessage({ ...wish, settings: settings() });
+  state.ask?.({ ...wish, settings: settings(), streams: STREAMS.length });
 }
 
 // Returns the codes of the modulo and of the recovered image, as `modulo simulate` writes them. For tests.
 globalThis.readCodes = () => new Promise((done) => {
   state.readCodes = done;
-  ask({ codes: true });
+  expose({ withCodes: true });
 });
 
-function show({ ms, reduction, figures, images, method }) {
-  const [height, width, exact, reason, most, clipped, fit, jumps, ...stops] = figures;
-  state.answer = { stops, images: images.map((image) => new ImageData(new Uint8ClampedArray(image), width, height)) };
+function show({ ms, picture: { name, scene, reduction }, figures, images: [shown, read, codes], method }) {
+  const [height, width, exact, reason, most, clipped, fit, jumps, ...rest] = figures;
+  if (name !== state.name) {
+    Object.assign(state, { name, boxes: {} });
+    byId("scene").selectedIndex = scene ?? OWN;
+  }
+  state.turn += 1;
+  state.answer = {
+    images: shown.map((image) => onCanvas(new ImageData(new Uint8ClampedArray(image.buffer), width, height))),
+    stops: rest.slice(0, BINS),
+    objects: grouped(rest.slice(BINS), 5).map(([name, ...edges]) => ({ name, edges })),
+    ...{ height, width, most, read },
+  };
   const isTrusted = reason <= LAST_TRUSTED;
   const [verdict, why] = [document.createElement("b"), REASONS[reason]({ fit, jumps, settings: settings() })];
   verdict.textContent = isTrusted ? "Trusted: the method claims that all wrap counts are right." : "Not trusted.";
   byId("trust").replaceChildren(verdict, why);
-  byId("trust").className = isTrusted ? "good" : "";
+  byId("badge").textContent = isTrusted ? "Recovered: trusted" : "Recovered: not trusted";
+  byId("trust").className = byId("badge").className = isTrusted ? "good" : "";
+  byId("truth").textContent = isTrusted ? "" : `The simulation knows that ${exact === 1 ? "all" : `only ${percent(exact, 3)} of the`} counts are right. The method cannot know: it sees the modulo image alone.`;
   byId("exact").textContent = percent(exact, 3);
   byId("most").textContent = `k = ${most}`;
   byId("time").textContent = `${ms.toFixed(1)} ms (${method})`;
   byId("clipped").textContent = `${percent(clipped, 1)} of the samples are at the modulus or above (0 stops), where a normal camera clips.`;
+  byId("note").textContent = read ? "" : "Boxes are shown on the scenes only: the small detector of this page has learnt from rendered scenes, and does not know real pictures.";
   const reduced = reduction > 1 ? `, each of them the mean of ${reduction} × ${reduction} pixels of the file` : "";
-  tell(`${state.name}, ${width} × ${height} pixels${reduced}.`);
+  tell(`${name}, ${width} × ${height} pixels${reduced}.`);
+  writeSettings();
+  if (codes) state.readCodes([codes[1], codes[RECOVERED]]);
+  byId("stage").style.aspectRatio = `${width} / ${height}`;
   draw();
 }
 
+const grouped = (numbers, size) => [...Array(numbers.length / size).keys()].map((index) => numbers.slice(index * size, (index + 1) * size));
+
+function onCanvas(image) {
+  const canvas = Object.assign(document.createElement("canvas"), { width: image.width, height: image.height });
+  canvas.getContext("2d").putImageData(image, 0, 0);
+  return canvas;
+}
+
+// Draws all, and has boxes found where those of the shown images are missing.
 function draw() {
-  byId("line").style.left = `${state.wipe}%`;
-  byId("right-canvas").style.clipPath = `inset(0 0 0 ${state.wipe}%)`;
-  for (const button of document.querySelectorAll("fieldset button")) {
-    button.ariaPressed = String(state[button.dataset.side] === Number(button.dataset.stream));
-  }
   if (!state.answer) return;
-  for (const side of ["left", "right"]) {
-    const [canvas, image] = [byId(`${side}-canvas`), state.answer.images[state[side]]];
-    if (canvas.shown === image) continue;
-    [canvas.width, canvas.height, canvas.shown] = [image.width, image.height, image];
-    canvas.ariaLabel = `${STREAMS[state[side]]} image`;
-    canvas.getContext("2d").putImageData(image, 0, 0);
-    byId("stage").style.aspectRatio = `${image.width} / ${image.height}`;
-  }
   drawHistogram();
+  for (const side of SIDES) {
+    drawSide(side);
+    const [{ read, height, width }, stream, { turn }] = [state.answer, streamOf(side), state];
+    if (!read || stream === WRAP_COUNT || state.boxes[stream]?.turn === turn) continue;
+    state.askDetector[side]({ pixels: read[stream], height, width, stream, turn, name: state.name });
+  }
+}
+
+// Takes the boxes that were found.
+function mark({ numbers, stream, turn, name }) {
+  if (name !== state.name) return;
+  state.boxes[stream] = { turn, found: grouped(numbers, 6).map(([name, score, ...edges]) => ({ name, score, edges })) };
+  SIDES.forEach(drawSide);
+}
+
+const streamOf = (side) => byId(side).selectedIndex;
+
+// Returns a canvas that has a point for each one of the screen, empty.
+function cleared(id) {
+  const [canvas, scale] = [byId(id), globalThis.devicePixelRatio];
+  const [width, height] = [canvas.clientWidth * scale, canvas.clientHeight * scale];
+  Object.assign(canvas, { width, height });
+  return { canvas, context: canvas.getContext("2d"), width, height, scale };
+}
+
+function drawSide(side) {
+  const { canvas, context, width, height, scale } = cleared(`${side}-canvas`);
+  const [{ images, objects, read, most }, stream] = [state.answer, streamOf(side)];
+  context.drawImage(images[stream], 0, 0, width, height);
+  const { found, turn } = state.boxes[stream] ?? {};
+  const isNew = turn === state.turn;
+  // The boxes of the last setting stay in sight, faintly, until those of this one are there.
+  context.globalAlpha = isNew ? 1 : 0.35;
+  context.scale(width / images[stream].width, height / images[stream].height);
+  const point = (scale * images[stream].width) / width;
+  for (const { name, edges: [left, top, right, bottom] } of (read && found) ?? []) {
+    for (const [colour, line] of [["rgb(0 0 0 / 55%)", 3.5], [CLASSES[name][1], 2]]) {
+      Object.assign(context, { strokeStyle: colour, lineWidth: line * point });
+      context.strokeRect(left, top, right - left, bottom - top);
+    }
+  }
+  const counted = isNew ? `${foundOf(objects, found)} of ${objects.length} objects found` : "looking for objects";
+  byId(`${side}-found`).textContent = stream === WRAP_COUNT ? `0 is black, ${most} is white` : read ? counted : "";
+  canvas.ariaLabel = `${STREAMS[stream]} image. ${content(`${side}-found`)}`;
+}
+
+// How many objects have a box of their own: of the same class, with an overlap of one half.
+function foundOf(objects, boxes) {
+  const free = new Set(boxes);
+  const area = ([left, top, right, bottom]) => Math.max(0, right - left) * Math.max(0, bottom - top);
+  const overlap = ({ edges: a }, { edges: b }) => {
+    const both = area(a.map((edge, side) => (side < 2 ? Math.max(edge, b[side]) : Math.min(edge, b[side]))));
+    return both / (area(a) + area(b) - both);
+  };
+  const isFound = (object) => {
+    const [best] = [...free].filter(({ name }) => name === object.name).sort((a, b) => overlap(object, b) - overlap(object, a));
+    return best && overlap(object, best) >= 0.5 && free.delete(best);
+  };
+  return objects.filter(isFound).length;
 }
 
 function drawHistogram() {
-  const [canvas, { stops }] = [byId("histogram"), state.answer];
-  const [scale, colours] = [globalThis.devicePixelRatio, getComputedStyle(document.documentElement)];
-  const [width, height] = [canvas.clientWidth * scale, canvas.clientHeight * scale];
-  [canvas.width, canvas.height] = [width, height];
-  const context = canvas.getContext("2d");
+  const [{ stops }, colours] = [state.answer, getComputedStyle(document.documentElement)];
+  const { canvas, context, width, height, scale } = cleared("histogram");
   // The first bin holds all that is darker: it must not flatten the others.
   const most = Math.max(...stops.slice(1), 0.02);
   stops.forEach((share, index) => {
@@ -123,53 +211,88 @@ function writeSettings() {
     parentElement.querySelector("output").textContent = dataset.unit ? `${value} ${dataset.unit}` : value;
   }
   const { alpha, sigma, noise, bits, columns } = settings();
-  const command = `modulo simulate FILE --transfer srgb --alpha ${alpha} --psf-sigma ${sigma} --read-noise ${noise} --bits ${bits} --optical-black ${columns} -o out`;
+  const camera = Object.entries({ alpha, psf_sigma: sigma, read_noise: noise, bits, optical_black: columns });
+  const { value: scene } = byId("scene");
+  const parts = scene === "own"
+    ? ["modulo simulate FILE --transfer srgb", ...camera.map(([name, value]) => `--${name.replace("_", "-")} ${value}`)]
+    : ["modulo eval demo", `'source:=scene://${scene}?${SCENE}'`, ...camera.map(([name, value]) => `${name}:=${value}`)];
+  byId("about-command").textContent = scene === "own"
+    ? "The results are those of the command line, bit for bit, for pictures of at most one million pixels:"
+    : "The boxes are those of the command line, with scores of at least 0.5:";
   // A line breaks between options only.
-  byId("command").replaceChildren(...command.split(/ (?=-)/).map((textContent) => Object.assign(document.createElement("span"), { textContent: `${textContent} ` })));
+  byId("command").replaceChildren(...[...parts, "-o out"].map((textContent) => Object.assign(document.createElement("span"), { textContent: `${textContent} ` })));
 }
 
+// Shows a file, or the chosen scene.
 async function open(file) {
-  if (!file) return;
-  const bytes = await file.arrayBuffer();
-  if (bytes.byteLength === 0) return tell(`${file.name} is empty.`, true);
-  state.name = file.name;
-  ask({ file: bytes });
-}
-
-function openSample() {
-  state.name = "The sample: a rendered street";
-  ask({ file: new ArrayBuffer(0) });
+  const bytes = await file?.arrayBuffer();
+  if (bytes?.byteLength === 0) return tell(`${file.name} is empty.`, true);
+  const { selectedOptions: [option], selectedIndex } = byId("scene");
+  expose(file ? { file: bytes, picture: { name: file.name } } : { file: null, picture: { name: `The scene: ${option.text.toLowerCase()}`, scene: selectedIndex } });
 }
 
 function change() {
   writeSettings();
-  ask({});
+  expose({});
+}
+
+// The settings are in the address, which can be shared.
+function readAddress() {
+  const values = new URLSearchParams(location.hash.slice(1));
+  for (const [name, value] of values) {
+    const field = byId("settings").elements[name];
+    if (field && name !== "columns") field.value = value;
+  }
+  if (values.size > 0) byId("columns").checked = values.has("columns");
+  // A picture of one's own is not in the address.
+  if (!byId("scene").value || byId("scene").value === "own") byId("scene").value = "glare";
+  SIDES.filter((side) => !byId(side).value).forEach((side) => { byId(side).selectedIndex = 0; });
+  writeSettings();
+  moveLine();
+  open();
+}
+
+function moveLine() {
+  const { value } = byId("wipe");
+  byId("line").style.left = `${value}%`;
+  byId("right-canvas").style.clipPath = `inset(0 0 0 ${value}%)`;
 }
 
 function wipe({ clientX }) {
   const { left, width } = byId("stage").getBoundingClientRect();
-  state.wipe = Math.min(100, Math.max(0, (100 * (clientX - left)) / width));
-  byId("wipe").value = state.wipe;
-  draw();
+  byId("wipe").value = Math.min(100, Math.max(0, (100 * (clientX - left)) / width));
+  moveLine();
 }
 
-for (const side of ["left", "right"]) {
-  byId(side).append(...STREAMS.map((textContent, stream) => {
-    const button = Object.assign(document.createElement("button"), { type: "button", textContent });
-    Object.assign(button.dataset, { side, stream });
-    button.onclick = () => draw(Object.assign(state, { [side]: stream }));
-    return button;
-  }));
+async function start() {
+  const packed = await fetch(`data:application/gzip;base64,${content("core")}`);
+  const stream = packed.body.pipeThrough(new DecompressionStream("gzip"));
+  const core = await WebAssembly.compileStreaming(new Response(stream, { headers: { "Content-Type": "application/wasm" } }));
+  state.ask = asker(core, show);
+  state.askDetector = Object.fromEntries(SIDES.map((side) => [side, asker(core, mark)]));
+  readAddress();
+}
+
+for (const [side, stream] of [["left", 0], ["right", RECOVERED]]) {
+  byId(side).append(...STREAMS.map((name, index) => new Option(name, name.split(" ")[0].toLowerCase(), index === stream, index === stream)));
+  byId(side).onchange = draw;
 }
 byId("settings").oninput = change;
-byId("settings").onreset = () => setTimeout(change);
-byId("wipe").oninput = ({ target }) => draw(Object.assign(state, { wipe: Number(target.value) }));
+byId("reset").onclick = () => {
+  for (const id of SETTINGS) byId(id).value = byId(id).defaultValue;
+  byId("columns").checked = true;
+  change();
+};
+byId("wipe").oninput = moveLine;
+byId("scene").onchange = () => open();
+document.onchange = () => history.replaceState(null, "", `#${new URLSearchParams(new FormData(byId("settings")))}`);
+onhashchange = readAddress;
 byId("stage").onpointerdown = (event) => {
   byId("stage").setPointerCapture(event.pointerId);
   wipe(event);
 };
 byId("stage").onpointermove = (event) => event.buttons && wipe(event);
-byId("sample").onclick = openSample;
+byId("stage").onpointerup = document.onchange;
 byId("file").onchange = ({ target }) => open(target.files[0]).then(() => { target.value = ""; });
 document.ondragover = (event) => {
   event.preventDefault();
@@ -183,6 +306,4 @@ document.ondrop = (event) => {
 };
 addEventListener("resize", draw);
 matchMedia("(prefers-color-scheme: dark)").onchange = draw;
-writeSettings();
-draw();
-worker.postMessage({ core: content("core"), file: new ArrayBuffer(0), settings: settings() });
+start().catch(cannotRun);

@@ -1,51 +1,54 @@
 // Runs the core beside the page, which stays responsive. Each question of the page has one answer.
 let core;
-let reduction;
-
-async function start(packed) {
-  const bytes = Uint8Array.from(atob(packed), (character) => character.charCodeAt(0));
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
-  const { instance } = await WebAssembly.instantiate(await new Response(stream).arrayBuffer());
-  core = instance.exports;
-}
+let picture;
 
 const bytes = () => new Uint8Array(core.memory.buffer, core.address(), core.length()).slice();
+const numbers = () => [...new Float64Array(bytes().buffer)];
+const text = () => new TextDecoder().decode(bytes());
 
 // The core returns 0 for an error, whose sentence is in its bytes.
 function must(done) {
-  if (!done) throw new Error(new TextDecoder().decode(bytes()));
+  if (!done) throw new Error(text());
   return done;
 }
 
-function output(number) {
-  must(core.output(number));
-  return bytes();
-}
-
-// Opens a file; none is the sample.
-function open(file) {
+function put(file) {
   const address = core.reserve(file.byteLength);
   new Uint8Array(core.memory.buffer, address, file.byteLength).set(new Uint8Array(file));
-  reduction = must(core.open());
 }
 
-function take({ bits, alpha, sigma, noise, columns }) {
+// Takes a new picture, if there is one, and exposes the camera. The images have the forms for the screen, for the detector, which knows scenes
+// only, and as codes.
+function take({ file, picture: next, settings: { bits, alpha, sigma, noise, columns }, streams, withCodes }) {
+  if (file) {
+    put(file);
+    picture = { ...next, reduction: must(core.open()) };
+  } else if (next) {
+    core.render(next.scene);
+    picture = next;
+  }
   must(core.expose(bits, alpha, sigma, noise, columns));
   const before = performance.now();
   must(core.recover());
   const ms = performance.now() - before;
-  const figures = [...new Float64Array(output(0).buffer)];
-  const images = [1, 2, 3].map((number) => output(number).buffer);
-  return { ms, reduction, figures, images, method: new TextDecoder().decode(output(6)) };
+  const written = (form) => [...Array(streams).keys()].map((stream) => must(core.image(stream, form)) && bytes());
+  const images = [written(0), picture.reduction ? null : written(1), withCodes ? written(2) : null];
+  core.numbers();
+  const figures = numbers();
+  core.method();
+  return { ms, picture, figures, images, method: text() };
+}
+
+function find({ pixels, height, width, ...asked }) {
+  put(pixels);
+  must(core.detect(height, width));
+  return { numbers: numbers(), ...asked };
 }
 
 onmessage = async ({ data }) => {
   try {
-    if (data.core) await start(data.core);
-    if (data.file) open(data.file);
-    const answer = take(data.settings);
-    if (data.codes) answer.codes = [output(4), output(5)];
-    postMessage(answer, answer.images);
+    if (data.core) core = (await WebAssembly.instantiate(data.core)).exports;
+    else postMessage(data.pixels ? find(data) : take(data));
   } catch (why) {
     const isFatal = !core || why instanceof WebAssembly.RuntimeError;
     postMessage({ isFatal, fault: isFatal ? `The program has failed (${why.message}). Please reload the page.` : why.message });

@@ -2,9 +2,8 @@
 
 use modulo_core::unwrap::{Method, OffsetEvidence, Options, Trust, fit_up_to};
 use modulo_core::{Exposure, Frame, Psf, Recovered, Sensor, SensorConfig, SensorError, UnwrapError};
-use ndarray::Array3;
 
-use crate::picture::TRANSFER;
+use crate::picture::Picture;
 
 /// The full scale of a picture over the end of the range, and the seed of the noise: the defaults of `modulo simulate`.
 const HEADROOM: f64 = 0.97;
@@ -34,10 +33,10 @@ pub enum Reason {
 }
 
 impl Capture {
-    /// Exposes a sensor, whose headroom and transfer function are those of all sensors here.
-    pub fn new(radiance: &Array3<f32>, config: SensorConfig) -> Result<Self, SensorError> {
-        let config = SensorConfig { headroom: HEADROOM, transfer: TRANSFER, ..config };
-        let exposure = Sensor::new(config)?.expose(radiance.view(), SEED)?;
+    /// Exposes a sensor to a picture.
+    pub fn new(picture: &Picture, config: SensorConfig) -> Result<Self, SensorError> {
+        let config = SensorConfig { headroom: HEADROOM, transfer: picture.transfer(), ..config };
+        let exposure = Sensor::new(config)?.expose(picture.radiance.view(), SEED)?;
         Ok(Self { psf: config.psf, modulo: exposure.modulo(), exposure, recovered: Recovered::default() })
     }
 

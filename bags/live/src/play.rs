@@ -134,6 +134,11 @@ impl Player {
         start + if self.repeats && round > 0 { position % round } else { position.min(round) }
     }
 
+    /// Returns the first and the last log time that are played, ns since the epoch.
+    pub fn window(&self) -> (u64, u64) {
+        self.window
+    }
+
     /// Returns how many single messages could not be read so far.
     pub fn left_out(&self) -> u64 {
         self.left_out

@@ -15,6 +15,9 @@ use modulo_middleware::transport::{
     TransportError,
 };
 use modulo_msgs::builtin::Time;
+use modulo_msgs::cdr::CdrError;
+use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
+use modulo_msgs::std_msgs::Header;
 use modulo_msgs::{Interface, cdr, rosgraph_msgs, sensor_msgs};
 use modulo_runtime::clock::nanos;
 use modulo_runtime::report::hex;
@@ -34,6 +37,9 @@ use modulo_bags::bag::{BagError, BagTopic, RawMessage, TopicCount, qos};
 const NODE: &str = "rosbag2_player";
 /// Interval at which the graph is looked at while a node in it is awaited.
 const GLANCE: Duration = Duration::from_millis(20);
+/// The topic on which the replay tells where it is, and how often a second. A hidden one is not recorded.
+const STATUS: &str = "/_modulo/replay";
+const STATUS_HZ: f64 = 2.0;
 /// Commands that wait for the replay; each caller waits for its answer.
 const COMMANDS: usize = 64;
 
@@ -79,7 +85,12 @@ pub fn replay(
 ) -> Result<Replayed, LiveError> {
     let node_name = NodeName { name: NODE.into(), namespace: "/".into(), remaps: Vec::new() };
     let ReplayOptions { remaps, clock_hz } = options;
-    let time = clock_hz.map(|hz| ClockPublisher::declare(transport, &node_name, remaps, hz)).transpose()?;
+    let regular = |name: &str, type_name, qos, hz| {
+        RegularPublisher::declare(transport, &node_name, &BagTopic::new(name, type_name, qos), remaps, hz)
+    };
+    let time =
+        clock_hz.map(|hz| regular("/clock", rosgraph_msgs::Clock::NAME, Qos::Clock, hz)).transpose()?;
+    let status = regular(STATUS, DiagnosticArray::NAME, Qos::usual(MessageKind::Diagnostics), STATUS_HZ)?;
     let mut unheard = Vec::new();
     let publishers =
         Publishers::declare(transport, &node_name, (&*player, remaps, time.as_ref()), &mut unheard)?;
@@ -100,7 +111,7 @@ pub fn replay(
         (pace.rate() == 0.0).then(|| listen_to_readers(transport, &node_name, &events)).transpose()?;
     let (pacing, ahead, stopped) = (Pacing::default(), None, false);
     let mut replay =
-        Replay { transport, clock, player, pace, pacing, ahead, publishers, time, events, stopped };
+        Replay { transport, clock, player, pace, pacing, ahead, publishers, time, status, events, stopped };
     // The timeline starts here, so that the wait for readers is no part of it.
     replay.pace.jump(clock.ticks_ns(), 0);
     let done = replay.run(stop);
@@ -207,7 +218,8 @@ struct Replay<'a> {
     pacing: Pacing,
     ahead: Option<NextMessage>,
     publishers: Publishers,
-    time: Option<ClockPublisher>,
+    time: Option<RegularPublisher>,
+    status: RegularPublisher,
     events: Arc<Queue<PlayerEvent>>,
     /// Whether a caller has asked for the end.
     stopped: bool,
@@ -217,9 +229,7 @@ impl Replay<'_> {
     fn run(&mut self, stop: &Stop) -> Result<(), LiveError> {
         while !self.stopped && stop.urgency() == Urgency::None && self.look_ahead()? {
             let now = self.clock.ticks_ns();
-            if let Some(time) = &mut self.time {
-                time.publish(now, self.player.log_time(self.pace.position(now)))?;
-            }
+            self.tell_time(now)?;
             // At most one message a turn, so that a replay that is late still serves its callers.
             if self.ticks_until_due(now) == Some(0) && !self.waits_for_readers() {
                 self.send_next(now)?;
@@ -239,6 +249,26 @@ impl Replay<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Publishes the time of the bag where that is due: on `/clock`, if that was asked for, and in a status, with which a viewer draws where
+    /// the replay is.
+    fn tell_time(&mut self, now: u64) -> Result<(), TransportError> {
+        let log_time = self.player.log_time(self.pace.position(now));
+        if let Some(time) = &mut self.time {
+            time.publish(now, || cdr::to_vec(&rosgraph_msgs::Clock { clock: Time::from_ns(log_time) }))?;
+        }
+        let (start, end) = self.player.window();
+        let seconds = |ns: u64| Duration::from_nanos(ns).as_secs_f64().to_string();
+        let times = [("start_s", start), ("position_s", log_time - start), ("duration_s", end - start)];
+        self.status.publish(now, || {
+            let topics = ("topics", self.publishers.0.len().to_string());
+            let values = times.map(|(key, ns)| (key, seconds(ns))).into_iter().chain([topics]);
+            let values = values.map(|(key, value)| KeyValue { key: key.into(), value }).collect();
+            let status = DiagnosticStatus { name: NODE.into(), values, ..DiagnosticStatus::default() };
+            let header = Header { stamp: Time::from_ns(self.clock.now_ns()), ..Header::default() };
+            cdr::to_vec(&DiagnosticArray { header, status: vec![status] })
+        })
     }
 
     fn look_ahead(&mut self) -> Result<bool, BagError> {
@@ -276,11 +306,12 @@ impl Replay<'_> {
             return Some(Duration::ZERO);
         }
         let now = self.clock.ticks_ns();
-        let time = self.time.as_ref().map(|time| time.next.saturating_sub(now));
+        let regular = self.time.iter().chain([&self.status]);
+        let regular = regular.map(|publisher| publisher.next.saturating_sub(now)).min();
         // At rate 0 a message that has not been sent waits for readers, one of which may leave the graph.
         let waits = self.pace.rate() == 0.0;
         let due = self.ticks_until_due(now).map(|ticks| if waits { nanos(GLANCE) } else { ticks });
-        [due, time].into_iter().flatten().min().map(Duration::from_nanos)
+        [due, regular].into_iter().flatten().min().map(Duration::from_nanos)
     }
 
     /// Sends the next message. Where no time passes by itself, its position is the new one.
@@ -356,7 +387,7 @@ impl Publishers {
     fn declare(
         transport: &ZenohTransport,
         node_name: &NodeName,
-        (player, remaps, time): (&Player, &TopicRemaps, Option<&ClockPublisher>),
+        (player, remaps, time): (&Player, &TopicRemaps, Option<&RegularPublisher>),
         unheard: &mut Vec<String>,
     ) -> Result<Self, TransportError> {
         // Every topic is declared before the first message, so that readers find them all in time.
@@ -407,7 +438,8 @@ impl Publishers {
     }
 }
 
-struct ClockPublisher {
+/// A publisher of messages that the replay makes itself, at regular times.
+struct RegularPublisher {
     name: String,
     publisher: RawPublisher,
     /// Ticks between two messages, ns.
@@ -416,29 +448,33 @@ struct ClockPublisher {
     next: u64,
 }
 
-impl ClockPublisher {
-    /// Declares `/clock`, published `hz` times a second.
+impl RegularPublisher {
+    /// Declares `topic`, published `hz` times a second.
     fn declare(
         transport: &ZenohTransport,
         node_name: &NodeName,
+        topic: &BagTopic,
         remaps: &TopicRemaps,
         hz: f64,
     ) -> Result<Self, TransportError> {
-        let endpoint = endpoint(&BagTopic::new("/clock", rosgraph_msgs::Clock::NAME, Qos::Clock), remaps)
-            .map_err(|why| TransportError::new("publisher of /clock", why))?;
+        let endpoint = endpoint(topic, remaps)
+            .map_err(|why| TransportError::new(format!("publisher of {}", topic.name), why))?;
         let publisher = transport.advertise_raw(node_name, &endpoint)?;
         Ok(Self { name: endpoint.topic, publisher, every: (1e9 / hz) as u64, next: 0 })
     }
 
-    /// Publishes `time`, ns since the epoch, if that is due at the ticks `now`.
-    fn publish(&mut self, now: u64, time: u64) -> Result<(), TransportError> {
+    /// Publishes a message if one is due at the ticks `now`.
+    fn publish(
+        &mut self,
+        now: u64,
+        message: impl FnOnce() -> Result<Vec<u8>, CdrError>,
+    ) -> Result<(), TransportError> {
         if now < self.next {
             return Ok(());
         }
         // A late message is not made up for.
         self.next = self.next.saturating_add(self.every).max(now);
-        let message = rosgraph_msgs::Clock { clock: Time::from_ns(time) };
-        let payload = cdr::to_vec(&message).map_err(|why| TransportError::new("time of the bag", why))?;
+        let payload = message().map_err(|why| TransportError::new("time of the bag", why))?;
         self.publisher.put(payload)
     }
 }

@@ -180,9 +180,11 @@ impl Client {
             PlayerCall::Rate(rate) => {
                 self.call_player("SetRate", "set_rate", &player::SetRateRequest { rate })?;
             }
-            PlayerCall::Seek(seconds) => {
+            PlayerCall::Seek(seconds, num_messages) => {
                 let time = Time::from_ns((seconds.max(0.0) * 1e9) as u64);
                 self.call_player("Seek", "seek", &player::SeekRequest { time })?;
+                // One that plays refuses.
+                self.call_player("Burst", "burst", &player::BurstRequest { num_messages })?;
             }
         }
         let paused = self.call_player("IsPaused", "is_paused", &player::IsPausedRequest)?;

@@ -76,7 +76,7 @@ impl Feed {
             let (Some((node, endpoint)), false) = (publisher, self.guards.contains_key(&topic)) else {
                 continue;
             };
-            match self.subscribe(node, endpoint) {
+            match self.subscribe(author(node, &topic, &view.statuses), endpoint) {
                 Ok(guard) => drop(self.guards.insert(topic, guard)),
                 Err(why) => errors.push(why.to_string()),
             }
@@ -151,13 +151,17 @@ impl GraphView {
         let published_images: BTreeSet<_> = published(MessageKind::Image).collect();
         let read_images: BTreeSet<_> = of(EntityKind::Subscription, MessageKind::Image).collect();
         let mut images: Vec<String> = topics(MessageKind::Image).into_iter().collect();
-        let detectors = published(MessageKind::Detections).map(|(node, topic)| {
-            let of_node = |(reader, input): &(String, String)| (*reader == node).then(|| input.clone());
-            let inputs = read_images.iter().filter_map(of_node).collect();
-            DetectorView { inputs, offers: offers(&node, &images), node, topic }
+        let statuses: Vec<String> = topics(MessageKind::Diagnostics).into_iter().collect();
+        let detectors = published(MessageKind::Detections).map(|(publisher, topic)| {
+            let of_node = |(reader, input): &(String, String)| (*reader == publisher).then(|| input.clone());
+            let inputs: Vec<String> = read_images.iter().filter_map(of_node).collect();
+            let node = author(publisher.clone(), &topic, &statuses);
+            // Labels are published with the type of boxes as well, by a node that reads no image.
+            let is_detector = node != publisher || !inputs.is_empty();
+            (is_detector, DetectorView { inputs, offers: offers(&node, &images), node, topic })
         });
-        // Labels are published with the type of boxes as well, by a node that reads no image.
-        let (detectors, labels): (Vec<_>, Vec<_>) = detectors.partition(|d| !d.inputs.is_empty());
+        let (detectors, labels): (Vec<_>, Vec<_>) = detectors.partition(|(is_detector, _)| *is_detector);
+        let detectors: Vec<DetectorView> = detectors.into_iter().map(|(_, detector)| detector).collect();
         let cameras = cameras::cameras(&published_images, &read_images, &detectors);
         cameras::sort(&mut images, &cameras);
         let mut nodes = graph.nodes_with_parameters();
@@ -165,9 +169,9 @@ impl GraphView {
         Self {
             domain: 0,
             detectors,
-            truths: labels.into_iter().map(|labels| labels.topic).collect(),
+            truths: labels.into_iter().map(|(_, labels)| labels.topic).collect(),
             links: links(graph, own),
-            statuses: topics(MessageKind::Diagnostics).into_iter().collect(),
+            statuses,
             player: nodes.contains(PLAYER),
             nodes: nodes.into_iter().collect(),
             images,
@@ -211,6 +215,18 @@ fn qos_text(Profile { reliability, durability, depth }: Profile) -> String {
     let durability = if durability == Durability::TransientLocal { ", transient local" } else { "" };
     let depth = if depth == usize::MAX { "all".to_owned() } else { depth.to_string() };
     format!("{reliability}{durability}, keep {depth}")
+}
+
+/// Returns the node that has made the messages on `topic`: their `publisher` or, where that is the player of a bag, the recorded node, which the
+/// topic of its values names.
+fn author(publisher: String, topic: &str, statuses: &[String]) -> String {
+    let recorded = |state: &String| {
+        let node = state.strip_suffix("/state")?;
+        topic.strip_prefix(node)?.starts_with('/').then(|| node.to_owned())
+    };
+    let is_played = publisher == PLAYER;
+    let node = statuses.iter().filter(|_| is_played).filter_map(recorded).max_by_key(String::len);
+    node.unwrap_or(publisher)
 }
 
 /// Returns the topic of the values that `node` uses.

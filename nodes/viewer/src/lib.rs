@@ -138,7 +138,8 @@ pub fn run(
 /// Listens on `address`. Returns the address with the port that the system chose for port 0.
 fn listen(address: SocketAddr) -> Result<(TcpListener, SocketAddr), ViewError> {
     let in_use = |why: io::Error| {
-        ViewError::Setup(format!("{address}: {why}; choose another one with --address or --port"))
+        let other = if why.kind() == io::ErrorKind::AddrInUse { "--port" } else { "--address" };
+        ViewError::Setup(format!("{address}: {why}; choose another one with {other}"))
     };
     let listener = TcpListener::bind(address).map_err(in_use)?;
     let bound = listener.local_addr().map_err(in_use)?;

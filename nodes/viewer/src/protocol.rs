@@ -42,8 +42,8 @@ pub enum PlayerCall {
     Next,
     /// Change the speed; 2 is twice as fast as the recording.
     Rate(f64),
-    /// Go on at this time of the bag, in seconds since the epoch.
-    Seek(f64),
+    /// Go on at this time of the bag, in seconds since the epoch; while paused, play so many messages there.
+    Seek(f64, u64),
 }
 
 /// A message to the page.

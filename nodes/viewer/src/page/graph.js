@@ -41,7 +41,7 @@ export class Graph {
         five: make("dl", { className: "five" }),
         all: make("dl", { className: "all" }),
       };
-      const head = make("h3", {}, parts.mark, make("span", { textContent: shortName(name) }), parts.state);
+      const head = make("h3", { ariaLevel: 2 }, parts.mark, make("span", { textContent: shortName(name) }), parts.state);
       const details = make("details", {}, make("summary", { textContent: "All values" }), parts.all);
       this.cards.set(name, {
         ...parts,

@@ -15,6 +15,7 @@ import { Timeline, nearest } from "./timeline.js";
 
 const TICK_MS = 500;
 const PLAYER_MS = 2000;
+const LONGEST_WAIT_MS = 1000;
 const recording = recordingText();
 const state = newState(recording !== null);
 if (!state.recorded) Object.assign(state.choice, choiceOf(location.search));
@@ -158,9 +159,9 @@ const actions = {
     redraw();
   },
   stop(stopped) {
-    if (state.recorded) return;
     state.stopped = stopped;
-    if (!stopped) {
+    if (state.recorded) playOn(state.moments.indexOf(state.shown?.moment));
+    else if (!stopped) {
       held?.();
       held = null;
       if (state.moments.length) queue(state.moments.at(-1));
@@ -169,17 +170,16 @@ const actions = {
   },
   stopAt(at) {
     const moment = nearestKept(at);
-    if (!moment) return;
+    if (moment) actions.showMoment(state.moments.indexOf(moment));
+  },
+  showMoment(place) {
     state.stopped = true;
-    queue(moment);
+    queue(state.moments[place]);
   },
   step(by) {
     const place = state.moments.indexOf(state.shown?.moment);
-    const moment =
-      state.moments[Math.min(state.moments.length - 1, Math.max(0, (place < 0 ? state.moments.length - 1 : place) + by))];
-    if (!moment) return;
-    state.stopped = true;
-    queue(moment);
+    const last = state.moments.length - 1;
+    if (last >= 0) actions.showMoment(Math.min(last, Math.max(0, (place < 0 ? last : place) + by)));
   },
   set: (node, name, value) => ask({ set: { node, name, value: String(value) } }),
   player: (call) => ask({ player: call }),
@@ -189,6 +189,21 @@ const actions = {
     if (offers.length) actions.set(found.node, "input", offers[(offers.indexOf(found.parameter.value) + 1) % offers.length]);
   },
 };
+
+let playing = 0;
+
+// Goes on in a recorded page with the moment behind this place, as long after it as it came; behind the last one is the first one.
+function playOn(place) {
+  clearTimeout(playing);
+  redraw();
+  if (state.stopped) return;
+  const next = (place + 1) % state.moments.length;
+  const wait = state.moments[next].at - (state.moments[place]?.at ?? 0);
+  const show = () => {
+    if (!state.stopped) queue(state.moments[next], () => playOn(next));
+  };
+  playing = setTimeout(show, Math.min(LONGEST_WAIT_MS, Math.abs(wait)));
+}
 
 // The kept moment of the frame at a time of the strip, else the kept one that is nearest to it.
 function nearestKept(at) {

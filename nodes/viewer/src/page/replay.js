@@ -1,10 +1,14 @@
-// The transport of a replayed bag, and the parameters that are changed most.
+// The transport of a replayed bag or of a recorded page, and the parameters that are changed most.
 
 import { byId, labelled, make, offer, write } from "./dom.js";
 import { find } from "./state.js";
 
+// Requests of a bar that is dragged are this far apart.
+const DRAG_MS = 200;
+
 export class Replay {
   constructor(actions) {
+    this.actions = actions;
     this.toggle = make("button", { type: "button", title: "Key: p", onclick: () => actions.player("toggle") });
     this.next = make("button", {
       type: "button",
@@ -12,24 +16,48 @@ export class Replay {
       textContent: "Next message",
       onclick: () => actions.player("next"),
     });
-    const number = (name, least) =>
-      make("input", {
-        type: "number",
-        min: least,
-        step: "any",
-        onchange: (event) => actions.player({ [name]: Number(event.target.value) }),
-      });
-    [this.rate, this.seek] = [number("rate", 0.01), number("seek", 0)];
-    this.state = make("span", { role: "status" });
-    byId("replay").append(this.toggle, this.next, labelled("Speed", this.rate), labelled("Go to, s", this.seek), this.state);
+    const rate = ({ target }) => actions.player({ rate: Number(target.value) });
+    this.rate = make("input", { type: "number", min: 0.01, step: "any", onchange: rate });
+    this.bar = make("input", { type: "range", min: 0, ariaLabel: "Time of the recording", oninput: () => this.drag() });
+    this.place = make("output");
+    this.speed = labelled("Speed", this.rate);
+    byId("replay").append(this.toggle, this.next, this.speed, this.bar, this.place);
   }
 
-  draw({ graph, player }) {
-    byId("replay").hidden = !graph.player;
+  // A recorded page has its frames at hand.
+  drag() {
+    if (this.recorded) return this.actions.showMoment(Number(this.bar.value));
+    this.dragged ??= setTimeout(() => {
+      this.dragged = null;
+      // The time may lie within a frame, whose messages are one of each topic at most: the next frame is whole.
+      this.actions.player({ seek: [this.start + Number(this.bar.value), 2 * this.topics] });
+    }, DRAG_MS);
+  }
+
+  draw({ graph, player, recorded, moments, shown, statuses }) {
+    const { start_s, position_s, duration_s, topics } = statuses.get("rosbag2_player") ?? {};
+    this.recorded = recorded;
+    byId("replay").hidden = !graph.player && !recorded;
+    for (const part of [this.toggle, this.next, this.speed]) part.hidden = recorded;
     write(this.toggle, `${player.paused ? "Play" : "Pause"} the replay`);
     this.next.disabled = !player.paused;
-    write(this.state, `${player.paused ? "paused" : "playing"} at speed ${player.rate}`);
     if (document.activeElement !== this.rate) this.rate.value = player.rate;
+    if (recorded) {
+      const seconds = (moment) => ((moment.at - moments[0].at) / 1000).toFixed(1);
+      this.move(moments.indexOf(shown?.moment), moments.length - 1, 1);
+      write(this.place, shown ? `${seconds(shown.moment)} of ${seconds(moments.at(-1))} s` : "");
+      return;
+    }
+    // A player of ROS 2 does not tell where it is.
+    [this.start, this.topics] = [Number(start_s), Number(topics)];
+    this.bar.hidden = !duration_s;
+    this.move(position_s, duration_s, "any");
+    write(this.place, duration_s ? `${Number(position_s).toFixed(1)} of ${Number(duration_s).toFixed(1)} s` : "");
+  }
+
+  move(value, max, step) {
+    Object.assign(this.bar, { max, step });
+    if (!this.dragged && !this.bar.matches(":active")) this.bar.value = value;
   }
 }
 

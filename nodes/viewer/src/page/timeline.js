@@ -86,7 +86,7 @@ export class Timeline {
     const left = Math.max(0, this.x(first.at));
     Object.assign(this.kept.style, { left: `${left}px`, width: `${Math.max(2, this.x(last.at) - left)}px` });
     this.plots.setAttribute("aria-valuemin", Math.round((first.at - this.end) / 1000));
-    this.plots.setAttribute("aria-valuemax", Math.round((last.at - this.end) / 1000));
+    this.plots.setAttribute("aria-valuemax", 0);
   }
 
   label(row, entries, most) {
@@ -258,9 +258,9 @@ export class Timeline {
   drawCursor(state) {
     const at = state.hover ?? (state.stopped ? state.shown?.moment.at : null);
     this.cursor.hidden = at === null || at === undefined;
+    this.plots.setAttribute("aria-valuenow", this.cursor.hidden ? 0 : Math.round((at - this.end) / 1000));
     if (this.cursor.hidden) return write(this.readout, "Point at the strip for the values of a frame; click to stop there.");
     this.cursor.style.left = `${Math.min(this.width, Math.max(0, this.x(at)))}px`;
-    this.plots.setAttribute("aria-valuenow", Math.round((at - this.end) / 1000));
     const frame = state.hover === null ? frameOf(state, state.shown.moment) : nearest(state.frames, at);
     write(this.readout, frame ? textOf(state, frame) : "No frame.");
   }
