@@ -123,9 +123,9 @@ fn one_of_each(
 fn page(port: u16) -> Result<Ended, Failure> {
     let mut running = Running::start(&mut suite()?)?;
     let address = IpAddr::V4(Ipv4Addr::LOCALHOST);
-    let with = ViewCommand { replayed: None, port, address, token: None, foxglove: None, record: None };
+    let with = ViewCommand { replayed: None, port, address, token: None, record: None };
     let ended = serve(&with, |at| {
-        let address = format!("{}&{VIEW}", at.page);
+        let address = format!("{at}&{VIEW}");
         say!(
             "A low sun over a street. Left of the wipe, a normal camera clips what is bright, and its detector misses it."
         );

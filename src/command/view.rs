@@ -10,7 +10,7 @@ use clap::Args;
 use modulo_bags::bag::BagReader;
 use modulo_runtime::launcher;
 use modulo_runtime::output::prepare_file;
-use modulo_viewer::{RECORDING_BEGIN, ViewAddresses, ViewOptions};
+use modulo_viewer::{RECORDING_BEGIN, ViewOptions};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
@@ -31,10 +31,6 @@ pub struct ViewCommand {
     /// Token that a browser needs; a new random one by default
     #[arg(long, value_parser = token)]
     pub token: Option<String>,
-    /// Also serve Foxglove and Lichtblick over WebSocket, on this port of the same address; 0 takes a free one. They see all
-    /// images and parameters without the token, but set parameters only with it
-    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "8765")]
-    pub foxglove: Option<u16>,
     /// At the end, write the last minute to this file, a page that needs no viewer: images twice a second, at most 64 MiB
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
@@ -53,18 +49,12 @@ pub fn view(args: &ViewCommand) -> Result<Ended, Failure> {
     };
     let _replay = args.replayed.as_ref().map(replay).transpose()?;
     serve(args, |at| {
-        say!("open {} in a browser; SIGINT ends the viewer", at.page);
-        if let Some(address) = &at.foxglove {
-            say!(
-                "open {address} in Foxglove; set the parameter `token` there to {} to change others",
-                at.token
-            );
-        }
+        say!("open {at} in a browser; SIGINT ends the viewer");
     })
 }
 
-/// Runs the viewer until a signal; tells its addresses when it can be reached.
-pub fn serve(args: &ViewCommand, open: impl FnOnce(&ViewAddresses)) -> Result<Ended, Failure> {
+/// Runs the viewer until a signal; tells its address when it can be reached.
+pub fn serve(args: &ViewCommand, open: impl FnOnce(&str)) -> Result<Ended, Failure> {
     let prepare = |file: &PathBuf| prepare_file(file, Some(RECORDING_BEGIN));
     args.record.iter().try_for_each(prepare).map_err(usage)?;
     start_log("info");
@@ -72,7 +62,6 @@ pub fn serve(args: &ViewCommand, open: impl FnOnce(&ViewAddresses)) -> Result<En
     let options = ViewOptions {
         address: SocketAddr::new(args.address, args.port),
         token: args.token.clone(),
-        foxglove: args.foxglove,
         record: args.record.clone(),
     };
     let (clock, transport) = open_session()?;

@@ -4,17 +4,14 @@ use std::collections::BTreeSet;
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::TcpStream;
 use std::process::Stdio;
-use std::sync::{Mutex, mpsc};
 
 use modulo_draw::class_colour;
-use modulo_middleware::transport::zenoh::RawService;
-use modulo_runtime::wire::keys::PARAMETER_QOS;
 use serde_json::{Value, json};
 use tungstenite::client::IntoClientRequest as _;
 use tungstenite::stream::MaybeTlsStream;
 use tungstenite::{Message, WebSocket};
 
-use crate::harness::{Background, Bench, Peer, assert_has, command_line, wait_until};
+use crate::harness::{Background, Bench, assert_has, command_line, wait_until};
 
 /// A suite at 5 Hz without end.
 fn suite(bench: &Bench) -> Background {
@@ -25,24 +22,17 @@ fn suite(bench: &Bench) -> Background {
 
 /// A viewer, and the address that it prints.
 pub fn viewer(bench: &Bench) -> (Background, String) {
-    let (viewer, [address]) = viewer_with(bench, &[], ["http://"]);
-    (viewer, address)
+    viewer_with(bench, &[])
 }
 
-/// A viewer with further arguments, and the addresses that it prints, one for each scheme.
-fn viewer_with<const N: usize>(
-    bench: &Bench,
-    more: &[&str],
-    schemes: [&str; N],
-) -> (Background, [String; N]) {
+/// A viewer with further arguments, and the address that it prints.
+fn viewer_with(bench: &Bench, more: &[&str]) -> (Background, String) {
     let arguments = [&["view", "--port", "0"], more].concat();
     let mut child = bench.modulo(&arguments).stdout(Stdio::piped()).spawn().expect("it starts");
     let mut lines = BufReader::new(child.stdout.take().expect("piped")).lines();
-    let addresses = schemes.map(|scheme| {
-        let line = lines.next().expect("a line for each address").expect("UTF-8");
-        line.split(' ').find(|word| word.starts_with(scheme)).expect("an address").to_owned()
-    });
-    (Background(child), addresses)
+    let line = lines.next().expect("a line with the address").expect("UTF-8");
+    let address = line.split(' ').find(|word| word.starts_with("http://")).expect("an address").to_owned();
+    (Background(child), address)
 }
 
 /// The host and the token of an address.
@@ -272,7 +262,7 @@ fn a_recording_is_a_page_with_the_images_and_what_was_told() {
     let bench = Bench::new();
     let _suite = suite(&bench);
     let out = bench.path("out.html");
-    let (viewer, [address]) = viewer_with(&bench, &["--record", out.to_str().expect("UTF-8")], ["http://"]);
+    let (viewer, address) = viewer_with(&bench, &["--record", out.to_str().expect("UTF-8")]);
     // A browser at the same time sees when there is something to record.
     let mut page = Page::open(&address);
     page.event("graph", |graph| !graph["detectors"].as_array().is_none_or(Vec::is_empty));
@@ -291,154 +281,6 @@ fn a_recording_is_a_page_with_the_images_and_what_was_told() {
     assert!(recording.iter().any(|(_, body)| body.is_string()), "images");
     assert!(!text.contains("src=\"") && !text.contains("href=\"page.css"), "it loads nothing");
     bench.says(2, "view --record /no/folder/out.html");
-}
-
-/// A client of the Foxglove WebSocket protocol.
-struct Foxglove {
-    socket: WebSocket<MaybeTlsStream<TcpStream>>,
-    /// All channels that it was offered.
-    channels: Vec<Value>,
-    /// All warnings and errors that it was told.
-    warnings: Vec<String>,
-}
-
-impl Foxglove {
-    fn open(address: &str) -> Self {
-        let mut request = address.into_client_request().expect("an address");
-        let protocol = "foxglove.sdk.v1".parse().expect("a header");
-        request.headers_mut().insert("sec-websocket-protocol", protocol);
-        let socket = tungstenite::connect(request).expect("a connection").0;
-        Self { socket, channels: Vec::new(), warnings: Vec::new() }
-    }
-
-    fn ask(&mut self, request: &Value) {
-        self.socket.send(Message::text(request.to_string())).expect("sent");
-    }
-
-    /// The next text message of `op` that `accept` accepts.
-    fn hear(&mut self, op: &str, accept: impl Fn(&Value) -> bool) -> Value {
-        loop {
-            if let Message::Text(text) = self.socket.read().expect("a message") {
-                let message: Value = serde_json::from_str(&text).expect("JSON");
-                self.channels.extend(message["channels"].as_array().into_iter().flatten().cloned());
-                if message["op"] == "status" {
-                    self.warnings.push(message["message"].to_string());
-                }
-                if message["op"] == op && accept(&message) {
-                    return message;
-                }
-            }
-        }
-    }
-
-    /// The id of the channel of `topic`, which must have this schema.
-    fn channel(&mut self, topic: &str, schema: &str) -> Value {
-        loop {
-            if let Some(channel) = self.channels.iter().find(|channel| channel["topic"] == topic) {
-                let kind = (&channel["schemaName"], &channel["encoding"]);
-                assert_eq!(kind, (&json!(schema), &json!("protobuf")));
-                return channel["id"].clone();
-            }
-            self.hear("advertise", |_| true);
-        }
-    }
-
-    /// The next message of the subscription `id`.
-    fn message(&mut self, id: u32) -> Vec<u8> {
-        loop {
-            if let Message::Binary(bytes) = self.socket.read().expect("a message")
-                // Opcode, id of the subscription, and time.
-                && let Some((1, [a, b, c, d, rest @ ..])) = bytes.split_first().map(|(op, rest)| (*op, rest))
-                && u32::from_le_bytes([*a, *b, *c, *d]) == id
-            {
-                return rest[8..].to_vec();
-            }
-        }
-    }
-
-    /// The value of a parameter; `None` where there is none.
-    fn parameter(&mut self, name: &str) -> Option<Value> {
-        self.ask(&json!({ "op": "getParameters", "parameterNames": [name], "id": name }));
-        let values = self.hear("parameterValues", |message| message["id"] == name);
-        values["parameters"].as_array().expect("a list").first().map(|first| first["value"].clone())
-    }
-
-    /// Sets a parameter, and returns what it has then.
-    fn set(&mut self, name: &str, value: &str) -> Value {
-        let parameters = json!([{ "name": name, "value": value }]);
-        self.ask(&json!({ "op": "setParameters", "parameters": parameters, "id": "set" }));
-        self.hear("parameterValues", |message| message["id"] == "set")["parameters"][0]["value"].clone()
-    }
-}
-
-#[test]
-fn foxglove_gets_images_with_boxes_and_sets_parameters_with_the_token() {
-    let bench = Bench::new();
-    let _suite = suite(&bench);
-    let (viewer, [page, address]) = viewer_with(&bench, &["--foxglove", "0"], ["http://", "ws://"]);
-    let mut client = Foxglove::open(&address);
-    let server = client.hear("serverInfo", |_| true);
-    assert!(
-        server["capabilities"].as_array().is_some_and(|all| all.contains(&json!("parameters"))),
-        "{server}"
-    );
-    let image = client.channel("/recovered", "foxglove.CompressedImage");
-    let boxes = client.channel("/detector/detections", "foxglove.ImageAnnotations");
-    let subscriptions = json!([{ "id": 1, "channelId": image }, { "id": 2, "channelId": boxes }]);
-    client.ask(&json!({ "op": "subscribe", "subscriptions": subscriptions }));
-    assert!(client.message(1).windows(3).any(|part| part == [0xff, 0xd8, 0xff]), "a JPEG file");
-    assert!(!client.message(2).is_empty(), "boxes");
-
-    assert_eq!(client.parameter("/detector.input"), Some(json!("recovered")));
-    assert_eq!(client.parameter("/detector.score_threshold"), Some(json!(0.25)));
-    assert_eq!(client.parameter("/no_such_node.input"), None);
-    assert_eq!(client.set("/detector.input", "modulo"), "recovered", "no token was given");
-    assert_eq!(client.set("token", "0123456789abcdef"), "");
-    assert_eq!(client.set("/detector.input", "modulo"), "recovered", "a wrong token was given");
-    assert_eq!(client.set("token", parts(&page).1), "", "the token is never told");
-    assert_eq!(client.set("/detector.input", "modulo"), "modulo");
-    let mut other = Foxglove::open(&address);
-    assert_eq!(other.set("/detector.input", "recovered"), "modulo", "each client gives the token");
-    assert_eq!(viewer.interrupt(), Some(0), "SIGINT ends it");
-}
-
-/// Any web page may ask; each question that waits for a node takes a thread.
-#[test]
-fn foxglove_refuses_requests_when_too_many_wait_for_a_node() {
-    const REQUESTS: usize = 12;
-    let (bench, (give, forever)) = (Bench::new(), mpsc::channel::<()>());
-    let (peer, forever) = (Peer::new(&bench), Mutex::new(forever));
-    let service = |name, ros_type, answer| RawService { name, ros_type, qos: PARAMETER_QOS, answer };
-    let stalled = service(
-        "get_parameters",
-        "rcl_interfaces/srv/GetParameters",
-        Box::new(move |_: &[u8]| {
-            // Until the end of the test.
-            let _ = forever.lock().map(|end| end.recv());
-            Ok(Vec::new())
-        }),
-    );
-    let listed =
-        service("list_parameters", "rcl_interfaces/srv/ListParameters", Box::new(|_: &[u8]| Ok(Vec::new())));
-    let _services = peer.transport.serve_raw(&peer.node_name, vec![stalled, listed]).expect("services");
-    let (_viewer, [_page, address]) = viewer_with(&bench, &["--foxglove", "0"], ["http://", "ws://"]);
-    let mut client = Foxglove::open(&address);
-    let warned = |client: &mut Foxglove| {
-        client.ask(&json!({ "op": "getParameters", "parameterNames": ["/peer.x"], "id": "first" }));
-        client.hear("parameterValues", |_| true);
-        std::mem::take(&mut client.warnings)
-    };
-    // Before the viewer knows the node, it answers without asking it.
-    wait_until("the viewer asks the node", || !warned(&mut client).is_empty());
-    for id in 0..REQUESTS {
-        client.ask(&json!({ "op": "getParameters", "parameterNames": ["/peer.x"], "id": id.to_string() }));
-    }
-    for _ in 0..REQUESTS {
-        client.hear("parameterValues", |_| true);
-    }
-    let refused = client.warnings.iter().filter(|why| why.contains("too many requests")).count();
-    assert_eq!((refused, client.warnings.len()), (REQUESTS - 8, REQUESTS), "{:?}", client.warnings);
-    drop(give);
 }
 
 /// The demonstration as one picture of what its nodes have published: the normal camera clips the sun, and the recovered image shows it.

@@ -17,7 +17,7 @@ use tokio::time::{MissedTickBehavior, interval, timeout};
 use crate::Viewer;
 use crate::feed::PLAYER;
 use crate::protocol::{Event, GraphView, PageRequest, ParameterView, PlayerCall};
-use crate::watch::{Audience, LOOK, Watch};
+use crate::watch::{LOOK, Watch};
 
 /// Time between two questions whether the browser is still there, which it answers by itself. One that leaves two of them unanswered
 /// makes room for another one; its page connects again when it goes on.
@@ -28,7 +28,7 @@ const REQUESTS: usize = 32;
 const PATIENCE: Duration = Duration::from_secs(5);
 
 pub(crate) async fn serve(viewer: Arc<Viewer>, mut socket: WebSocket) {
-    let client = Arc::new(Client { watch: Watch::new(viewer.session.clone(), Audience::Page), viewer });
+    let client = Arc::new(Client { watch: Watch::new(viewer.session.clone()), viewer });
     let (requests, waiting) = mpsc::channel(REQUESTS);
     let (answers, mut answered) = mpsc::channel(REQUESTS);
     let caller = client.clone();

@@ -5,7 +5,6 @@
 //! topics -> Streams (newest few images, boxes by stamp) -> moments -> one WebSocket for each browser -> page
 //! page -> PageRequest -> parameter and player services
 //! topics -> Streams -> moments -> Recording -> a page as one file
-//! topics -> Streams -> channels of the Foxglove protocol -> Foxglove, Lichtblick
 //! ```
 //!
 //! The viewer is a reader as any other: nodes never wait for it, it keeps at most 64 MiB of images for each
@@ -15,7 +14,6 @@
 mod cameras;
 mod client;
 mod feed;
-mod foxglove;
 mod http;
 mod page;
 mod protocol;
@@ -60,21 +58,8 @@ pub struct ViewOptions {
     pub address: SocketAddr,
     /// The token of the address; a random one for `None`.
     pub token: Option<String>,
-    /// The port for Foxglove, on the same address, if it is served; port 0 takes a free one.
-    pub foxglove: Option<u16>,
     /// The file that gets a page with the last minute at the end.
     pub record: Option<PathBuf>,
-}
-
-/// The addresses of a viewer that is ready.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ViewAddresses {
-    /// The page, with the token.
-    pub page: String,
-    /// The address for Foxglove.
-    pub foxglove: Option<String>,
-    /// The token.
-    pub token: String,
 }
 
 /// Error: the viewer cannot run.
@@ -91,7 +76,7 @@ pub enum ViewError {
     Transport(#[from] TransportError),
 }
 
-/// Serves the page until `stop` is asked for an end. `ready` gets the addresses once clients can connect. Returns the number of
+/// Serves the page until `stop` is asked for an end. `ready` gets the address of the page, with the token, once browsers can connect. Returns the number of
 /// moments that were too large for the recording.
 ///
 /// # Errors
@@ -101,7 +86,7 @@ pub fn run(
     clock: Arc<dyn Clock>,
     options: &ViewOptions,
     stop: &Stop,
-    ready: impl FnOnce(&ViewAddresses),
+    ready: impl FnOnce(&str),
 ) -> Result<usize, ViewError> {
     let no_random = |why: SysError| {
         ViewError::Setup(format!("no random numbers for the token: {why}; give one with --token"))
@@ -109,7 +94,6 @@ pub fn run(
     let token = options.token.clone().map_or_else(random_token, Ok).map_err(no_random)?;
     let (listener, address) = listen(options.address)?;
     let page = format!("http://{address}/?token={token}");
-    let mut addresses = ViewAddresses { page, foxglove: None, token: token.clone() };
     let node_name = NodeName { name: NODE.into(), namespace: "/".into(), remaps: Vec::new() };
     let _announced = transport.announce(&node_name)?;
     let session = Arc::new(Session { transport, node_name, clock });
@@ -117,15 +101,10 @@ pub fn run(
     let recording = Arc::new(Mutex::new(Recording::default()));
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()?;
     runtime.block_on(async {
-        if let Some(port) = options.foxglove {
-            let address = SocketAddr::new(address.ip(), port);
-            let port = serve_foxglove(session.clone(), address, token.clone()).await?;
-            addresses.foxglove = Some(format!("ws://{}", SocketAddr::new(address.ip(), port)));
-        }
         if options.record.is_some() {
             tokio::spawn(record::record(session.clone(), recording.clone()));
         }
-        ready(&addresses);
+        ready(&page);
         let seats = Arc::new(Semaphore::new(BROWSERS));
         serve(Arc::new(Viewer { session, token, seats }), listener, stop).await
     })?;
@@ -151,16 +130,6 @@ fn save(recording: &Recording, file: &Path) -> Result<usize, ViewError> {
     let lost = |why: io::Error| ViewError::Setup(format!("{name}: {why}; the recording is lost"));
     replace(file, recording.page().as_bytes()).map_err(lost)?;
     Ok(recording.too_large)
-}
-
-/// Serves Foxglove in the background. Returns its port.
-async fn serve_foxglove(session: Arc<Session>, address: SocketAddr, token: String) -> Result<u16, ViewError> {
-    let server = foxglove::FoxgloveServer::start(session, address, token).await;
-    let remedy = "choose another port with --foxglove PORT";
-    let server = server.map_err(|why| ViewError::Setup(format!("Foxglove on {address}: {why}; {remedy}")))?;
-    let port = server.port();
-    tokio::spawn(server.serve());
-    Ok(port)
 }
 
 /// Returns 128 random bits in hexadecimal digits.

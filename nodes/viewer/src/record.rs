@@ -11,7 +11,7 @@ use tokio::task::spawn_blocking;
 use crate::feed::{NAMES, Session, has_room};
 use crate::page;
 use crate::protocol::{Event, GraphView, ParameterView};
-use crate::watch::{Audience, LOOK, Watch, done};
+use crate::watch::{LOOK, Watch, done};
 
 const KEPT_MS: f64 = 60_000.0;
 /// Bytes that are kept: fewer seconds of large images.
@@ -81,7 +81,7 @@ impl Recording {
 
 /// Records without an end. Images are taken twice a second.
 pub(crate) async fn record(session: Arc<Session>, recording: Arc<Mutex<Recording>>) {
-    let watch = Watch::new(session.clone(), Audience::Page);
+    let watch = Watch::new(session.clone());
     let (mut feed, mut graph) = (watch.feed(), GraphView::default());
     let mut look = tokio::time::interval(LOOK);
     let now_ms = || session.clock.now_ns() as f64 / 1e6;

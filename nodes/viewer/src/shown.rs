@@ -1,9 +1,7 @@
 //! [`ShownImage`]: an image as 8 bits for a browser, and the histogram of its radiance.
 
-use modulo_core::{DisplayCurve, Frame, Samples, Transfer, tone};
+use modulo_core::{Frame, Samples, Transfer, tone};
 use modulo_runtime::{LightScale, StreamScale};
-
-use crate::watch::Audience;
 
 /// The least radiance of the histogram, in stops from the peak of the sensor.
 pub const LEAST_STOP: f64 = -8.0;
@@ -24,24 +22,19 @@ pub struct ShownImage {
 
 impl ShownImage {
     /// Makes 8 bits of `frame`, whose samples have this `scale`, if it is known.
-    pub fn of(frame: &Frame, scale: Option<StreamScale>, audience: Audience) -> Self {
+    pub fn of(frame: &Frame, scale: Option<StreamScale>) -> Self {
         match scale.and_then(|scale| Some((scale.most, scale.light?))) {
-            Some(scale) => of_radiance(frame, scale, audience),
+            Some(scale) => of_radiance(frame, scale),
             None => of_samples(frame),
         }
     }
 }
 
 /// A page gets sRGB's codes of radiance: dark parts keep their steps, which it may show brighter.
-fn of_radiance(frame: &Frame, (most, light): (f64, LightScale), audience: Audience) -> ShownImage {
-    let curve = DisplayCurve::of_white(light.white);
+fn of_radiance(frame: &Frame, (most, light): (f64, LightScale)) -> ShownImage {
     let code = |sample: f64| {
         let radiance = light.radiance((sample / most).min(1.0));
-        let code = match audience {
-            Audience::Page => Transfer::Srgb.encode(radiance / light.white),
-            Audience::Foxglove => curve.code(radiance),
-        };
-        (255.0 * code).round() as u8
+        (255.0 * Transfer::Srgb.encode(radiance / light.white)).round() as u8
     };
     let shown = match frame.samples() {
         Samples::U8(codes) => {
@@ -115,22 +108,22 @@ mod tests {
     fn a_stop_has_its_bin_and_all_shares_are_one() {
         // Codes 63 and 64 of the recovered image, whose 255 are two stops above the peak, are about the peak.
         let frame = Frame::from_u8(Array3::from_elem((40, 30, 3), 64)).expect("a frame");
-        let shown = ShownImage::of(&frame, scale(StreamKind::Recovered, 8), Audience::Page);
+        let shown = ShownImage::of(&frame, scale(StreamKind::Recovered, 8));
         let peak = (-LEAST_STOP * BINS_OF_A_STOP) as usize;
         assert!(shown.stops[peak] > 0.9, "{:?}", shown.stops);
         assert!((shown.stops.iter().sum::<f32>() - 1.0).abs() < 1e-4);
         assert_eq!(shown.peaks, Some(4.0));
         let black = Frame::from_u8(Array3::from_elem((4, 3, 1), 0)).expect("a frame");
-        let stops = ShownImage::of(&black, scale(StreamKind::Recovered, 8), Audience::Page).stops;
+        let stops = ShownImage::of(&black, scale(StreamKind::Recovered, 8)).stops;
         assert!((stops.iter().sum::<f32>() - 1.0).abs() < 1e-4 && stops[peak..].iter().all(|s| *s == 0.0));
     }
 
     #[test]
     fn an_image_of_16_bits_has_the_white_of_its_sensor_and_any_other_one_its_largest_sample() {
         let frame = Frame::from_u16(Array3::from_elem((4, 3, 1), 512)).expect("a frame");
-        let shown = ShownImage::of(&frame, scale(StreamKind::Hdr, 16), Audience::Page);
+        let shown = ShownImage::of(&frame, scale(StreamKind::Hdr, 16));
         assert_eq!((shown.peaks, shown.frame.to_f32()[[0, 0, 0]]), (Some(4.0), 188.0), "sRGB's half");
-        let shown = ShownImage::of(&frame, None, Audience::Page);
+        let shown = ShownImage::of(&frame, None);
         assert_eq!((shown.peaks, shown.frame.to_f32()[[0, 0, 0]]), (None, 255.0));
     }
 }

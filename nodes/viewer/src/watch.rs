@@ -26,19 +26,9 @@ pub(crate) const LOOK: Duration = Duration::from_millis(500);
 /// Notices that wait for a client: those of 2 s of 8 cameras at 30 Hz, each with two nodes behind it.
 const NOTICES: usize = 1440;
 
-/// The reader of the images.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Audience {
-    /// A page, which chooses the exposure itself, and is told what becomes of each frame.
-    Page,
-    /// Foxglove, which shows images as they are.
-    Foxglove,
-}
-
 /// The messages that wait for one client; the callbacks of the transport fill it.
 pub(crate) struct Watch {
     session: Arc<Session>,
-    audience: Audience,
     inbox: Mutex<Inbox>,
     /// Told of each message.
     pub news: Notify,
@@ -83,9 +73,9 @@ impl Moment {
 }
 
 impl Watch {
-    pub fn new(session: Arc<Session>, audience: Audience) -> Arc<Self> {
-        let inbox = Inbox { together: audience == Audience::Page, ..Inbox::default() };
-        Arc::new(Self { session, audience, inbox: Mutex::new(inbox), news: Notify::new() })
+    pub fn new(session: Arc<Session>) -> Arc<Self> {
+        let inbox = Inbox { together: true, ..Inbox::default() };
+        Arc::new(Self { session, inbox: Mutex::new(inbox), news: Notify::new() })
     }
 
     pub fn inbox(&self) -> MutexGuard<'_, Inbox> {
@@ -104,15 +94,11 @@ impl Watch {
     /// Looks at the graph, and subscribes `feed` to what the client is shown. Returns the feed, the graph and what failed.
     pub async fn look(&self, mut feed: Feed) -> (Feed, GraphView, Vec<String>) {
         let watched: BTreeSet<String> = self.inbox().streams.watched().cloned().collect();
-        let all = self.audience == Audience::Page;
         let wanted = move |graph: &GraphView| {
-            let reads = |input| watched.contains(input);
-            let detectors = graph.detectors.iter().filter(|d| all || d.inputs.iter().any(reads));
+            let detectors = graph.detectors.iter();
             let topics = detectors.flat_map(|detector| [detector.topic.clone(), state_topic(&detector.node)]);
-            let labels = graph.truths.iter().filter(|_| all).cloned();
-            let is_needed = |topic: &&String| all || sensor_info::is_topic(topic);
-            let statuses = graph.statuses.iter().filter(is_needed).cloned();
-            topics.chain(labels).chain(statuses).chain(watched.iter().cloned()).collect()
+            let others = graph.truths.iter().chain(&graph.statuses).chain(&watched);
+            topics.chain(others.cloned()).collect()
         };
         let looked = spawn_blocking(move || {
             let (graph, errors) = feed.look(wanted);
@@ -164,9 +150,8 @@ impl Watch {
             (next.into_iter().map(with_sensor).collect::<Vec<_>>(), together)
         };
         let camera = graph.camera(&next.first()?.1.topic).to_owned();
-        let audience = self.audience;
         let encode_all = move || -> Vec<_> {
-            next.iter().map(|(of, image)| (image.topic.clone(), encode(image, of, audience))).collect()
+            next.iter().map(|(of, image)| (image.topic.clone(), encode(image, of))).collect()
         };
         let encoded = done(spawn_blocking(encode_all)).await;
         let (mut images, mut errors) = (Vec::new(), Vec::new());
@@ -228,9 +213,6 @@ impl Inbox {
 
     /// Keeps a notice for a page; the oldest one is left out when too many wait.
     fn note(&mut self, watch: &Watch, origin: &MessageOrigin, stamp: Time, step: Step) {
-        if watch.audience != Audience::Page {
-            return;
-        }
         if self.notices.len() == NOTICES {
             self.notices.pop_front();
             self.lost_notices += 1;
@@ -252,7 +234,6 @@ fn classes(boxes: &Detection2DArray) -> BTreeMap<String, usize> {
 fn encode(
     next: &NextImage,
     (kind, sensor): &(Option<StreamKind>, Option<SensorModel>),
-    audience: Audience,
 ) -> Result<JpegImage, String> {
     let Message::Image(image) =
         Message::decode(MessageKind::Image, &next.payload).map_err(|why| why.to_string())?
@@ -260,7 +241,7 @@ fn encode(
         return Err("is no image".to_owned());
     };
     let scale = StreamScale::of(*kind, image.frame.depth(), sensor.as_ref(), 0);
-    let shown = ShownImage::of(&image.frame, scale, audience);
+    let shown = ShownImage::of(&image.frame, scale);
     let jpeg = modulo_images::encode(&shown.frame, FileFormat::Jpeg).map_err(|why| why.to_string())?;
     let boxes = next.boxes.iter().map(|(detector, boxes)| (detector.clone(), BoxView::of(boxes)));
     let header = ImageHeader {
