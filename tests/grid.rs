@@ -208,7 +208,7 @@ fn two_gains_are_exact_without_a_lens() {
 fn a_mosaic_is_exact_behind_a_lens() {
     let bench = Bench::new();
     let sensor = "--alpha 2 --psf-sigma 1.4 --mosaic none,grbg --deblur off";
-    let streams = "--stream ideal,recovered,multi_exposure --method auto,spud_as_published";
+    let streams = "--stream ideal,recovered --method auto,spud_as_published";
     bench.says(0, &format!("{CELL} {sensor} {streams}"));
     let cells = cells(&bench.path("out"));
     let word = |cell: &Value, name| cell[name].as_str().expect("a word").to_owned();
@@ -216,8 +216,8 @@ fn a_mosaic_is_exact_behind_a_lens() {
         cells.iter().map(|cell| ["mosaic", "stream"].map(|name| word(cell, name))).collect();
     named.sort();
     let of = |mosaic| [[mosaic, "ideal"], [mosaic, "ideal"], [mosaic, "recovered"]];
-    // Three captures and SPUD as published have three chips only.
-    let three_chips = [["none", "multi_exposure"], ["none", "recovered"], ["none", "recovered"]];
+    // SPUD as published has three chips only.
+    let three_chips = [["none", "recovered"], ["none", "recovered"]];
     assert_eq!(named, [&of("grbg")[..], &of("none")[..2], &three_chips].concat());
     let last = cells
         .iter()

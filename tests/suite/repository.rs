@@ -139,9 +139,11 @@ fn a_parameter_of_the_sensor_is_named_in_few_files() {
     }
 }
 
-/// Examples and the page of `web/` compare, measure and show: they may name what the product must not.
+/// Examples, the research in `lab/` and the page of `web/` compare, measure and show: they may name what the product must not.
 fn is_example(path: &Path) -> bool {
-    path.starts_with("web") || path.iter().any(|part| part == "examples" || part == "benches")
+    path.starts_with("web")
+        || path.starts_with("lab")
+        || path.iter().any(|part| part == "examples" || part == "benches")
 }
 
 #[test]

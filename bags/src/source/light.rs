@@ -43,30 +43,6 @@ impl Light {
         };
         dark.powf(darkness)
     }
-
-    /// Returns the change that is nearest to frame `number`; `None` where no change is within half of the time between two.
-    pub fn nearest_change(self, number: u64) -> Option<LightChange> {
-        let (length, ..) = self.course();
-        let (turn, within) = (number / length, number % length);
-        let is_before = within >= length / 2;
-        let (turn, frames) =
-            if is_before { (turn + 1, within as i64 - length as i64) } else { (turn, within as i64) };
-        (turn > 0).then_some(LightChange { is_darker: turn % 2 == 1, frames })
-    }
-}
-
-/// A change of the light, as seen from a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct LightChange {
-    /// Whether the light gets darker, or else brighter.
-    pub is_darker: bool,
-    /// The frames since its first one; negative before it.
-    pub frames: i64,
-}
-
-/// Returns the change of the light of a source; `None` where it does not change.
-pub fn light_of(spec: &str) -> Option<Light> {
-    split(spec).ok()?.1
 }
 
 /// Splits the address of a source from the change of its light.
@@ -153,12 +129,6 @@ mod tests {
                 (0..400).map(|n| (light.factor(n + 1) / light.factor(n)).ln().abs()).fold(0.0, f64::max);
             assert!(largest < 1.0, "at most a factor of e between two frames: {largest}");
         }
-        let change =
-            |number| Light::Tunnels.nearest_change(number).map(|change| (change.is_darker, change.frames));
-        assert_eq!(
-            [10, 44, 50, 74, 80, 100].map(change),
-            [None, Some((true, -6)), Some((true, 0)), Some((true, 24)), Some((false, -20)), Some((false, 0))]
-        );
     }
 
     #[test]

@@ -36,7 +36,7 @@ pub use classes::NAME_FILES;
 pub use folder::{FolderSource, images_of};
 pub use kitti::FrameList;
 pub use labels::{LabelledSource, Skipped};
-pub use light::{Light, LightChange, light_of};
+pub use light::Light;
 pub use pictures::{Picture, Pictures, of_radiance};
 pub use scene::SceneSource;
 pub use video::VideoSource;

@@ -13,7 +13,7 @@ const MARKERS: usize = 8;
 /// Colour and marker of each stream and method of the project, by its name: it has this style in every chart. The
 /// first colours are those of Okabe and Ito, which colour-blind readers can distinguish. Each marker separates
 /// the names whose colours are similar.
-const STYLES: [(&str, Colour, usize); 17] = [
+const STYLES: [(&str, Colour, usize); 15] = [
     ("ideal", [0x00, 0x00, 0x00], 0),
     ("saturated", [0xe6, 0x9f, 0x00], 1),
     ("metered", [0x56, 0xb4, 0xe9], 3),
@@ -23,8 +23,6 @@ const STYLES: [(&str, Colour, usize); 17] = [
     ("spud", [0x00, 0x9e, 0x73], 4),
     ("spud_as_published", [0xcc, 0x79, 0xa7], 5),
     ("lines", [0x56, 0xb4, 0xe9], 6),
-    ("multi_exposure", [0x33, 0x22, 0x88], 7),
-    ("multi_exposure_still", [0x8f, 0x7c, 0xe0], 0),
     ("tree", [0x88, 0x22, 0x55], 1),
     ("gradient_tree", [0x99, 0x99, 0x33], 2),
     ("least_squares", [0x8c, 0x56, 0x4b], 4),

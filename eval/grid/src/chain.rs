@@ -10,7 +10,7 @@ use modulo_unwrap::UnwrapNode;
 
 use crate::GridError;
 use crate::handed::{Handed, HandedFrame};
-use crate::makers::Maker;
+use crate::makers::PublishedSpud;
 use crate::messages::found;
 use crate::plan::{CAMERA, Cell, DETECTOR, PlannedNode, UNWRAP};
 
@@ -137,12 +137,12 @@ fn detector(node: &PlannedNode, threads: usize) -> DetectorParameters {
     DetectorParameters { score_threshold: LEAST_SCORE, threads, ..(&node.parameters).into() }
 }
 
-/// Makes a camera, or what makes images in its place, from the frames that come through `handed`.
+/// Makes a camera, or the node in its place, over the frames that come through `handed`.
 fn camera(node: &PlannedNode, handed: &Handed) -> Result<Box<dyn Node>, GridError> {
     let parameters = CameraParameters { frames: 0, r#loop: false, ..(&node.parameters).into() };
     Ok(match node.executable {
         CAMERA => Box::new(ModuloCamera::over(Box::new(handed.clone()), &parameters)?),
-        maker => Box::new(Maker::new(maker, (&parameters.sensor, parameters.seed), handed.clone())?),
+        _ => Box::new(PublishedSpud::new(&parameters.sensor, parameters.seed, handed.clone())?),
     })
 }
 

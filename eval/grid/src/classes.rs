@@ -14,8 +14,6 @@ use modulo_runtime::input::{LARGEST_TEXT, read_text};
 
 use crate::GridError;
 
-/// The mapping of the paper.
-pub const PAPER: &str = include_str!("../class_maps/paper.yaml");
 /// The groups vehicle and person.
 pub const GROUPS: &str = include_str!("../class_maps/groups.yaml");
 
@@ -50,11 +48,6 @@ impl ClassMap {
     pub fn kitti() -> Self {
         // A model that was trained on KITTI has its class names already.
         Self { table: embedded(COCO_TO_KITTI), keeps: |class| KITTI.contains(&class) }
-    }
-
-    /// The mapping of the paper.
-    pub fn paper() -> Self {
-        Self { table: embedded(PAPER), keeps: |_| false }
     }
 
     /// Reads a mapping from a file. Classes that it does not list are dropped.
@@ -177,7 +170,7 @@ mod tests {
 
     #[test]
     fn the_shipped_tables_are_readable_and_fit() {
-        for text in [COCO_TO_KITTI, PAPER, GROUPS] {
+        for text in [COCO_TO_KITTI, GROUPS] {
             assert!(!embedded(text).is_empty());
         }
         assert_eq!(ClassGroups::default().names().into_iter().collect::<Vec<_>>(), ["person", "vehicle"]);
@@ -192,7 +185,6 @@ mod tests {
             ["person", "bus", "van", "zebra", "motorcycle"].map(|c| map.mapped(c).unwrap_or("-".to_owned()))
         };
         assert_eq!(mapped(ClassMap::kitti()), ["pedestrian", "tram", "van", "-", "cyclist"]);
-        assert_eq!(mapped(ClassMap::paper()), ["pedestrian", "tram", "-", "-", "-"]);
         assert_eq!(mapped(ClassMap::same()), ["person", "bus", "van", "zebra", "motorcycle"]);
     }
 

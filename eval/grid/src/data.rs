@@ -2,9 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use modulo_bags::source::{
-    self, FrameList, LabelledSource, Light, Source, SourceError, SourceFrame, SourceOptions,
-};
+use modulo_bags::source::{self, FrameList, LabelledSource, Source, SourceError, SourceFrame, SourceOptions};
 use modulo_camera::CameraParameters;
 use serde::{Deserialize, Serialize};
 
@@ -84,15 +82,6 @@ impl Data {
     pub(crate) fn drive_of(&self, frame: &str) -> Option<String> {
         match self {
             Self::Kitti { list: Some(list), .. } => list.drive_of(frame).map(str::to_owned),
-            _ => None,
-        }
-    }
-
-    /// How the light of the drive with this index changes.
-    pub(crate) fn light_of(&self, drive: usize) -> Option<Light> {
-        match self {
-            Self::Any(specs) => source::light_of(specs.get(drive)?),
-            Self::Own(camera) => source::light_of(&camera.source),
             _ => None,
         }
     }

@@ -9,9 +9,8 @@ use modulo_runtime::Clock;
 
 use crate::GridError;
 use crate::chain::{Chain, follows, shared};
-use crate::frames::{Frames, Lead, Slice, Walk};
+use crate::frames::{Frames, Slice, Walk};
 use crate::handed::HandedFrame;
-use crate::makers::needs_neighbours;
 use crate::messages::{classes, found};
 use crate::plan::Cell;
 use crate::progress::{GridEvent, Listener};
@@ -98,7 +97,7 @@ impl<'a> Engine<'a> {
             is_still,
             is_ordered,
             listener,
-            walk: Mutex::new(Walk::new(frames, slice, lead(cells, is_ordered))?),
+            walk: Mutex::new(Walk::new(frames, slice, is_ordered)?),
             found: Mutex::new(vec![None; slice.frames.len()]),
             has_failed: AtomicBool::new(false),
         };
@@ -124,15 +123,6 @@ fn sessions(device: &str, jobs: usize) -> Vec<Sessions> {
         return std::iter::repeat_with(|| Sessions::remembering(REMEMBERED)).take(jobs).collect();
     }
     vec![Sessions::remembering(REMEMBERED * jobs); jobs]
-}
-
-/// The frames before a slice that its first images depend on.
-fn lead(cells: &[&Cell<'_>], is_ordered: bool) -> Lead {
-    match is_ordered {
-        true => Lead::Drive,
-        false if cells.iter().any(|cell| needs_neighbours(shared(cell).0.executable)) => Lead::One,
-        false => Lead::None,
-    }
 }
 
 /// What the threads of a unit share.
@@ -202,8 +192,6 @@ impl<'w> Worker<'w, '_> {
                 (self.work.listener.tell)(GridEvent::Frame);
                 Ok(())
             }
-            // The captures of a frame have those around it.
-            None if !self.work.is_ordered => Ok(()),
             None => self.lead(frame),
         }
     }

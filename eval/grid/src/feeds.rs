@@ -49,10 +49,6 @@ pub fn feeds<'a>(cells: Vec<Cell<'a>>, data: Option<&Data>) -> Result<Vec<Feed<'
             cell.camera.name.trim_start_matches('/').replace('/', "_"),
             &modulo_models::hex(&Sha256::digest(read))[..8]
         );
-        if cell.point.is("multi_exposure") && own.is_still() {
-            let possible = "multi_exposure_still, because these frames are not consecutive; use --sequence or --source otherwise";
-            return Err(GridError::value("stream", "multi_exposure", possible));
-        }
         match feeds.iter_mut().find(|feed| feed.name == name) {
             Some(feed) => feed.cells.push(cell),
             None => feeds.push(Feed { name, frames: Frames::open(&own, &options)?, cells: vec![cell] }),

@@ -6,8 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use modulo_ap::difficulty::DONT_CARE;
-use modulo_bags::source::{GroundTruth, LightChange, SourceError, SourceFrame, SourceOptions};
-use ndarray::Array3;
+use modulo_bags::source::{GroundTruth, SourceError, SourceFrame, SourceOptions};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -62,9 +61,6 @@ pub struct FrameRecord {
     /// The labelled objects; `None` without labels.
     #[serde(with = "rows::labels")]
     pub truth: Option<Vec<GroundTruth>>,
-    /// The change of the light around it.
-    #[serde(with = "rows::change")]
-    pub change: Option<LightChange>,
     /// sha256 of its name, its labels and its pixels, hexadecimal.
     pub digest: String,
 }
@@ -74,17 +70,6 @@ struct Raw {
     place: usize,
     drive: usize,
     frame: Result<SourceFrame, SourceError>,
-}
-
-/// The frames before a slice that are needed to begin with it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Lead {
-    /// None of them.
-    None,
-    /// The last one.
-    One,
-    /// All of the drive.
-    Drive,
 }
 
 impl Frames {
@@ -155,8 +140,6 @@ impl Frames {
 
     fn note(&self, raw: Raw, slice: &mut Slice, names: &mut BTreeSet<(Option<String>, String)>) {
         let Raw { place, drive, frame } = raw;
-        let light = self.data.light_of(drive);
-        let change = light.and_then(|light| light.nearest_change((place - self.start) as u64));
         let (name_of_drive, _) = &self.drives[drive];
         let frame = match frame {
             Ok(frame) => frame,
@@ -175,10 +158,12 @@ impl Frames {
         let mut digest = Sha256::new();
         digest.update(format!("{drive:?} {} {height} {width} {truth:?}\n", frame.name));
         // The digest covers the pixels, too: results of other images with the same names and labels must not be joined.
-        let pixels: Vec<u8> = frame.radiance.iter().flat_map(|value| value.to_le_bytes()).collect();
-        let digest = modulo_models::hex(&digest.chain_update(pixels).finalize());
+        for row in frame.radiance.outer_iter() {
+            digest.update(row.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>());
+        }
+        let digest = modulo_models::hex(&digest.finalize());
         let (name, size) = (frame.name, [height, width]);
-        slice.frames.push(FrameRecord { place, name, drive, size, truth, change, digest });
+        slice.frames.push(FrameRecord { place, name, drive, size, truth, digest });
     }
 }
 
@@ -230,35 +215,16 @@ pub struct Walk<'a> {
     slice: &'a Slice,
     /// The index in the slice of the next frame.
     next: usize,
-    with_neighbours: bool,
-    /// Drive and radiance of the frame before.
-    before: Option<(usize, Array3<f32>)>,
-    ahead: Option<Raw>,
 }
 
 impl<'a> Walk<'a> {
-    /// Starts at the first frame of `slice`, or as far before it as `lead` says. With [`Lead::One`], each frame comes with its neighbours.
-    pub fn new(frames: &'a mut Frames, slice: &'a Slice, lead: Lead) -> Result<Self, SourceError> {
-        let first = slice.places[0];
-        frames.seek(first)?;
-        match lead {
-            Lead::One if first > 0 => frames.seek(first - 1)?,
-            Lead::Drive if frames.start < first => frames.seek(frames.start)?,
-            _ => {}
+    /// Starts at the first frame of `slice`, or with `is_led` at that of its drive.
+    pub fn new(frames: &'a mut Frames, slice: &'a Slice, is_led: bool) -> Result<Self, SourceError> {
+        frames.seek(slice.places[0])?;
+        if is_led && frames.start < slice.places[0] {
+            frames.seek(frames.start)?;
         }
-        Ok(Self { frames, slice, next: 0, with_neighbours: lead == Lead::One, before: None, ahead: None })
-    }
-
-    fn around(&self, raw: &Raw) -> Option<[Array3<f32>; 2]> {
-        let own = &raw.frame.as_ref().ok()?.radiance;
-        // Frames of another drive show another scene, and captures of different sizes cannot be merged.
-        let fits = |drive: usize, other: &Array3<f32>| drive == raw.drive && other.dim() == own.dim();
-        let before =
-            self.before.as_ref().filter(|(drive, other)| fits(*drive, other)).map(|(_, other)| other);
-        let after =
-            self.ahead.as_ref().and_then(|ahead| Some((ahead.drive, &ahead.frame.as_ref().ok()?.radiance)));
-        let after = after.filter(|(drive, other)| fits(*drive, other)).map(|(_, other)| other);
-        Some([before.unwrap_or(own).clone(), after.unwrap_or(own).clone()])
+        Ok(Self { frames, slice, next: 0 })
     }
 }
 
@@ -268,19 +234,11 @@ impl Iterator for Walk<'_> {
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
-            let raw = self.ahead.take().or_else(|| self.frames.raw())?;
+            let raw = self.frames.raw()?;
             if raw.place >= self.slice.places[1] {
                 return None;
             }
-            let mut around = None;
-            // One frame is read ahead. It is kept in `ahead`, because a source is read only forwards.
-            if self.with_neighbours {
-                self.ahead = self.frames.raw();
-                around = self.around(&raw);
-                self.before = raw.frame.as_ref().ok().map(|frame| (raw.drive, frame.radiance.clone()));
-            }
-            let handed =
-                |frame| HandedFrame { place: raw.place, drive: raw.drive, frame, around: around.clone() };
+            let handed = |frame| HandedFrame { place: raw.place, drive: raw.drive, frame };
             let leads = raw.place < self.slice.places[0];
             match self.slice.frames.get(self.next).filter(|record| record.place == raw.place) {
                 Some(_) => {

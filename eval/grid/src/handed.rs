@@ -1,16 +1,8 @@
-//! [`HandedFrame`]: a frame with the frames before and after it, on its way through [`Handed`] to a camera or to a [`Make`].
+//! [`HandedFrame`]: a frame on its way through [`Handed`] to a camera, or to a node in its place.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
 use modulo_bags::source::{Source, SourceError, SourceFrame};
-use modulo_core::Frame;
-use modulo_runtime::Context;
-use ndarray::Array3;
-
-use crate::GridError;
-
-/// Makes the image of a stream of a frame with noise of a seed.
-pub type Make = Box<dyn FnMut(&HandedFrame, u64, &str, &mut Context<'_>) -> Result<Frame, GridError> + Send>;
 
 /// A frame on its way to a camera.
 #[derive(Clone, Debug)]
@@ -21,8 +13,6 @@ pub struct HandedFrame {
     pub drive: usize,
     /// The frame.
     pub frame: SourceFrame,
-    /// Radiance of the frames before and after it. At the ends of a drive the frame itself stands in. `None` if no camera needs it.
-    pub around: Option<[Array3<f32>; 2]>,
 }
 
 /// The place through which a frame goes to a camera.

@@ -99,7 +99,7 @@ pub const ALPHA: &str = "alpha, the saturation factor";
 pub const SENSE: &str = "sense";
 
 /// The stages of a frame in their order.
-pub const STAGES: [&str; 8] = [SENSE, "merge", "unwrap", "tone", "deblur", "pre", "infer", "post"];
+pub const STAGES: [&str; 7] = [SENSE, "unwrap", "tone", "deblur", "pre", "infer", "post"];
 
 /// Label of the image that the detector gets: `recovered (auto, deblurred)`, `saturated`, `checkerboard_gains, saturating`,
 /// `ideal, sharp`.

@@ -10,8 +10,6 @@
 //! The folder of the results is the database: what one process has finished there, others find. Nothing here uses a transport. The
 //! same frames and parameters give the same files, except for durations.
 
-mod around;
-mod bracket;
 mod chain;
 pub mod chart;
 pub mod classes;
@@ -26,14 +24,12 @@ mod labels;
 mod makers;
 pub mod messages;
 mod models;
-mod paper;
 mod pictures;
 pub mod plan;
 pub mod progress;
 mod quality;
 pub mod record;
 pub mod recordings;
-mod research;
 pub mod results;
 mod rows;
 pub mod run;
@@ -49,7 +45,6 @@ mod verdict;
 pub mod metric {
     pub mod bootstrap;
     pub mod latency;
-    pub mod paper;
 }
 pub mod report;
 pub mod video;
@@ -101,9 +96,6 @@ pub enum GridError {
     /// An image cannot be written.
     #[error(transparent)]
     Save(#[from] SaveError),
-    /// The captures cannot be merged.
-    #[error(transparent)]
-    Bracket(#[from] modulo_core::BracketError),
     /// The sensor is impossible, or cannot be exposed to the image.
     #[error(transparent)]
     Sensor(#[from] SensorError),

@@ -1,75 +1,64 @@
-//! [`Maker`]: makes the images that no node of the suite makes: merged captures, SPUD as published, and those of the scripts of the paper.
+//! [`PublishedSpud`]: SPUD as the scripts of the paper have it, which no node has: it takes the modulo image before quantisation, and stretches
+//! phi over all channels from minimum to maximum, without congruence. `spud` takes the quantised image y, and its result is y plus whole
+//! periods.
 
+use modulo_core::unwrap::{Spud, ThresholdOn};
+use modulo_core::{Frame, Sensor, UnwrapError};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::{
     Context, Flow, MessageKind, Node, ParameterError, Parameters, SensorModel, StampedFrame, StepError,
     Topic, Trigger,
 };
+use ndarray::Array3;
 
 use crate::GridError;
-use crate::handed::{Handed, Make};
-use crate::paper::SPUD_AS_PUBLISHED;
-use crate::{bracket, paper};
+use crate::handed::{Handed, HandedFrame};
 
-/// The streams of the scripts of the paper.
-pub const OF_PAPER: [&str; 4] = ["ideal", "saturated", "modulo", "recovered"];
-/// The streams of merged captures: of frames that follow each other, and of a scene that stands still.
-pub const BRACKETS: [&str; 2] = ["multi_exposure", "multi_exposure_still"];
-/// The scripts of the paper with SPUD as published, and with SPUD made congruent.
-pub const PAPER: [(&str, &str); 2] = [("paper_as_published", SPUD_AS_PUBLISHED), ("paper_spud", "spud")];
+/// The method of its cells, and the name of the node as an executable.
+pub const SPUD_AS_PUBLISHED: &str = "spud_as_published";
 
-/// The method that a maker unwraps with.
-pub fn method_of(executable: &str) -> Option<&'static str> {
-    let paper = PAPER.iter().find(|(own, _)| *own == executable).map(|(_, method)| *method);
-    paper.or((executable == SPUD_AS_PUBLISHED).then_some(SPUD_AS_PUBLISHED))
+/// Threshold of SPUD on phi, in units of the peak.
+const TAU: f64 = 0.1;
+
+/// Its topic.
+pub fn output() -> Topic {
+    Topic::new("recovered", MessageKind::Image)
 }
 
-/// Whether a maker merges frames that follow each other.
-pub fn needs_neighbours(executable: &str) -> bool {
-    executable == BRACKETS[0]
-}
-
-/// The topics of a maker.
-pub fn outputs(executable: &str) -> Vec<Topic> {
-    let image = |name: &str| Topic::new(name, MessageKind::Image);
-    match BRACKETS.iter().find(|stream| **stream == executable) {
-        Some(stream) => vec![image(stream)],
-        None if executable == SPUD_AS_PUBLISHED => vec![image("recovered")],
-        None => OF_PAPER.map(image).into(),
-    }
-}
-
-/// Makes the images of `executable` with `sensor` from the frames that come through `handed`.
-pub struct Maker {
-    make: Make,
-    outputs: Vec<Topic>,
+/// A camera with its unwrapping, over the frames that come through `handed`.
+pub struct PublishedSpud {
+    sensor: Sensor,
+    spud: Spud,
     seed: u64,
     handed: Handed,
 }
 
-impl Maker {
-    /// Prepares the sensor.
-    pub fn new(
-        executable: &str,
-        (sensor, seed): (&SensorModel, i64),
-        handed: Handed,
-    ) -> Result<Self, GridError> {
-        let make = match PAPER.iter().find(|(own, _)| *own == executable) {
-            Some((_, method)) => paper::maker(sensor, *method == SPUD_AS_PUBLISHED)?,
-            None if executable == SPUD_AS_PUBLISHED => paper::published_spud(sensor)?,
-            None => bracket::maker(sensor)?,
-        };
-        Ok(Self { make, outputs: outputs(executable), seed: seed.unsigned_abs(), handed })
+impl PublishedSpud {
+    /// Prepares the sensor, which has noise of this seed.
+    pub fn new(sensor: &SensorModel, seed: i64, handed: Handed) -> Result<Self, GridError> {
+        let (sensor, spud) = (sensor.simulated()?, Spud::new(TAU, ThresholdOn::Phi)?);
+        Ok(Self { sensor, spud, seed: seed.unsigned_abs(), handed })
+    }
+
+    fn recovered(&mut self, handed: &HandedFrame, cx: &mut Context<'_>) -> Result<Frame, GridError> {
+        let range = self.sensor.range();
+        // The noise of a frame is that of the other cells.
+        let seed = self.seed.wrapping_add(handed.place as u64);
+        let exposed = cx.stage("sense", || self.sensor.expose(handed.frame.radiance.view(), seed))?;
+        let y = exposed.x().mapv(|x| x % range.peak());
+        // The result has an arbitrary offset and scale, and therefore no wrap counts.
+        let x = cx.stage("unwrap", || self.spud.solve(y.view(), range).map(|x| stretched(&x)))?;
+        Ok(Frame::from_u8(x).map_err(UnwrapError::from)?)
     }
 }
 
-impl Node for Maker {
+impl Node for PublishedSpud {
     fn inputs(&self) -> Vec<Topic> {
         Vec::new()
     }
 
     fn outputs(&self) -> Vec<Topic> {
-        self.outputs.clone()
+        vec![output()]
     }
 
     fn configure(&mut self, _: &Parameters) -> Result<(), ParameterError> {
@@ -77,17 +66,52 @@ impl Node for Maker {
     }
 
     fn step(&mut self, _: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
-        let Some(frame) = self.handed.take() else { return Ok(Flow::Done) };
+        let Some(handed) = self.handed.take() else { return Ok(Flow::Done) };
         let header = Header { stamp: Time::from_ns(cx.now_ns()), ..Header::default() };
-        // The noise of a frame is that of the other cells.
-        let seed = self.seed.wrapping_add(frame.place as u64);
-        for (output, topic) in self.outputs.iter().enumerate() {
-            if cx.wanted(output) {
-                let frame = (self.make)(&frame, seed, &topic.name, cx);
-                let frame = frame.map_err(|why| StepError::Skip(why.to_string()))?;
-                cx.emit(output, StampedFrame { header: header.clone(), frame });
-            }
-        }
+        let frame = self.recovered(&handed, cx).map_err(|why| StepError::Skip(why.to_string()))?;
+        cx.emit(0, StampedFrame { header, frame });
         Ok(Flow::Continue)
+    }
+}
+
+/// Maps minimum and maximum over all channels to 0 and 255 and truncates to whole steps, as the scripts convert an image for the detector. A
+/// constant image becomes 0.
+fn stretched(values: &Array3<f32>) -> Array3<u8> {
+    let low = f64::from(values.iter().copied().fold(f32::INFINITY, f32::min));
+    let high = f64::from(values.iter().copied().fold(f32::NEG_INFINITY, f32::max));
+    // The multiplication comes first, so that an image that spans 0 to 255 stays unchanged.
+    let step = |v: f32| ((f64::from(v) - low) * 255.0 / (high - low)).floor() as u8;
+    values.mapv(|v| if high > low { step(v) } else { 0 })
+}
+
+#[cfg(test)]
+mod tests {
+    use modulo_bags::source::SourceFrame;
+    use modulo_runtime::ManualClock;
+
+    use super::*;
+
+    #[test]
+    fn x_raw_is_stretched_over_all_channels_and_cut() {
+        let values = Array3::from_shape_vec((1, 2, 3), vec![10.0, 11.0, 12.0, 13.0, 14.0, 20.0]).expect("6");
+        let got: Vec<u8> = stretched(&values).iter().copied().collect();
+        assert_eq!(got, [0, 25, 51, 76, 102, 255]);
+        let all = Array3::from_shape_fn((1, 256, 1), |(_, x, _)| x as f32);
+        assert!(stretched(&all).iter().copied().eq(0..=255), "what spans all stays");
+        assert!(stretched(&Array3::from_elem((2, 2, 3), 0.4)).iter().all(|v| *v == 0));
+    }
+
+    #[test]
+    fn spud_is_stretched_as_published() {
+        let sensor = SensorModel { alpha: 1.5, headroom: 1.0, psf_sigma: 1.4, ..SensorModel::default() };
+        let mut published = PublishedSpud::new(&sensor, 0, Handed::default()).expect("possible");
+        let radiance = Array3::from_shape_fn((32, 256, 1), |(_, x, _)| x as f32 / 384.0);
+        let (name, frame_id) = (String::new(), String::new());
+        let frame = SourceFrame { radiance, name, stamp_ns: None, frame_id, ground_truth: None };
+        let handed = HandedFrame { place: 0, drive: 0, frame };
+        let clock = ManualClock::default();
+        let image = published.recovered(&handed, &mut Context::new("/spud", &clock, &[])).expect("recovered");
+        let image = image.as_u8().expect("8 bits");
+        assert_eq!((image.iter().min(), image.iter().max()), (Some(&0), Some(&255)), "minimum and maximum");
     }
 }

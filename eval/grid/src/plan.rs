@@ -14,7 +14,7 @@ use modulo_runtime::{
 use modulo_unwrap::UnwrapParameters;
 
 use crate::GridError;
-use crate::makers;
+use crate::makers::{self, SPUD_AS_PUBLISHED};
 use crate::results::Point;
 
 /// Time between two frames of a source that has neither time stamps nor a rate.
@@ -45,8 +45,6 @@ pub struct Variant {
     pub nodes: Vec<PlannedNode>,
     /// The streams that are evaluated; `None` for all that a detector reads.
     pub wanted: Option<Vec<String>>,
-    /// What varies beside the parameters of the nodes, by its name.
-    pub more: BTreeMap<String, String>,
 }
 
 /// A detector and the image stream that it reads.
@@ -142,7 +140,7 @@ fn declared(node: &PlannedNode) -> Result<Declared, GridError> {
             let (inputs, outputs) = modulo_detector::topics(&(&node.parameters).into())?;
             (inputs, outputs, None)
         }
-        maker => (Vec::new(), makers::outputs(maker), Some(Duration::ZERO)),
+        _ => (Vec::new(), vec![makers::output()], Some(Duration::ZERO)),
     })
 }
 
@@ -364,25 +362,14 @@ fn point(variant: &Variant, stream: &DetectorStream) -> Point {
     let camera = CameraParameters::from(&variant.nodes[stream.way[0]].parameters);
     let detector = of(DETECTOR).map(|node| DetectorParameters::from(&node.parameters)).unwrap_or_default();
     let unwrap = of(UNWRAP).map(|node| UnwrapParameters::from(&node.parameters));
-    let mut sensor = sensor_of(&camera.sensor, stream);
+    let sensor = sensor_of(&camera.sensor, stream);
     let kind = stream.images.rsplit('/').next().unwrap_or_default();
-    if kind == "ideal" && variant.more.contains_key("protocol") {
-        // The scripts of the paper have a lens in front of the other images only.
-        sensor.psf_sigma = 0.0;
-    }
     let method = match &unwrap {
         // The gains have a method of their own, which the node takes whatever the parameter.
         _ if sensor.gains && (unwrap.is_some() || kind == "saturated") => Some(TwoGains::NAME.to_owned()),
         Some(_) => of(UNWRAP).and_then(|node| Some(node.parameters.get("method")?.plain())),
-        None => on_way()
-            .find_map(|node| makers::method_of(node.executable))
-            .filter(|_| kind == "recovered")
-            .map(str::to_owned),
+        None => of(SPUD_AS_PUBLISHED).map(|_| SPUD_AS_PUBLISHED.to_owned()),
     };
-    let mut more = variant.more.clone();
-    for node in on_way() {
-        more.extend(unnamed(node));
-    }
     Point {
         stream: stream.name.clone(),
         method,
@@ -390,7 +377,7 @@ fn point(variant: &Variant, stream: &DetectorStream) -> Point {
         sensor,
         model: model_name(Path::new(&detector.model)),
         input: detector.input_size,
-        more,
+        more: on_way().flat_map(unnamed).collect(),
     }
 }
 

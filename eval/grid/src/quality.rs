@@ -69,7 +69,7 @@ impl RecoveryQuality {
             samples,
             trusted: said.trusted,
             method_used: said.method_used.to_owned(),
-            ..Self::of_merged(image, truth)?
+            ..Self::of_picture(image, truth)?
         })
     }
 
@@ -89,11 +89,11 @@ impl RecoveryQuality {
         let (transfer, most) = (truth[0].transfer(), range.peak() - 1.0);
         let radiance = |code: f32| most * transfer.decode((code / most).into()) as f32;
         let x = codes.demosaiced().to_f32().mapv(|code| scale * radiance(code));
-        Self::of_merged(&tone::picture(&x, range, transfer).ok()?, truth)
+        Self::of_picture(&tone::picture(&x, range, transfer).ok()?, truth)
     }
 
-    /// The quality of a merged image, which has no wrap counts.
-    pub fn of_merged(image: &Frame, truth: &[Exposure; 2]) -> Option<Self> {
+    /// The quality of an image without wrap counts.
+    pub fn of_picture(image: &Frame, truth: &[Exposure; 2]) -> Option<Self> {
         let [lens, none] = truth.each_ref().map(Exposure::ideal);
         let ideal = ImageSimilarity::of(image, &lens.demosaiced())?;
         let sharp = if none == lens { ideal } else { ImageSimilarity::of(image, &none.demosaiced())? };
@@ -147,15 +147,14 @@ impl TrueExposures {
         (frame, sensor, seed): (&HandedFrame, &SensorModel, u64),
     ) -> Result<Option<RecoveryQuality>, GridError> {
         let (maker, _) = shared(cell);
-        let is_paper = cell.variant.more.contains_key("protocol");
         let is_saturated = maker.executable == CAMERA && cell.stream.images.ends_with("/saturated");
         let (shown, unwrapped) = (image(out, &cell.stream.images), &cell.stream.unwrapped);
-        let is_compared = unwrapped.is_some() || is_saturated || maker.executable != CAMERA && !is_paper;
+        let is_compared = unwrapped.is_some() || is_saturated || maker.executable != CAMERA;
         let Some(shown) = shown.filter(|_| is_compared) else { return Ok(None) };
         let truth = self.of(frame, sensor, seed)?;
         Ok(match unwrapped {
             None if is_saturated => RecoveryQuality::of_saturated(&shown.frame, truth),
-            None => RecoveryQuality::of_merged(&shown.frame, truth),
+            None => RecoveryQuality::of_picture(&shown.frame, truth),
             Some(topics) => {
                 // A detector that leaves the recovered image has no other one to be compared.
                 let (picture, counts) = (image(out, &topics.picture), image(out, &topics.counts));

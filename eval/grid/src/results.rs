@@ -125,16 +125,7 @@ impl Input {
 }
 
 /// The streams of the suite, in the order in which they are shown.
-const STREAMS: [&str; 8] = [
-    "ideal",
-    "saturated",
-    "auto_exposed",
-    "modulo",
-    "recovered",
-    "metered",
-    "multi_exposure",
-    "multi_exposure_still",
-];
+const STREAMS: [&str; 6] = ["ideal", "saturated", "auto_exposed", "modulo", "recovered", "metered"];
 
 /// All that decides the boxes of one cell.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -244,16 +235,8 @@ pub struct Cell {
     pub classes: BTreeMap<String, ClassScore>,
     /// AP50 for each difficulty (`easy`, `moderate`, `hard`, `all`) and group.
     pub difficulty: BTreeMap<Difficulty, BTreeMap<String, Option<f64>>>,
-    /// Bounds of the 95 % bootstrap interval by figure: `ap50.vehicle`, `paper.f1`, ...
+    /// Bounds of the 95 % bootstrap interval by figure: `ap50`, `ap50.vehicle`, ...
     pub interval95: BTreeMap<String, [f64; 2]>,
-    /// Share of the frames whose nearest object is found, of those with an object that counts. `None` without one.
-    #[serde(default)]
-    pub nearest: Option<f64>,
-    /// The accuracy around the changes of the light, if it changes.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub moments: Vec<Moment>,
-    /// The three figures of the paper.
-    pub paper: Paper,
     /// Share of the samples with the true wrap count. This and the next three figures exist only for recovered streams.
     pub exact_k: Option<f64>,
     /// Share of the frames in which all samples have the true wrap count.
@@ -263,7 +246,7 @@ pub struct Cell {
     /// Number of frames that the method trusts although less than 99.9 % of the samples have the true wrap count.
     pub trusted_wrong: Option<usize>,
     /// PSNR against the ideal image of the same lens, dB; infinite (`"inf"` in JSON) for equal images. This and the next figures
-    /// exist for recovered, merged and saturated streams.
+    /// exist for recovered and saturated streams.
     #[serde(with = "psnr")]
     pub psnr_db: Option<f64>,
     /// Mean SSIM against that image.
@@ -356,21 +339,6 @@ impl Cell {
     }
 }
 
-/// The accuracy at some time before or after the changes of the light.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Moment {
-    /// Whether the light gets darker, or else brighter.
-    pub is_darker: bool,
-    /// The first frame of the moment, counted from the first frame of the change.
-    pub frame: i64,
-    /// Number of frames, over all changes of all drives.
-    pub frames: usize,
-    /// Mean over the groups of AP at IoU 0.5.
-    pub ap50: Option<f64>,
-    /// Share of the frames whose nearest object is found.
-    pub nearest: Option<f64>,
-}
-
 /// AP of one class.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ClassScore {
@@ -380,17 +348,6 @@ pub struct ClassScore {
     pub ap50_95: f64,
     /// Number of scored objects.
     pub objects: usize,
-}
-
-/// IoU, F1 and accuracy as the paper's scripts compute them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Paper {
-    /// Mean over images of the mean IoU of their true positives.
-    pub iou: f64,
-    /// Mean over images of F1.
-    pub f1: f64,
-    /// Mean over images of TP / (TP + FP + FN).
-    pub accuracy: f64,
 }
 
 /// The machine and the settings that durations were measured with.

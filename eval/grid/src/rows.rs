@@ -1,6 +1,6 @@
 //! Boxes and labels as rows of numbers in JSON, which take a third of the room of objects with named fields.
 
-use modulo_bags::source::{GroundTruth, LightChange};
+use modulo_bags::source::GroundTruth;
 use modulo_core::{BBox, Detection};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -46,19 +46,5 @@ pub mod boxes {
         let detection = |(b, score, class): Row| Detection { bbox: bbox(b), score, class };
         let rows = Option::<Vec<Row>>::deserialize(from)?;
         Ok(rows.map(|rows| rows.into_iter().map(detection).collect()))
-    }
-}
-
-/// `[is_darker, frames]`.
-pub mod change {
-    use super::*;
-
-    pub fn serialize<S: Serializer>(change: &Option<LightChange>, to: S) -> Result<S::Ok, S::Error> {
-        change.map(|change| (change.is_darker, change.frames)).serialize(to)
-    }
-
-    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Option<LightChange>, D::Error> {
-        let change = |(is_darker, frames)| LightChange { is_darker, frames };
-        Ok(Option::<(bool, i64)>::deserialize(from)?.map(change))
     }
 }

@@ -17,9 +17,9 @@ use crate::GridError;
 use crate::classes::{ClassGroups, ClassMap, Table};
 use crate::data::LabelNames;
 use crate::frames::FrameRecord;
-use crate::metric::{bootstrap, latency, paper};
+use crate::metric::{bootstrap, latency};
 use crate::quality::{ImageSimilarity, RECOVERY_DEFINITION, RecoveryQuality};
-use crate::results::{Cell, ClassScore, FIGURES, Input, Paper, Point, Results, Setup};
+use crate::results::{Cell, ClassScore, FIGURES, Input, Point, Results, Setup};
 use crate::store::{CellKey, Folder, FrameFound};
 use crate::stored::{IDEAL, Scene, Stored, StoredCell};
 use crate::verdict::{self, Judged};
@@ -204,10 +204,9 @@ impl Rules {
     }
 
     /// The mapping from the classes of a model to those of the labels.
-    fn map(&self, point: &Point, names: LabelNames) -> ClassMap {
+    fn map(&self, names: LabelNames) -> ClassMap {
         match &self.class_map {
             Some(map) => map.clone(),
-            None if point.more.contains_key("protocol") => ClassMap::paper(),
             None if self.by_class || names == LabelNames::Model => ClassMap::same(),
             None => ClassMap::kitti(),
         }
@@ -264,7 +263,7 @@ impl<'a> Scorer<'a> {
         let drives: Vec<_> = frames.iter().map(|frame| frame.record.drive.clone()).collect();
         // All cells and reports use the same draws.
         let units = bootstrap::Units::new(&drives, 0);
-        let map = rules.map(point, scene.names);
+        let map = rules.map(scene.names);
         let labels: BTreeSet<String> = frames
             .iter()
             .flat_map(|frame| frame.truth)
@@ -311,11 +310,7 @@ impl<'a> Scorer<'a> {
         let found = self.mapped_detections();
         let (groups, unknown) = self.groups(&found);
         let judged = self.judged(&point, &groups);
-        // The figures of the paper are computed for every protocol, as a comparison with COCO's.
-        let papers = self.papers(&found);
-        let nearest = self.nearest_found(&found);
-        let moments = self.moments(&groups.values().cloned().collect::<Vec<_>>(), &nearest);
-        let mut interval95 = self.intervals(&groups, &papers, &nearest);
+        let mut interval95 = self.intervals(&groups);
         interval95.extend(
             self.units.interval(|times| judged.ap50(times)).map(|bounds| ("ap50".to_owned(), bounds)),
         );
@@ -330,9 +325,6 @@ impl<'a> Scorer<'a> {
             classes: self.classes(&found),
             difficulty: self.difficulties(&found),
             interval95,
-            nearest: share(nearest.iter().flatten().copied()),
-            moments,
-            paper: paper::mean(&papers),
             // The times are measured in a pass of their own.
             ..recovered(&self.recoveries)
         };
@@ -416,47 +408,17 @@ impl<'a> Scorer<'a> {
         Difficulty::WORDS.map(|(_, difficulty)| score(difficulty)).into()
     }
 
-    fn papers(&self, found: &Found) -> Vec<Paper> {
-        let of_image = |(found, frame): (&Vec<Detection>, &ScoredFrame<'_>)| {
-            let labels = frame.truth.iter().filter(|label| label.class != DONT_CARE);
-            let labels: Vec<_> = labels.map(|label| (label.bbox, label.class.as_str())).collect();
-            paper::of_image(found, &labels)
-        };
-        found.iter().zip(&self.frames).map(of_image).collect()
-    }
-
-    fn intervals(
-        &self,
-        groups: &BTreeMap<&str, Vec<ImageBoxes>>,
-        papers: &[Paper],
-        nearest: &[Option<bool>],
-    ) -> BTreeMap<String, [f64; 2]> {
-        let mut intervals = BTreeMap::new();
-        for (group, images) in groups {
+    fn intervals(&self, groups: &BTreeMap<&str, Vec<ImageBoxes>>) -> BTreeMap<String, [f64; 2]> {
+        let interval = |(group, images): (&&str, &Vec<ImageBoxes>)| {
             // The matching does not depend on the draw, so that it is done once and not a thousand times.
             let sample = average::Sample::new(images, 0.5);
-            if let Some(interval) = self.units.interval(|times| sample.ap(times)) {
-                intervals.insert(format!("ap50.{group}"), interval);
-            }
-        }
-        let mut add = |name: &str, figures: Vec<Option<f64>>| {
-            let mean = |times: &[u64]| {
-                let drawn = figures.iter().zip(times).filter_map(|(figure, &n)| Some(((*figure)?, n as f64)));
-                let (sum, all) =
-                    drawn.fold((0.0, 0.0), |(sum, all), (figure, n)| (sum + figure * n, all + n));
-                (all > 0.0).then(|| sum / all)
-            };
-            intervals.extend(self.units.interval(mean).map(|interval| (name.to_owned(), interval)));
+            Some((format!("ap50.{group}"), self.units.interval(|times| sample.ap(times))?))
         };
-        add("nearest", nearest.iter().map(|found| found.map(|found| f64::from(u8::from(found)))).collect());
-        add("paper.iou", papers.iter().map(|paper| Some(paper.iou)).collect());
-        add("paper.f1", papers.iter().map(|paper| Some(paper.f1)).collect());
-        add("paper.accuracy", papers.iter().map(|paper| Some(paper.accuracy)).collect());
-        intervals
+        groups.iter().filter_map(interval).collect()
     }
 }
 
-/// A cell with the figures of its recovered, merged or saturated images alone.
+/// A cell with the figures of its recovered or saturated images alone.
 fn recovered(all: &[RecoveryQuality]) -> Cell {
     let recoveries = all.iter();
     let samples: u64 = recoveries.clone().map(|r| r.samples).sum();
@@ -499,13 +461,12 @@ fn definitions() -> Table {
         ("exact_k, psnr_db, ssim", RECOVERY_DEFINITION),
         ("interval95", bootstrap::DEFINITION),
         ("latency_ms", latency::DEFINITION),
-        ("paper", paper::DEFINITION),
     ]
     .map(|(name, text)| (name.to_owned(), text.split_whitespace().collect::<Vec<_>>().join(" ")))
     .into()
 }
 
 /// Returns the share of `true`; `None` of nothing.
-pub fn share(flags: impl Iterator<Item = bool>) -> Option<f64> {
+fn share(flags: impl Iterator<Item = bool>) -> Option<f64> {
     average::mean(flags.map(|flag| f64::from(u8::from(flag))))
 }

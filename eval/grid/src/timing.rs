@@ -19,7 +19,7 @@ use rand_pcg::Pcg64;
 use crate::GridError;
 use crate::chain::{Chain, boxes_are_there};
 use crate::feeds::Feed;
-use crate::frames::{Frames, Lead, Walk};
+use crate::frames::{Frames, Walk};
 use crate::handed::HandedFrame;
 use crate::labels::SENSE;
 use crate::metric::latency;
@@ -131,7 +131,7 @@ fn measure_group(
     let (mut sizes, mut index, is_still) = (BTreeSet::new(), 0, frames.is_still());
     let slice = frames.inspect(0..timing.time_frames)?;
     while index < timing.time_frames && !slice.frames.is_empty() {
-        for frame in Walk::new(frames, &slice, Lead::One)?.take(timing.time_frames - index) {
+        for frame in Walk::new(frames, &slice, false)?.take(timing.time_frames - index) {
             let (_, frame) = frame?;
             // The first frame of a size makes buffers and plans, which later frames of this size reuse.
             if sizes.insert(frame.frame.radiance.dim()) {

@@ -4,14 +4,13 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::Parser;
+use modulo_camera::CameraParameters;
 use modulo_runtime::sensor::options::{SensorCommand, SensorOptions};
 use modulo_runtime::{ParameterSet as _, Value};
 
 use crate::GridError;
-use crate::makers::OF_PAPER;
-use crate::paper::SPUD_AS_PUBLISHED;
-use crate::plan::{CAMERA, PlannedNode, Variant, WITHOUT_EFFECT};
-use crate::research;
+use crate::makers::SPUD_AS_PUBLISHED;
+use crate::plan::{CAMERA, DETECTOR, PlannedNode, Variant, WITHOUT_EFFECT};
 use crate::score::words;
 
 /// A launch argument, or a parameter of a node as NODE.PARAMETER, with the values that it takes by turns.
@@ -68,8 +67,9 @@ impl SensorCommand for VariedParameters {
 /// The values of `unwrap.deblur` that the words of `--deblur` stand for.
 type Deblur = &'static [&'static str];
 const DEBLUR: [(&str, Deblur); 3] = [("both", &["false", "true"]), ("on", &["true"]), ("off", &["false"])];
-/// The two ways of a frame to the detector, and whether it is that of the paper.
-const PROTOCOLS: [(&str, bool); 2] = [("suite", false), ("paper", true)];
+/// The streams without a launch file.
+const STREAMS: [&str; 4] = ["ideal", "saturated", "modulo", RECOVERED];
+const RECOVERED: &str = "recovered";
 /// The names of the method, as a parameter and as an argument of the launch files of the suite.
 const METHOD: [&str; 2] = ["unwrap.method", "method"];
 
@@ -77,15 +77,15 @@ const METHOD: [&str; 2] = ["unwrap.method", "method"];
 #[derive(Clone, Debug, PartialEq, Parser)]
 #[command(mut_arg("alpha", |option| option.default_value("1.5,2,3,4")))]
 pub struct Axes {
-    /// Streams to evaluate, of those that detectors read; also multi_exposure and multi_exposure_still, three merged captures of a normal camera
+    /// Streams to evaluate, of those that detectors read
     /// [default without FILE: ideal,saturated,modulo,recovered]
     #[arg(long, value_delimiter = ',')]
     pub stream: Vec<String>,
     /// Unwrapping methods, and spud_as_published: SPUD as the scripts of the paper have it, on the image before
-    /// quantisation and without congruence [default without FILE: auto,spud; spud_as_published,spud for the paper]
+    /// quantisation and without congruence [default without FILE: auto,spud]
     #[arg(long, value_delimiter = ',')]
     pub method: Vec<String>,
-    /// Whether the lens blur is removed from recovered images [default without FILE: both; off for the paper]
+    /// Whether the lens blur is removed from recovered images [default without FILE: both]
     #[arg(long, value_parser = words(DEBLUR))]
     pub deblur: Option<Deblur>,
     /// The sensors.
@@ -94,12 +94,9 @@ pub struct Axes {
     /// Detection models: ONNX files, or demo for the embedded model
     #[arg(long, value_delimiter = ',')]
     pub model: Vec<PathBuf>,
-    /// Input sizes of the model: auto (no resizing) or WIDTHxHEIGHT [default: auto; 640x640 for the paper]
+    /// Input sizes of the model: auto (no resizing) or WIDTHxHEIGHT [default: auto]
     #[arg(long, value_delimiter = ',')]
     pub input: Vec<String>,
-    /// How a frame reaches the detector: through the nodes of the suite, or as in the scripts of the paper
-    #[arg(long = "protocol", action = clap::ArgAction::Set, default_value = "suite", value_parser = words(PROTOCOLS))]
-    pub is_paper: bool,
 }
 
 /// Gives the nodes of the launch file with these arguments.
@@ -131,9 +128,6 @@ impl Axes {
         varied: &[Varied],
         is_short: bool,
     ) -> Result<Vec<Variant>, GridError> {
-        if self.is_paper {
-            self.check_paper()?;
-        }
         let is_idle = |varied: &&Varied| {
             let parameter = varied.name.split_once('.').map(|(_, parameter)| parameter);
             varied.values.len() > 1 && parameter.is_some_and(|name| WITHOUT_EFFECT.contains(&name))
@@ -146,11 +140,11 @@ impl Axes {
         let all: Vec<&Varied> = own.iter().chain(varied).collect();
         refuse_twice(&all)?;
         let streams = match &self.stream[..] {
-            [] => is_short.then(|| OF_PAPER.map(str::to_owned).into()),
+            [] => is_short.then(|| STREAMS.map(str::to_owned).into()),
             given => Some(given.to_vec()),
         };
         let ideal = Some(vec!["ideal".to_owned()]);
-        let is_sharp = is_short && !self.is_paper && streams.iter().flatten().any(|stream| stream == "ideal");
+        let is_sharp = is_short && streams.iter().flatten().any(|stream| stream == "ideal");
         let mut variants = Vec::new();
         for combination in combinations(&all) {
             // The ideal image without a lens is the best that a detector can get: deblurring is compared with it.
@@ -171,16 +165,12 @@ impl Axes {
         let deblur = self.deblur.map(own).unwrap_or_default();
         let alphas = self.sensor.sensors(&["alpha"]).into_iter().map(|sensor| sensor.alpha.to_string());
         let paths = self.model.iter().map(|path| path.display().to_string());
-        let (method, deblurs, input) = match self.is_paper {
-            true => (SPUD_AS_PUBLISHED, DEBLUR[2].1, "640x640"),
-            false => ("auto", DEBLUR[0].1, "auto"),
-        };
         let axes: [(&str, Vec<String>, Vec<String>); 5] = [
             ("modulo_camera.alpha", Vec::new(), alphas.collect()),
-            (METHOD[0], self.method.clone(), own(&[method, "spud"])),
-            ("unwrap.deblur", deblur, own(deblurs)),
+            (METHOD[0], self.method.clone(), own(&["auto", "spud"])),
+            ("unwrap.deblur", deblur, own(DEBLUR[0].1)),
             ("detector.model", paths.collect(), own(&["demo"])),
-            ("detector.input_size", self.input.clone(), own(&[input])),
+            ("detector.input_size", self.input.clone(), own(&["auto"])),
         ];
         for (name, given, default) in axes {
             let axis = Varied::new(name, given);
@@ -208,27 +198,34 @@ impl Axes {
             given.into_iter().map(|(name, value)| (name.to_owned(), value.to_owned())).collect();
         let mut nodes = resolve(&given)?;
         set.into_iter().try_for_each(|(name, value)| override_parameter(&mut nodes, name, value))?;
-        research::variants(nodes, (method.unwrap_or_default(), self.is_paper), streams)
+        if !is_published {
+            return Ok(vec![Variant { nodes, wanted: streams.map(<[_]>::to_vec) }]);
+        }
+        let is_wanted = streams.is_none_or(|streams| streams.iter().any(|stream| stream == RECOVERED));
+        let published = is_wanted.then(|| published(&nodes)).transpose()?;
+        // What no node recovers is not metered either.
+        let others = |stream: &&String| ![RECOVERED, "metered"].contains(&stream.as_str());
+        let wanted: Vec<_> = streams.into_iter().flatten().filter(others).cloned().collect();
+        let rest = (!wanted.is_empty()).then_some(Variant { nodes, wanted: Some(wanted) });
+        Ok(published.into_iter().chain(rest).collect())
     }
+}
 
-    /// The scripts of the paper have a fixed lens and no noise. Other values would be ignored, which the results would not
-    /// show.
-    fn check_paper(&self) -> Result<(), GridError> {
-        let paper = research::sensor_of_paper(1.0).declared();
-        let other = |(name, values): &&(&str, Vec<Value>)| {
-            *name != "alpha"
-                && values
-                    .iter()
-                    .any(|value| !paper.iter().any(|(own, of_paper)| own.name == *name && of_paper == value))
-        };
-        let Some((name, values)) = self.sensor.given().find(other) else { return Ok(()) };
-        let possible = "that of the paper: blur 1.4 px (7 taps), headroom 1, no black columns, no noise, one gain, no mosaic";
-        Err(GridError::value(
-            "the sensor",
-            format!("{} {}", name.replace('_', " "), values[0].plain()),
-            possible,
-        ))
-    }
+/// [`SPUD_AS_PUBLISHED`] in the place of the camera and the unwrapping of `nodes`, with a detector as theirs.
+fn published(nodes: &[PlannedNode]) -> Result<Variant, GridError> {
+    let first = |executable: &str| {
+        let found = nodes.iter().find(|node| node.executable == executable).cloned();
+        found.ok_or_else(|| GridError::Request(format!("the launch file has no {executable}")))
+    };
+    let (mut camera, mut detector) = (first(CAMERA)?, first(DETECTOR)?);
+    camera.executable = SPUD_AS_PUBLISHED;
+    // It has three chips with one gain.
+    let sensor = CameraParameters::from(&camera.parameters).sensor.reset(&["mosaic", "gains"]);
+    let sensor: Vec<_> = sensor.to_text().into_iter().map(|(name, text)| (name.to_owned(), text)).collect();
+    camera.parameters = camera.parameters.with_text(&sensor)?;
+    detector.name.name = format!("detector_{RECOVERED}");
+    detector.parameters = detector.parameters.with_text(&[("input", RECOVERED), ("cameras", "[]")])?;
+    Ok(Variant { nodes: vec![camera, detector], wanted: None })
 }
 
 /// Every combination of the values, the last one fastest.

@@ -494,7 +494,6 @@ def _cell(method: str, sensor: Sensor, rows: list[Row], pictures: list[Frame], d
         # What only the command measures.
         "difficulty": {},
         "interval95": {},
-        "paper": {"iou": 0.0, "f1": 0.0, "accuracy": 0.0},
         "latency_ms": {},
     }
 

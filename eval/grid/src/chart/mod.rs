@@ -1,6 +1,5 @@
 //! The charts of a grid: from results to a [`Chart`]. This file has the charts over a setting of the sensor.
 
-mod around;
 mod frontier;
 mod pareto;
 
@@ -38,7 +37,7 @@ pub fn all(results: &Results) -> Vec<NamedChart> {
     let conditions = labels::all_conditions(&results.cells);
     let frontiers = conditions.iter().flat_map(|conditions| frontier::charts(results, conditions));
     let over = GridSetting::all().flat_map(|setting| over(results, setting));
-    frontiers.chain(over).chain(around::charts(results)).collect()
+    frontiers.chain(over).collect()
 }
 
 pub(crate) fn models(cells: &[&Cell]) -> Vec<String> {

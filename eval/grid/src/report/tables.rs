@@ -144,9 +144,6 @@ fn cell_head((settings, groups, stages): Columns<'_>) -> Vec<String> {
     let ap50 = groups.iter().map(|group| format!("AP50 {group}"));
     let figures = [
         "AP50:95",
-        "paper IoU",
-        "F1",
-        "accuracy",
         "exact samples",
         "wholly exact frames",
         "trusted frames",
@@ -168,7 +165,6 @@ fn cell_row(cell: &Cell, (settings, groups, stages): Columns<'_>) -> Vec<Td> {
     row.push(Td::Number(frames(cell), Some(cell.frames as f64)));
     row.extend(groups.iter().map(|group| Td::percent(cell.ap50_of(group))));
     row.push(Td::percent(cell.ap50_95));
-    row.extend([cell.paper.iou, cell.paper.f1, cell.paper.accuracy].map(|figure| Td::percent(Some(figure))));
     row.extend([cell.exact_k, cell.exact_frames, cell.trusted].map(Td::percent));
     row.push(Td::number(cell.trusted_wrong.map(|count| count as f64), 0));
     row.extend([Td::number(cell.psnr_db, 2), Td::number(cell.ssim, 4)]);

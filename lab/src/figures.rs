@@ -1,23 +1,25 @@
 //! IoU, F1 and accuracy exactly as the scripts of the paper compute them.
 //!
+//! Detections of score >= 0.60 count; one is a true positive when any labelled box of its class has IoU >= 0.5 with it. A labelled box without
+//! such a detection is a false negative: all labels but DontCare, of any size. Per image, IoU is the mean over its true positives of their
+//! largest IoU (0 without any), F1 = 2PR / (P + R), accuracy = TP / (TP + FP + FN). Then the plain mean over images.
+//!
 //! Their weaknesses are kept: several detections may match one object, and an image without objects and without
 //! detections scores 0.
 
 use modulo_core::{BBox, Detection};
 
-use crate::results::Paper;
-
 /// Lowest score of a detection that is evaluated.
-pub const CONFIDENCE: f32 = 0.60;
+const CONFIDENCE: f32 = 0.60;
 const IOU: f64 = 0.5;
 
-/// The definition of the three figures for the report.
-pub const DEFINITION: &str = "\
-    As in the scripts of the paper. Detections of score >= 0.60; one is a true positive when any labelled box \
-    of its class has IoU >= 0.5 with it (several may claim one box); a labelled box without such a detection \
-    is a false negative; all labels but DontCare, of any size. Per image: IoU is the mean over its true \
-    positives of their largest IoU (0 without any), F1 = 2PR / (P + R), accuracy = TP / (TP + FP + FN). Then \
-    the plain mean over images.";
+/// The three figures, each in [0, 1].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Paper {
+    pub iou: f64,
+    pub f1: f64,
+    pub accuracy: f64,
+}
 
 /// The figures of one image.
 pub fn of_image(found: &[Detection], truth: &[(BBox, &str)]) -> Paper {
