@@ -4,7 +4,7 @@ use modulo_bags::source::{
     GroundTruth, LabelledSource, Source, SourceOptions, from_detections, to_detections,
 };
 use modulo_launch::substitution::Template;
-use modulo_launch::{NodeParameter, check, ros_arguments};
+use modulo_launch::{NodeParameter, resolve, ros_arguments};
 use modulo_runtime::parameter::file;
 use modulo_runtime::ros_args::RosArgs;
 use modulo_runtime::{NodeName, ParameterSet, Parameters, Value};
@@ -15,7 +15,7 @@ pub fn launch(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else { return };
     let _ = Template::parse(text);
     let folder = super::folder(&[("a.launch.yaml", data)]);
-    let Ok(plan) = check(&folder.path().join("a.launch.yaml"), &[]) else { return };
+    let Ok(plan) = resolve(&folder.path().join("a.launch.yaml"), &[]) else { return };
     for node in &plan.nodes {
         let _ = RosArgs::parse(&ros_arguments(node));
         for parameter in &node.parameters {

@@ -1,4 +1,4 @@
-//! The actions of a launch file, read but not yet evaluated: every mistake that can be seen without values is found
+//! The actions of a launch file, read but not yet evaluated: a mistake that can be seen without values is found
 //! here, also in branches that will not be taken. Nothing is evaluated and no other file is opened.
 
 mod process;
@@ -11,7 +11,7 @@ use modulo_runtime::input::{LARGEST_TEXT, read_text};
 use modulo_runtime::yaml::{self, Content, Item, ScalarType};
 
 use crate::attributes::{Attributes, Text};
-use crate::{LaunchError, Mistakes, listed};
+use crate::{LaunchError, listed};
 
 #[derive(Clone, Debug)]
 pub(crate) struct LaunchFile {
@@ -70,8 +70,11 @@ pub(crate) struct Include {
 }
 
 /// The name of an action, its keys besides `if` and `unless`, and the function that reads it.
-type ActionReader =
-    (&'static str, &'static [&'static [&'static str]], fn(&Attributes<'_>) -> Result<ActionKind, Mistakes>);
+type ActionReader = (
+    &'static str,
+    &'static [&'static [&'static str]],
+    fn(&Attributes<'_>) -> Result<ActionKind, LaunchError>,
+);
 
 const READERS: [ActionReader; 8] = [
     ("arg", &[&["name", "default", "description", "choice"]], argument),
@@ -84,23 +87,23 @@ const READERS: [ActionReader; 8] = [
     ("executable", &[&["cmd"], process::PROCESS_KEYS], process::executable),
 ];
 
-/// Reads the launch file at `path`. There is a mistake for each entry in it that is no action.
-pub(crate) fn read_file(path: &Path) -> Result<LaunchFile, Mistakes> {
+/// Reads the launch file at `path`. An entry in it that is no action is a mistake.
+pub(crate) fn read_file(path: &Path) -> Result<LaunchFile, LaunchError> {
     let text = read_text(path, LARGEST_TEXT).map_err(|e| LaunchError::file(path, e))?;
     if let Some(language) = other_language(path, &text) {
         let why = format!(
             "ROS 2 knows launch files in {language}, but only YAML is supported here; write it as .launch.yaml, or start it \
              with ros2 launch, which also starts the nodes of an installed suite"
         );
-        return Err(LaunchError::file(path, why).into());
+        return Err(LaunchError::file(path, why));
     }
     let root = yaml::read_agreed(&text).map_err(|e| LaunchError::at(path, e.line, e.message))?;
     if matches!(root.content, Content::Scalar(_, ScalarType::Null)) {
-        return Err(LaunchError::at(path, root.line, "is empty, 'launch:' with a list is expected").into());
+        return Err(LaunchError::at(path, root.line, "is empty, 'launch:' with a list is expected"));
     }
     let attributes = Attributes::read(path, "launch file", &root, &["launch"])?;
     if attributes.item("launch").is_none() {
-        return Err(attributes.missing("launch").into());
+        return Err(attributes.missing("launch"));
     }
     Ok(LaunchFile { path: path.to_owned(), actions: read_all(path, attributes.list("launch")?)? })
 }
@@ -112,17 +115,16 @@ fn other_language(path: &Path, text: &str) -> Option<&'static str> {
     if ends("py") { Some("Python") } else { is_xml.then_some("XML") }
 }
 
-fn read_all(file: &Path, items: &[Item]) -> Result<Vec<Action>, Mistakes> {
-    // Every action is read, also behind a mistake, so that one run names all of them.
-    Mistakes::gather(items.iter().map(|item| read(file, item)))
+fn read_all(file: &Path, items: &[Item]) -> Result<Vec<Action>, LaunchError> {
+    items.iter().map(|item| read(file, item)).collect()
 }
 
-fn read(file: &Path, item: &Item) -> Result<Action, Mistakes> {
+fn read(file: &Path, item: &Item) -> Result<Action, LaunchError> {
     let (key, body) = match &item.content {
         Content::Map(pairs) if pairs.len() == 1 => &pairs[0],
         _ => {
             let message = format!("expected one action '- name: attributes', found {}", item.described());
-            return Err(LaunchError::at(file, item.line, message).into());
+            return Err(LaunchError::at(file, item.line, message));
         }
     };
     let Some((name, keys, reader)) = READERS.iter().find(|(name, ..)| *name == key.name) else {
@@ -131,7 +133,7 @@ fn read(file: &Path, item: &Item) -> Result<Action, Mistakes> {
             "action '{}' is not supported, supported are {known}; ros2 launch starts a file with other actions",
             key.name
         );
-        return Err(LaunchError::at(file, key.line, message).into());
+        return Err(LaunchError::at(file, key.line, message));
     };
     // ROS 2 takes a list right below `group` for its children.
     if let ("group", Content::List(children)) = (*name, &body.content) {
@@ -155,7 +157,7 @@ fn condition(attributes: &Attributes<'_>) -> Result<Option<(Text, bool)>, Launch
     }
 }
 
-fn argument(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
+fn argument(attributes: &Attributes<'_>) -> Result<ActionKind, LaunchError> {
     let choices = attributes.entries("choice", &["value"])?;
     let (name, default) = (required_plain(attributes, "name")?, attributes.text("default")?);
     let choices = choices.iter().map(|choice| Ok(required_plain(choice, "value")?.1));
@@ -172,15 +174,15 @@ fn required_plain(attributes: &Attributes<'_>, key: &str) -> Result<(usize, Stri
     attributes.plain(key)?.ok_or_else(|| attributes.missing(key))
 }
 
-fn group(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
+fn group(attributes: &Attributes<'_>) -> Result<ActionKind, LaunchError> {
     Ok(ActionKind::Group(read_all(attributes.file, attributes.list("children")?)?))
 }
 
-fn push_namespace(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
+fn push_namespace(attributes: &Attributes<'_>) -> Result<ActionKind, LaunchError> {
     Ok(ActionKind::PushNamespace(attributes.required("namespace")?))
 }
 
-fn include(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
+fn include(attributes: &Attributes<'_>) -> Result<ActionKind, LaunchError> {
     let file = attributes.required("file")?;
     Ok(ActionKind::Include(Include { file, arguments: attributes.pairs("arg", ["name", "value"])? }))
 }

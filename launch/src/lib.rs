@@ -20,8 +20,8 @@ use std::path::{Path, PathBuf};
 
 pub use package::{FoundFile, SUITE, copy, launch_file, launch_files};
 pub use plan::{
-    ComposedNode, DeclaredArgument, NodeParameter, NodePlan, Plan, check, compose, declared_arguments,
-    resolve, ros_arguments,
+    ComposedNode, DeclaredArgument, NodeParameter, NodePlan, Plan, compose, declared_arguments, resolve,
+    ros_arguments,
 };
 pub use summary::{NodeReport, SUMMARY_BEGIN, Summary, reports_so_far};
 pub use supervisor::{Ending, Outcome, Supervision, run};
@@ -39,45 +39,6 @@ pub enum LaunchError {
     /// An undeclared argument, a process that cannot be started or cannot run inside another one; in words.
     #[error("{0}")]
     Other(String),
-    /// Something that is wrong only because of an earlier mistake; never shown.
-    #[error("follows from an earlier mistake")]
-    Consequence,
-}
-
-/// Everything that is wrong with a launch file, in its order; never empty.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Mistakes(pub Vec<LaunchError>);
-
-impl Mistakes {
-    /// The first one.
-    pub fn into_first(self) -> LaunchError {
-        self.0.into_iter().next().expect("it is only made with at least one mistake")
-    }
-
-    /// Those that are not `dropped`; no mistake when none is left.
-    pub(crate) fn without(self, dropped: &LaunchError) -> Result<(), Self> {
-        let left: Vec<_> = self.0.into_iter().filter(|mistake| mistake != dropped).collect();
-        if left.is_empty() { Ok(()) } else { Err(Self(left)) }
-    }
-
-    /// The values, if all are there, else the mistakes of all that are not.
-    pub(crate) fn gather<T>(results: impl IntoIterator<Item = Result<T, Self>>) -> Result<Vec<T>, Self> {
-        // All results are looked at: a mistake does not hide the next one.
-        let (mut values, mut mistakes) = (Vec::new(), Vec::new());
-        for result in results {
-            match result {
-                Ok(value) => values.push(value),
-                Err(Self(more)) => mistakes.extend(more),
-            }
-        }
-        if mistakes.is_empty() { Ok(values) } else { Err(Self(mistakes)) }
-    }
-}
-
-impl From<LaunchError> for Mistakes {
-    fn from(error: LaunchError) -> Self {
-        Self(vec![error])
-    }
 }
 
 impl LaunchError {

@@ -22,7 +22,7 @@ use crate::package::SUITE;
 pub use crate::action::DeclaredArgument;
 pub use arguments::declared_arguments;
 pub use circle::circle_of;
-pub use resolve::{check, resolve};
+pub use resolve::resolve;
 pub use scope::ParameterText;
 
 /// Everything that a launch file starts.

@@ -7,8 +7,7 @@ use std::time::Duration;
 use anyhow::{Context, anyhow};
 use clap::{Args, Subcommand};
 use modulo_bags::bag::{
-    self, BagError, BagInfo, BagReader, BagWarning, BagWriter, Compression, Extra, ExtraKind, TopicCount,
-    WriteOptions,
+    self, BagError, BagInfo, BagReader, BagWarning, BagWriter, Compression, WriteOptions,
 };
 use modulo_bags_live::LiveError;
 use modulo_bags_live::capture::capture;
@@ -20,7 +19,6 @@ use modulo_middleware::driver::wait_until_ready;
 use modulo_middleware::process::node_files::ReportFile;
 use modulo_middleware::process::signals::end_with_launcher;
 use modulo_runtime::launcher;
-use serde_json::json;
 
 use super::{graph, open_session, pairs, start_log, stop_on_signals, usage};
 use crate::{Ended, Failure};
@@ -38,9 +36,6 @@ pub enum Bag {
     Info {
         /// Bag folder, or .mcap or .db3 file
         bag: PathBuf,
-        /// Print it as JSON
-        #[arg(long)]
-        json: bool,
     },
     /// Copy the readable messages of a damaged bag to a new bag
     Recover(BagCopy),
@@ -125,45 +120,14 @@ pub fn bag(args: &Bag) -> Result<Ended, Failure> {
     match args {
         Bag::Record(args) => record(args),
         Bag::Play(args) => play(args),
-        Bag::Info { bag, json } => {
+        Bag::Info { bag } => {
             let reader = BagReader::open(bag)?;
-            if *json {
-                say!("{}", info_json(&reader));
-            } else {
-                say!("{}", BagInfo(&reader).to_string().trim_end());
-            }
+            say!("{}", BagInfo(&reader).to_string().trim_end());
             Ok(Ended::of(loss(reader.warnings())))
         }
         // Both copy what can be read; only the reason to call them differs.
         Bag::Recover(args) | Bag::Convert(args) => copy(&BagReader::open(&args.bag)?, args),
     }
-}
-
-fn info_json(bag: &BagReader) -> serde_json::Value {
-    let topic = |TopicCount { topic, messages }| json!({"name": topic.name, "type": topic.type_name, "messages": messages});
-    let attachment = |(_, extra): (_, &Extra)| match &extra.kind {
-        ExtraKind::Attachment { name, media_type, size } => {
-            Some(json!({"name": name, "media_type": media_type, "bytes": size}))
-        }
-        _ => None,
-    };
-    let metadata = |(_, extra): (_, &Extra)| match &extra.kind {
-        ExtraKind::Metadata { name } => Some(name.clone()),
-        _ => None,
-    };
-    json!({
-        "files": bag.files().collect::<Vec<_>>(),
-        "bytes": bag.size(),
-        "storage": bag.storage_id(),
-        "ros_distro": bag.ros_distro(),
-        "start_ns": bag.span().map(|(start, _)| start),
-        "end_ns": bag.span().map(|(_, end)| end),
-        "messages": bag.message_count(),
-        "topics": bag.topics().into_iter().map(topic).collect::<Vec<_>>(),
-        "attachments": bag.extras().filter_map(attachment).collect::<Vec<_>>(),
-        "metadata": bag.extras().filter_map(metadata).collect::<Vec<_>>(),
-        "warnings": bag.warnings().iter().map(ToString::to_string).collect::<Vec<_>>(),
-    })
 }
 
 fn copy(reader: &BagReader, args: &BagCopy) -> Result<Ended, Failure> {

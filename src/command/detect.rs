@@ -21,7 +21,6 @@ use modulo_runtime::{ParameterSet as _, Stop, SystemClock, Urgency};
 use modulo_video::{LiveAddress, LiveFrame, LiveVideo, VideoAddress, VideoError};
 use serde_json::Value;
 
-use super::launch::counted;
 use super::{completion, pairs, start_log, stop_on_signals, usage};
 use crate::{Ended, Failure};
 
@@ -263,6 +262,11 @@ impl<'a> Files<'a> {
         note!("{pictures}, {objects}: {}", self.folder.display());
         Ok(self.pictures == 0)
     }
+}
+
+/// Returns `1 picture` or `2 pictures`.
+fn counted(count: usize, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }
 
 /// Returns the path with an extension behind its name, which may have points of its own.

@@ -22,14 +22,13 @@ use modulo_eval::score::{ScoreOptions, score, words};
 use modulo_eval::store::{Folder, figures, save};
 use modulo_eval::timing::Timing;
 use modulo_eval::variants::{Axes, Resolve, Varied};
-use modulo_eval::video::AnnotatedVideo;
 use modulo_eval::{GridError, Pictures, below_100, coco, draw_pictures, report};
 use modulo_images::ImageError;
 use modulo_launch::Plan;
 use modulo_middleware::process::signals::first_signal;
 use modulo_runtime::clock::utc;
 use modulo_runtime::lockstep::Lockstep;
-use modulo_runtime::output::{ResultFolder, prepare_file};
+use modulo_runtime::output::ResultFolder;
 use modulo_runtime::sensor::options::{CHIP, CodingOptions};
 use modulo_runtime::{Clock as _, Parameters, SystemClock, Value};
 use modulo_video::VideoAddress;
@@ -108,10 +107,6 @@ pub struct Record {
     /// Also write every image that a detector gets as PNG, and all streams with their boxes; with FILE
     #[arg(long, requires = "file", conflicts_with_all = LABELLED)]
     pub images: bool,
-    /// Write all streams with their boxes into this video, such as out.mp4, with the method and the trust of each frame; with FILE (needs
-    /// ffmpeg)
-    #[arg(long, value_name = "VIDEO", requires = "file", conflicts_with_all = LABELLED)]
-    pub video: Option<PathBuf>,
 }
 
 /// Options that stand for values of `--vary`.
@@ -369,15 +364,13 @@ impl Record {
     fn open(&self, variants: &[Variant], out: &Path) -> Result<Option<Recordings>, Failure> {
         cameras(&variants[0].nodes, &self.topics).map_err(failure)?;
         let opened = || -> anyhow::Result<Recordings> {
-            self.video.iter().try_for_each(|video| prepare_file(video, None))?;
-            let video = self.video.as_deref().map(AnnotatedVideo::create).transpose()?;
             let bag =
                 self.bag.as_ref().map(|folder| BagWriter::create(folder, Compression::Zstd)).transpose()?;
-            Ok(Recordings::new(out, bag.map(|bag| (bag, self.topics.clone())), video, self.images))
+            Ok(Recordings::new(out, bag.map(|bag| (bag, self.topics.clone())), self.images))
         };
         let recordings = opened().map_err(usage)?;
         if variants.len() > 1 && !recordings.is_empty() {
-            let why = "--bag, --images and --video record one variant; give each argument one value";
+            let why = "--bag and --images record one variant; give each argument one value";
             return Err(usage(anyhow!(why)));
         }
         Ok(Some(recordings).filter(|recordings| !recordings.is_empty()))

@@ -1,6 +1,6 @@
 //! `modulo topic` and `modulo node`: the nodes, topics and messages of the graph. No ROS installation is needed.
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
 use anyhow::{Context as _, anyhow};
@@ -12,9 +12,7 @@ use modulo_middleware::transport::zenoh::ZenohTransport;
 use modulo_msgs::{dynamic, rihs, ros_name};
 use modulo_runtime::Clock;
 use modulo_runtime::name::{NOT_OVER_ZENOH, is_hidden, is_hidden_node, near_or_all};
-use modulo_runtime::wire::keys::{Endpoint, EntityKind, Token};
-use serde::Serialize;
-use serde_json::json;
+use modulo_runtime::wire::keys::{Endpoint, EntityKind};
 
 use super::{colour, completion, domain, open_session, stop_on_signals, terminal};
 use crate::{Ended, Failure};
@@ -29,9 +27,6 @@ pub enum TopicCommand {
         /// Also list hidden topics: those with a part that begins with an underscore
         #[arg(long)]
         include_hidden_topics: bool,
-        /// Print the topics with their types as JSON
-        #[arg(long)]
-        json: bool,
     },
     /// Print the type of a topic and the number of its publishers and subscriptions
     Info {
@@ -41,9 +36,6 @@ pub enum TopicCommand {
         /// Also print nodes, quality of service and type hashes
         #[arg(short, long)]
         verbose: bool,
-        /// Print all of it as JSON
-        #[arg(long)]
-        json: bool,
     },
     /// Print the messages of a topic as YAML
     Echo {
@@ -72,31 +64,21 @@ pub enum NodeCommand {
         /// Also list hidden nodes: those whose name begins with an underscore
         #[arg(short, long)]
         all: bool,
-        /// Print the nodes as JSON
-        #[arg(long)]
-        json: bool,
     },
     /// Print the publishers, subscriptions and services of a node
     Info {
         /// Name of the node, such as /detector
         #[arg(add = completion::nodes())]
         node: String,
-        /// Print all of it as JSON
-        #[arg(long)]
-        json: bool,
     },
 }
 
 pub fn topic(args: &TopicCommand) -> Result<Ended, Failure> {
     let (clock, transport) = open_session()?;
     match args {
-        TopicCommand::List { show_types, include_hidden_topics, json } => {
+        TopicCommand::List { show_types, include_hidden_topics } => {
             let mut topics = transport.settled_graph().topics();
             topics.retain(|topic, _| *include_hidden_topics || !is_hidden(topic));
-            if *json {
-                say!("{}", json!(topics));
-                topics.clear();
-            }
             for (topic, types) in topics {
                 let types: Vec<String> = types.into_iter().collect();
                 let shown = if *show_types { format!(" [{}]", types.join(", ")) } else { String::new() };
@@ -104,10 +86,9 @@ pub fn topic(args: &TopicCommand) -> Result<Ended, Failure> {
             }
             tell_empty("topic", transport.graph().topics().is_empty())?;
         }
-        TopicCommand::Info { topic, verbose, json } => {
+        TopicCommand::Info { topic, verbose } => {
             let topic = absolute(topic);
-            let graph = transport.graph_with(&topic)?;
-            if *json { say!("{}", info_json(&graph, &topic)) } else { info(&graph, &topic, *verbose) }
+            info(&transport.graph_with(&topic)?, &topic, *verbose);
         }
         TopicCommand::Echo { topic, once } => echo(&transport, topic, *once)?,
         TopicCommand::Hz { topic, window } => hz(&transport, &*clock, topic, *window as usize)?,
@@ -120,7 +101,7 @@ pub fn node(args: &NodeCommand) -> Result<Ended, Failure> {
     let graph = transport.settled_graph();
     let nodes = graph.nodes();
     match args {
-        NodeCommand::List { all, json } => {
+        NodeCommand::List { all } => {
             let shown: Vec<_> = nodes.iter().filter(|node| *all || !is_hidden_node(node)).collect();
             if shown.windows(2).any(|pair| pair[0] == pair[1]) {
                 // The words of `ros2 node list`.
@@ -129,25 +110,16 @@ pub fn node(args: &NodeCommand) -> Result<Ended, Failure> {
                     colour::warning("WARNING:")
                 );
             }
-            if *json {
-                say!("{}", json!(shown))
-            } else {
-                shown.iter().for_each(|node| say!("{node}"))
-            }
+            shown.iter().for_each(|node| say!("{node}"));
             tell_empty("node", nodes.is_empty())?;
         }
-        NodeCommand::Info { node, json } => {
+        NodeCommand::Info { node } => {
             let node = absolute(node);
             if !nodes.contains(&node) {
                 return Err(missing(&node, &nodes));
             }
             tell_namesakes(&graph, &node, "what follows is that of all of them");
-            let described = endpoints_of(&graph, &node);
-            if *json {
-                say!("{}", json!({"node": node, "endpoints": described}));
-            } else {
-                describe(&node, &described);
-            }
+            describe(&graph, &node);
         }
     }
     Ok(Ended::Done)
@@ -193,29 +165,6 @@ fn info(graph: &Graph, topic: &str, verbose: bool) {
     graph.conflicts_on(topic).iter().for_each(|conflict| say!("{conflict}"));
 }
 
-fn info_json(graph: &Graph, topic: &str) -> serde_json::Value {
-    let described = |token: &Token| {
-        let Endpoint { dds_type, type_hash, qos, .. } = token.endpoint.as_ref()?;
-        let (node, kind) = (token.node_name(), ros_name(dds_type));
-        Some(json!({"node": node, "type": kind, "type_hash": type_hash, "qos": qos}))
-    };
-    let endpoints = |kind| graph.endpoints(kind, topic).filter_map(described).collect::<Vec<_>>();
-    json!({
-        "topic": topic,
-        "publishers": endpoints(EntityKind::Publisher),
-        "subscriptions": endpoints(EntityKind::Subscription),
-        "conflicts": graph.conflicts_on(topic),
-    })
-}
-
-/// A topic or service with its type.
-#[derive(PartialEq, Eq, PartialOrd, Ord, Serialize)]
-struct NamedType {
-    name: String,
-    #[serde(rename = "type")]
-    kind: String,
-}
-
 /// The titles of `ros2 node info`.
 const ENDPOINTS: [(&str, EntityKind); 4] = [
     ("Subscribers", EntityKind::Subscription),
@@ -224,21 +173,15 @@ const ENDPOINTS: [(&str, EntityKind); 4] = [
     ("Service Clients", EntityKind::Client),
 ];
 
-/// Returns the topics and services of a node with their types, by title. Endpoints of the same topic and type are there once.
-fn endpoints_of(graph: &Graph, node: &str) -> BTreeMap<&'static str, BTreeSet<NamedType>> {
-    let of = |kind| {
-        let own = graph.tokens().filter(move |t| t.kind == kind && t.node_name() == node);
-        let named = |e: &Endpoint| NamedType { name: e.topic.clone(), kind: ros_name(&e.dds_type) };
-        own.filter_map(|t| t.endpoint.as_ref()).map(named).collect()
-    };
-    ENDPOINTS.map(|(title, kind)| (title, of(kind))).into()
-}
-
-fn describe(node: &str, endpoints: &BTreeMap<&str, BTreeSet<NamedType>>) {
+/// Prints the topics and services of a node with their types. Endpoints of the same topic and type are there once.
+fn describe(graph: &Graph, node: &str) {
     say!("{node}");
-    for (title, _) in ENDPOINTS {
+    for (title, kind) in ENDPOINTS {
         say!("  {title}:");
-        endpoints[title].iter().for_each(|NamedType { name, kind }| say!("    {name}: {kind}"));
+        let own = graph.tokens().filter(|token| token.kind == kind && token.node_name() == node);
+        let named = own.filter_map(|token| token.endpoint.as_ref());
+        let named: BTreeSet<_> = named.map(|e| (&e.topic, ros_name(&e.dds_type))).collect();
+        named.iter().for_each(|(topic, kind)| say!("    {topic}: {kind}"));
     }
 }
 

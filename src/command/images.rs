@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use modulo_camera::CameraParameters;
+use modulo_draw::distinct;
 use modulo_eval::images::recover::{UnwrapRequest, unwrap_files};
 use modulo_eval::images::runner::{Row, RunOutcome, median};
 use modulo_eval::images::simulate::{self as simulation, SimulationRequest};
@@ -43,10 +44,19 @@ pub fn unwrap(request: &UnwrapRequest) -> Result<Ended, Failure> {
 pub fn stability(out: Option<&Path>) -> Result<Ended, Failure> {
     let folder = ResultFolder::take(out, "stability", None).map_err(usage)?;
     let outcome = with_progress(|tell| stability::run(folder.path(), tell))?;
+    say!("{:<18} scenes recovered trusted wrongly", "method");
+    for method in distinct(outcome.trials.iter().map(|trial| trial.row.method.as_str())) {
+        let own = outcome.trials.iter().filter(|trial| trial.row.method == method);
+        let (recovered, others): (Vec<_>, Vec<_>) = own.partition(|trial| trial.is_recovered());
+        let (count, all) = (recovered.len(), recovered.len() + others.len());
+        let [trusted, wrongly] =
+            [recovered, others].map(|trials| trials.iter().filter(|trial| trial.is_trusted()).count());
+        say!("{method:<18} {all:>6} {count:>9} {trusted:>7} {wrongly:>7}");
+    }
     outcome.better.iter().for_each(|what| say!("better than expected: {what}"));
     outcome.broken.iter().for_each(|what| say!("worse than expected: {what}"));
     say!("{} expectations held, {} broke", outcome.held, outcome.broken.len());
-    say!("{}", outcome.page.display());
+    note!("results and pictures: {}", folder.path().display());
     Ok(Ended::of(!outcome.broken.is_empty()))
 }
 

@@ -64,17 +64,14 @@ pub struct Launch {
     #[arg(long, value_name = "PER_MINUTE", default_value_t = MAX_RESTARTS, conflicts_with = "compose")]
     pub max_restarts: u32,
     /// Also print what the nodes log, with one line for each frame
-    #[arg(long, short, conflicts_with_all = ["print", "check", "show_args"])]
+    #[arg(long, short, conflicts_with_all = ["print", "show_args"])]
     pub verbose: bool,
-    /// Print the processes that the file would start, and exit
+    /// Check the file and print the processes that it would start, or the mistake with its line, and exit
     #[arg(long, conflicts_with_all = ["compose", "summary"])]
     pub print: bool,
-    /// Check the file, print each error with its line, and exit
-    #[arg(long, conflicts_with_all = ["compose", "summary", "print", "show_args"])]
-    pub check: bool,
     /// Copy a launch file of the suite, and the files that it includes, into the folders launch and sensors below the current folder, where
     /// they can be changed; existing files are kept
-    #[arg(long, conflicts_with_all = ["arguments", "compose", "summary", "print", "check", "show_args"])]
+    #[arg(long, conflicts_with_all = ["arguments", "compose", "summary", "print", "show_args"])]
     pub copy: bool,
     /// List the file's arguments, and end
     #[arg(long, short = 's', conflicts_with_all = ["compose", "summary", "print"])]
@@ -97,15 +94,14 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
     match args {
         Launch { copy: true, .. } => return copy(named),
         Launch { show_args: true, .. } => return show_args(file),
-        Launch { check: true, .. } => return check(file, &args.arguments),
         _ => {}
     }
     let plan = modulo_launch::resolve(file, &pairs(&args.arguments)?).map_err(usage)?;
+    refuse(&plan)?;
     if args.print {
         say!("{plan}");
         return Ok(Ended::Done);
     }
-    refuse(&plan)?;
     warn_of_demo(&known(&plan), None);
     // A result without a place would be known only when the whole run is over.
     places(args)?;
@@ -236,40 +232,11 @@ fn show_args(file: &Path) -> Result<Ended, Failure> {
     Ok(Ended::Done)
 }
 
-/// Checks the file, and the parameters that it gives to nodes of the suite.
-fn check(path: &Path, arguments: &[String]) -> Result<Ended, Failure> {
-    let file = path.display();
-    let mistakes = match modulo_launch::check(path, &pairs(arguments)?) {
-        Ok(plan) => {
-            let mistakes = mistakes(&plan);
-            if mistakes.is_empty() {
-                let (nodes, executables) = (plan.nodes.len(), plan.executables.len());
-                say!("{file}: ok, {}, {}", counted(nodes, "node"), counted(executables, "executable"));
-                return Ok(Ended::Done);
-            }
-            mistakes
-        }
-        Err(mistakes) => mistakes.0.iter().map(ToString::to_string).collect(),
-    };
-    mistakes.iter().for_each(|mistake| say!("{mistake}"));
-    Err(Failure::Run(anyhow!("{file}: {}", counted(mistakes.len(), "error"))))
-}
-
-/// Returns `1 node` or `2 nodes`.
-pub(super) fn counted(count: usize, noun: &str) -> String {
-    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
-}
-
 /// Refuses a plan with a parameter that its node would refuse. Such a node would end its own process, and the reason would be
 /// lost in a failed run.
 pub(super) fn refuse(plan: &Plan) -> Result<(), Failure> {
-    let refused = mistakes(plan);
+    let refused: Vec<String> = plan.nodes.iter().flat_map(refusals).chain(circle(plan)).collect();
     if refused.is_empty() { Ok(()) } else { Err(usage(anyhow!(refused.join("; ")))) }
-}
-
-/// Returns what is wrong with the parameters of the plan.
-fn mistakes(plan: &Plan) -> Vec<String> {
-    plan.nodes.iter().flat_map(refusals).chain(circle(plan)).collect()
 }
 
 /// Refuses nodes of the suite that wait for each other, or for themselves: they would do so in silence, and then fail.

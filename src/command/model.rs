@@ -308,10 +308,10 @@ fn gpu(library: Option<&str>) {
 fn video() {
     match modulo_video::version() {
         Ok(version) => {
-            say!("video    ffmpeg {version}: videos, rtsp, http and /dev/video are read, and videos written")
+            say!("video    ffmpeg {version}: videos, rtsp, http and /dev/video are read")
         }
         Err(why) => {
-            say!("video    none is read or written ({why}); install ffmpeg, such as by: apt install ffmpeg")
+            say!("video    none is read ({why}); install ffmpeg, such as by: apt install ffmpeg")
         }
     }
 }

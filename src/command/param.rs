@@ -1,6 +1,6 @@
 //! `modulo param`: parameters of running nodes, through the services that `ros2 param` uses.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 use anyhow::anyhow;
 use clap::Subcommand;
@@ -8,8 +8,7 @@ use modulo_middleware::parameter::client::ParameterClient;
 use modulo_middleware::transport::zenoh::ZenohTransport;
 use modulo_msgs::rcl_interfaces::{ParameterType, ParameterValue};
 use modulo_runtime::parameter::file;
-use modulo_runtime::parameter::text::{self, bare, described, labelled, type_name};
-use serde_json::json;
+use modulo_runtime::parameter::text::{bare, described, labelled, type_name};
 
 use super::{completion, graph, open_session};
 use crate::{Ended, Failure};
@@ -24,9 +23,6 @@ pub enum Param {
         /// Also print the types
         #[arg(long)]
         param_type: bool,
-        /// Print the parameters of each node with their values as JSON
-        #[arg(long, conflicts_with = "param_type")]
-        json: bool,
     },
     /// Print the value of a parameter
     Get {
@@ -39,9 +35,6 @@ pub enum Param {
         /// Print the value without its type
         #[arg(long)]
         hide_type: bool,
-        /// Print the value as JSON
-        #[arg(long, conflicts_with = "hide_type")]
-        json: bool,
     },
     /// Print the type, meaning and range of parameters
     Describe {
@@ -95,21 +88,12 @@ fn ask(args: &Param, transport: &ZenohTransport) -> Result<Ended, Failure> {
     let client = |node: &str| ParameterClient::new(transport, node);
     let missing = |node, name| Failure::Run(anyhow!("{node} has no parameter '{name}'"));
     match args {
-        Param::List { node, param_type, json } => list(node.as_deref(), *param_type, *json, transport)?,
-        Param::Get { node, name, hide_type, json } => {
+        Param::List { node, param_type } => list(node.as_deref(), *param_type, transport)?,
+        Param::Get { node, name, hide_type } => {
             let values = client(node).values(std::slice::from_ref(name))?;
             let value = values.first().filter(|value| value.r#type != ParameterType::NOT_SET);
             let value = value.ok_or_else(|| missing(node, name))?;
-            say!(
-                "{}",
-                if *json {
-                    text::json(value).to_string()
-                } else if *hide_type {
-                    bare(value)
-                } else {
-                    labelled(value)
-                }
-            );
+            say!("{}", if *hide_type { bare(value) } else { labelled(value) });
         }
         Param::Describe { node, names } => {
             for descriptor in client(node).descriptors(names)? {
@@ -132,25 +116,15 @@ fn ask(args: &Param, transport: &ZenohTransport) -> Result<Ended, Failure> {
 }
 
 /// Prints the parameters of a node, or of all nodes.
-fn list(node: Option<&str>, types: bool, json: bool, transport: &ZenohTransport) -> Result<(), Failure> {
-    let client = |node: &str| ParameterClient::new(transport, node);
+fn list(node: Option<&str>, types: bool, transport: &ZenohTransport) -> Result<(), Failure> {
     let one = node.map(|node| BTreeSet::from([graph::absolute(node)]));
     let nodes = one.unwrap_or_else(|| transport.graph().nodes_with_parameters());
     graph::tell_empty("node with parameters", nodes.is_empty())?;
-    if json {
-        let of = |node: String| {
-            let values = all_values(&client(&node))?.into_iter();
-            Ok((node, values.map(|(name, value)| (name, text::json(&value))).collect::<BTreeMap<_, _>>()))
-        };
-        let all: BTreeMap<_, _> = nodes.into_iter().map(of).collect::<anyhow::Result<_>>()?;
-        say!("{}", json!(all));
-        return Ok(());
-    }
     for name in nodes {
         if node.is_none() {
             say!("{name}:");
         }
-        print_names(&client(&name), types)?;
+        print_names(&ParameterClient::new(transport, &name), types)?;
     }
     Ok(())
 }

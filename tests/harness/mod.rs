@@ -4,6 +4,7 @@
 #![allow(dead_code, reason = "each test binary uses its part")]
 
 pub mod data;
+pub mod encoder;
 mod live;
 
 pub use live::{Domain, wait_until};

@@ -2,7 +2,7 @@
 
     . /opt/ros/jazzy/setup.bash && python3 tests/peers/launch_twins.py target/debug/modulo
 
-Each file has one attribute with one form of value. A file that `modulo launch --check` accepts must be accepted by ROS 2. A
+Each file has one attribute with one form of value. A file that `modulo launch --print` accepts must be accepted by ROS 2. A
 file with a node that both accept is launched by both, with a node that writes down its arguments: its name, parameters,
 remaps, arguments and environment must be the same. Exit code 1 when a file breaks one of these rules.
 """
@@ -172,7 +172,7 @@ def main():
             path = folder / "x.launch.yaml"
             path.write_text(text)
             total += 1
-            checked = subprocess.run([modulo, "launch", "--check", path], capture_output=True, text=True)
+            checked = subprocess.run([modulo, "launch", "--print", path], capture_output=True, text=True)
             if checked.returncode != 0:
                 refused += 1
                 continue

@@ -183,7 +183,6 @@ cases! {
         for line in [
             &*format!("detect %/pictures --model {} -o %/pictures", model()),
             "eval raw source:=%/folder/modulo -o %/folder --images",
-            "eval raw source:=%/drive.mp4 --video %/drive.mp4 -o %/out",
         ] {
             case.run(line, 2, &["choose another path"]);
             assert!(files(case.bench.folder.path()) == before, "{line} has written something");

@@ -125,8 +125,6 @@ fn no_command_writes_over_a_file_that_it_has_not_made() {
         "simulate @/images --alpha 2 -o @/images",
         "unwrap @/own/000001.png --alpha 2 -o @/own",
         &format!("eval {raw} source:=@/images -o @ --images"),
-        &format!("eval {raw} --video @/own/drive.mp4 -o @/out"),
-        &format!("eval {raw} --video @/hard.mp4 -o @/out"),
         &format!("eval {raw} --bag @/own --topics /modulo -o @/out"),
         "eval --source scene://day?frames=1&width=96&height=64 --engine rten -o @/own",
         "eval --source scene://day?frames=1&width=96&height=64 --engine rten -o @/own --fresh",

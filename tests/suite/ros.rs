@@ -80,23 +80,12 @@ fn what_is_not_there_is_told_with_the_remedy() {
 
 /// With --json, programs can read what these commands print.
 #[test]
-fn the_graph_is_printed_as_json() {
+fn the_machine_and_a_model_are_printed_as_json() {
     let bench = Bench::new();
-    let _unwrap = bench.start(&["run", "unwrap"]);
-    let peer = Peer::new(&bench);
-    wait_until("the node", || peer.transport.is_ready("/unwrap"));
     let asked = |line: &str| -> serde_json::Value {
         let output = bench.run(&line.split(' ').chain(["--json"]).collect::<Vec<_>>());
         serde_json::from_slice(&output.stdout).unwrap_or_else(|why| panic!("{line}: {why}"))
     };
-    assert_eq!(asked("topic list")["/hdr"][0], "sensor_msgs/msg/Image");
-    assert_eq!(asked("topic info /hdr")["publishers"][0]["node"], "/unwrap");
-    assert_eq!(asked("node list"), serde_json::json!(["/peer", "/unwrap"]));
-    let subscribed = serde_json::json!({"name": "/modulo", "type": "sensor_msgs/msg/Image"});
-    assert_eq!(asked("node info /unwrap")["endpoints"]["Subscribers"][0], subscribed);
-    assert_eq!(asked("param list")["/unwrap"]["method"], "auto");
-    assert_eq!(asked("param get /unwrap headroom"), 0.0);
-    assert_eq!(asked("bag info bags/samples/tunnel")["messages"], 36);
     assert_eq!(asked("doctor")["domain"], bench.domain.id);
     assert_eq!(asked("model check demo --engine rten")["classes"][0], "car");
 }

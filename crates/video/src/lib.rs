@@ -1,11 +1,10 @@
-//! Videos and live cameras to frames, and frames to videos, by the programs `ffmpeg` and `ffprobe` of the system.
+//! Videos and live cameras to frames, by the programs `ffmpeg` and `ffprobe` of the system.
 //!
 //! Both run as processes of their own, and frames pass through a pipe. They are given one input, the protocols and the containers
 //! that this input may have, and no playlist, so that no file can make them read another one.
 
 mod address;
 mod damage;
-mod encode;
 mod file;
 mod index;
 mod listen;
@@ -20,7 +19,6 @@ use modulo_images::{Coding, ImageError, White};
 use ndarray::Array3;
 
 pub use address::{LiveAddress, VideoAddress};
-pub use encode::Encoder;
 pub use file::{VideoFile, VideoFrame};
 pub use live::{LiveCounts, LiveFrame, LiveVideo};
 pub use program::version;
@@ -47,7 +45,7 @@ impl Pixels {
     }
 }
 
-/// Error: a video cannot be read or written. The message never holds a password.
+/// Error: a video cannot be read. The message never holds a password.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum VideoError {
     /// The programs are not there.
@@ -58,7 +56,7 @@ pub enum VideoError {
     /// The address of a video cannot be one.
     #[error("{0}: {1}")]
     Address(String, &'static str),
-    /// The video cannot be read or written; with its name and the reason.
+    /// The video cannot be read; with its name and the reason.
     #[error("{0}: {1}")]
     Failed(String, String),
 }

@@ -47,7 +47,6 @@ pub mod metric {
     pub mod latency;
 }
 pub mod report;
-pub mod video;
 
 use std::fmt::Display;
 use std::path::{Path, PathBuf};

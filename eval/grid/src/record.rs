@@ -1,5 +1,5 @@
-//! [`Timelines`]: runs the nodes of a launch file for what people look at: a bag, the images of the streams, a video with the boxes that the
-//! detectors draw.
+//! [`Timelines`]: runs the nodes of a launch file for what people look at: a bag, the images of the streams, and those with the boxes
+//! that the detectors draw.
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;

@@ -1,4 +1,4 @@
-//! [`Recordings`]: what a run of a launch file is recorded to: a bag, images, and a video of the boxes.
+//! [`Recordings`]: what a run of a launch file is recorded to: a bag, and images with and without boxes.
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -14,7 +14,6 @@ use modulo_runtime::{Qos, sensor_info};
 
 use crate::messages::{found, image, recovery};
 use crate::plan::{CameraPlan, DetectorStream};
-use crate::video::AnnotatedVideo;
 
 /// Why a file could not be written.
 type Fault = Box<dyn Error + Send + Sync>;
@@ -29,8 +28,6 @@ pub struct Recordings {
     folder: PathBuf,
     /// The messages on the topics of the plan.
     bag: Option<BagWriter>,
-    /// The annotated images of all streams.
-    video: Option<AnnotatedVideo>,
     /// Whether the images that the detectors get are saved as `FOLDER/STREAM/NUMBER.png`, and those with the boxes of all streams in [`BOXES`].
     images: bool,
     /// The topics whose messages go into the bag.
@@ -52,20 +49,15 @@ struct Shown {
 impl Recordings {
     /// Creates the recordings of an evaluation, with pictures in `folder`. The folders of the `images`, with the names of the streams, must be
     /// in it.
-    pub fn new(
-        folder: &Path,
-        bag: Option<(BagWriter, Vec<String>)>,
-        video: Option<AnnotatedVideo>,
-        images: bool,
-    ) -> Self {
+    pub fn new(folder: &Path, bag: Option<(BagWriter, Vec<String>)>, images: bool) -> Self {
         let (bag, bagged) = bag.unzip();
         let bagged = bagged.unwrap_or_default();
-        Self { folder: folder.to_owned(), bag, bagged, video, images, ..Self::default() }
+        Self { folder: folder.to_owned(), bag, bagged, images, ..Self::default() }
     }
 
     /// Whether nothing is recorded.
     pub fn is_empty(&self) -> bool {
-        self.bag.is_none() && self.video.is_none() && !self.images
+        self.bag.is_none() && !self.images
     }
 
     /// Returns the topics whose messages are needed of `cameras`.
@@ -73,9 +65,9 @@ impl Recordings {
         let mut topics = self.bagged.clone();
         for stream in cameras.iter().flat_map(|camera| &camera.streams) {
             topics.push(stream.detections.clone());
-            topics.extend(self.images.then(|| stream.images.clone()));
             // Boxes are drawn for those who read the picture.
-            if self.draws() {
+            if self.images {
+                topics.push(stream.images.clone());
                 topics.extend(stream.annotated.clone());
                 topics.extend(stream.unwrapped.as_ref().map(|unwrapped| unwrapped.recovery.clone()));
             }
@@ -107,29 +99,20 @@ impl Recordings {
         if let Some(bag) = &mut self.bag {
             record(bag, out, &self.bagged)?;
         }
-        for stream in camera.streams.iter().filter(|_| self.images) {
+        if !self.images {
+            return Ok(());
+        }
+        for stream in &camera.streams {
             if let Some(frame) = image(out, &stream.images) {
                 save_png(&self.file(&stream.name, number)?, &frame.frame)?;
             }
         }
         let shown = camera.streams.iter().map(|stream| (stream.name.clone(), Shown::of(stream, out)));
         self.shown.extend(shown);
-        if !ends_round {
-            return Ok(());
-        }
-        let Some(sheet) = self.draws().then(|| self.sheet(cameras)).flatten() else { return Ok(()) };
-        if self.images {
+        if let Some(sheet) = ends_round.then(|| self.sheet(cameras)).flatten() {
             sheet.save(self.file(BOXES, number)?)?;
         }
-        match (&mut self.video, out.first()) {
-            (Some(video), Some((_, message))) => Ok(video.add(sheet, message.stamp().as_ns())?),
-            _ => Ok(()),
-        }
-    }
-
-    /// Whether anybody reads images with boxes.
-    fn draws(&self) -> bool {
-        self.video.is_some() || self.images
+        Ok(())
     }
 
     /// The file of a frame in the folder `name`, which is made.
@@ -160,14 +143,13 @@ impl Recordings {
         sheet(&pictures, &distinct(classes.map(String::as_str)))
     }
 
-    /// Completes the bag and the video.
+    /// Completes the bag.
     ///
     /// # Errors
     /// The error of the first file that could not be written.
     pub fn finish(self) -> Result<(), Fault> {
         let bag = self.bag.map(BagWriter::finish).transpose().map(drop).map_err(Fault::from);
-        let video = self.video.map(AnnotatedVideo::finish).transpose().map(drop).map_err(Fault::from);
-        self.fault.map_or(Ok(()), Err).and(bag).and(video)
+        self.fault.map_or(Ok(()), Err).and(bag)
     }
 }
 

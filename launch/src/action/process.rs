@@ -4,7 +4,7 @@ use modulo_runtime::yaml::{Content, Item, ScalarType};
 
 use super::ActionKind;
 use crate::attributes::{Attributes, Text};
-use crate::{LaunchError, Mistakes, listed};
+use crate::{LaunchError, listed};
 
 /// The keys of a node beside those of a process.
 pub(super) const NODE_KEYS: &[&str] = &["pkg", "exec", "namespace", "args", "ros_args", "param", "remap"];
@@ -68,7 +68,7 @@ pub(crate) enum ParameterValue {
 /// A scalar with its type as it is written; the type is `None` where a substitution decides on it.
 pub(crate) type Written = (Text, Option<ScalarType>);
 
-pub(super) fn node(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
+pub(super) fn node(attributes: &Attributes<'_>) -> Result<ActionKind, LaunchError> {
     Ok(ActionKind::Node(Box::new(NodeAction {
         package: attributes.required("pkg")?,
         executable: attributes.required("exec")?,
@@ -91,7 +91,7 @@ fn command_line(attributes: &Attributes<'_>, key: &str) -> Result<Option<Text>, 
     }
 }
 
-pub(super) fn executable(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
+pub(super) fn executable(attributes: &Attributes<'_>) -> Result<ActionKind, LaunchError> {
     let command = attributes.required("cmd")?;
     Ok(ActionKind::Executable(Box::new(ExecutableAction { command, process: process(attributes)? })))
 }

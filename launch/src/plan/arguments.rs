@@ -5,22 +5,22 @@ use std::path::{Path, PathBuf};
 use super::scope::{Scope, argument_value, included};
 use modulo_runtime::name::near_or_all;
 
+use crate::LaunchError;
 use crate::action::{self, Action, ActionKind, DeclaredArgument};
-use crate::{LaunchError, Mistakes};
 
 /// The arguments of the launch file `file`, in order, each once.
 ///
 /// # Errors
 /// As [`super::resolve`], for what cannot be read.
 pub fn declared_arguments(file: &Path) -> Result<Vec<DeclaredArgument>, LaunchError> {
-    declared(&absolute(file), &[]).map_err(Mistakes::into_first)
+    declared(&absolute(file), &[])
 }
 
 /// Returns the declared arguments when `arguments` are given: the path of an included file may depend on them.
 pub(super) fn declared(
     file: &Path,
     arguments: &[(String, String)],
-) -> Result<Vec<DeclaredArgument>, Mistakes> {
+) -> Result<Vec<DeclaredArgument>, LaunchError> {
     let launch_file = action::read_file(file)?;
     let mut collector = Collector {
         found: Vec::new(),

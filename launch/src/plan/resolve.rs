@@ -1,16 +1,16 @@
 //! From a launch file and arguments to a [`Plan`]: actions are done in the order of the file, each in the scope that
-//! the earlier ones left. A mistake does not hide the next one. Nothing is started.
+//! the earlier ones left. Nothing is started.
 
 use std::path::{Path, PathBuf};
 
 use super::arguments::{self, absolute, identity};
 use super::scope::{Scope, View, argument_value, included};
 use super::{NodePlan, Plan, process};
+use crate::LaunchError;
 use crate::action::{self, Action, ActionKind, Include};
 use crate::attributes::Text;
 use crate::package::SUITE;
 use crate::substitution::truth;
-use crate::{LaunchError, Mistakes};
 
 const CAMERA: &str = "modulo_camera";
 /// The executable that ends with the frames of the camera in its namespace, and not when the camera crashes.
@@ -29,23 +29,13 @@ const END_OF_CAMERA: &str = "camera_end";
 /// # Ok::<(), modulo_launch::LaunchError>(())
 /// ```
 pub fn resolve(file: &Path, arguments: &[(String, String)]) -> Result<Plan, LaunchError> {
-    check(file, arguments).map_err(Mistakes::into_first)
-}
-
-/// Does the same as [`resolve`], and returns every mistake and not only the first one. A mistake that merely follows from
-/// an earlier one is left out. Values are checked once every file can be read.
-///
-/// # Errors
-/// As [`resolve`].
-pub fn check(file: &Path, arguments: &[(String, String)]) -> Result<Plan, Mistakes> {
     let file = &absolute(file);
     let declared = arguments::declared(file, arguments)?;
     // An unknown argument is most often misspelt: the default would be used without a word.
-    let unknown = arguments.iter().filter(|(name, _)| declared.iter().all(|d| d.name != *name));
-    Mistakes::gather(unknown.map(|(name, _)| {
+    if let Some((name, _)) = arguments.iter().find(|(name, _)| declared.iter().all(|d| d.name != *name)) {
         let known = arguments::known(name, &declared);
-        Err::<(), _>(LaunchError::Other(format!("unknown launch argument '{name}'{known}")).into())
-    }))?;
+        return Err(LaunchError::Other(format!("unknown launch argument '{name}'{known}")));
+    }
     let launch_file = action::read_file(file)?;
     let mut resolver =
         Resolver { plan: Plan::default(), scope: Scope::new(arguments), open: vec![identity(file)] };
@@ -75,24 +65,14 @@ struct Resolver {
 }
 
 impl Resolver {
-    fn all(&mut self, file: &Path, actions: &[Action]) -> Result<(), Mistakes> {
-        Mistakes::gather(actions.iter().map(|action| self.one(file, action))).map(|_| ())
+    fn all(&mut self, file: &Path, actions: &[Action]) -> Result<(), LaunchError> {
+        actions.iter().try_for_each(|action| {
+            let applies = applies(action.condition.as_ref(), self.scope.at(file))?;
+            if applies { self.apply(file, action) } else { Ok(()) }
+        })
     }
 
-    fn one(&mut self, file: &Path, action: &Action) -> Result<(), Mistakes> {
-        let done = match applies(action.condition.as_ref(), self.scope.at(file)) {
-            Ok(true) => self.apply(file, action),
-            Ok(false) => Ok(()),
-            Err(mistake) => Err(mistake.into()),
-        };
-        // A use of this variable would be reported as undefined, which only follows from this mistake.
-        if let (ActionKind::Argument(argument), Err(_)) = (&action.kind, &done) {
-            self.scope.broken.insert(argument.declared.name.clone());
-        }
-        done.or_else(|mistakes| mistakes.without(&LaunchError::Consequence))
-    }
-
-    fn apply(&mut self, file: &Path, action: &Action) -> Result<(), Mistakes> {
+    fn apply(&mut self, file: &Path, action: &Action) -> Result<(), LaunchError> {
         let view = self.scope.at(file);
         match &action.kind {
             ActionKind::Argument(argument) => {
@@ -122,23 +102,22 @@ impl Resolver {
         process::DeclarationSite { file, line, view: self.scope.at(file), scope: &self.scope }
     }
 
-    fn group(&mut self, file: &Path, children: &[Action]) -> Result<(), Mistakes> {
-        // The scope is restored also after a mistake, since the actions behind the group are checked as well.
+    fn group(&mut self, file: &Path, children: &[Action]) -> Result<(), LaunchError> {
         let outer = self.scope.clone();
-        let done = self.all(file, children);
+        self.all(file, children)?;
         self.scope = outer;
-        done
+        Ok(())
     }
 
     /// As in ROS 2, an included file works in the scope of the including one.
-    fn include(&mut self, file: &Path, line: usize, include: &Include) -> Result<(), Mistakes> {
+    fn include(&mut self, file: &Path, line: usize, include: &Include) -> Result<(), LaunchError> {
         let view = self.scope.at(file);
         let launch_file = included(include, view)?;
         let arguments = view.pairs(&include.arguments)?;
         let identity = identity(&launch_file.path);
         if self.open.contains(&identity) {
             let why = format!("include: {} includes itself", launch_file.path.display());
-            return Err(LaunchError::at(file, line, why).into());
+            return Err(LaunchError::at(file, line, why));
         }
         // ROS 2 takes any name here: a misspelt one would leave the default of the file in place.
         let declared = arguments::declared(&launch_file.path, &[])?;
@@ -147,15 +126,15 @@ impl Resolver {
                 let known = arguments::known(name, &declared);
                 let path = launch_file.path.display();
                 let why = format!("include: {path} declares no argument '{name}'{known}");
-                return Err(view.refuse(text, why).into());
+                return Err(view.refuse(text, why));
             }
         }
         self.scope.variables.extend(arguments);
         // The file counts as open only while it is read: to include it twice is no loop.
         self.open.push(identity);
-        let done = self.all(&launch_file.path, &launch_file.actions);
+        self.all(&launch_file.path, &launch_file.actions)?;
         self.open.pop();
-        done
+        Ok(())
     }
 }
 

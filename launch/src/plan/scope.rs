@@ -1,7 +1,7 @@
 //! [`Scope`]: the variables, the namespace and the remappings at a place of a launch file.
 //! [`View`] evaluates texts there. A group that is scoped works on a copy.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ use modulo_runtime::yaml::{self, Content, ScalarType};
 use crate::action::{self, Argument, DeclaredArgument, Include, LaunchFile, ParameterValue};
 use crate::attributes::Text;
 use crate::substitution::{SubstitutionError, Surroundings};
-use crate::{LaunchError, Mistakes, listed};
+use crate::{LaunchError, listed};
 
 /// The state at a place of a launch file, as the actions before it have left it.
 #[derive(Clone, Debug, Default)]
@@ -22,8 +22,6 @@ pub(super) struct Scope {
     pub namespace: String,
     /// The rules of `set_remap`.
     pub remaps: Vec<(String, String)>,
-    /// Variables that have no value because of a mistake.
-    pub broken: BTreeSet<String>,
 }
 
 impl Scope {
@@ -62,13 +60,7 @@ impl View<'_> {
 
     /// Returns `result`, with the line of `text` in its error.
     pub fn locate<T>(&self, text: &Text, result: Result<T, SubstitutionError>) -> Result<T, LaunchError> {
-        result.map_err(|error| match &error {
-            // The mistake that took the value from this variable is reported already.
-            SubstitutionError::Undefined(name, _) if self.scope.broken.contains(name) => {
-                LaunchError::Consequence
-            }
-            _ => self.refuse(text, error),
-        })
+        result.map_err(|error| self.refuse(text, error))
     }
 
     pub fn refuse(&self, text: &Text, why: impl ToString) -> LaunchError {
@@ -146,23 +138,23 @@ pub(super) fn parameter_value(
 }
 
 /// Reads the included file. A relative path is refused, which ROS 2 would look for in the folder of the start.
-pub(super) fn included(include: &Include, view: View<'_>) -> Result<LaunchFile, Mistakes> {
+pub(super) fn included(include: &Include, view: View<'_>) -> Result<LaunchFile, LaunchError> {
     let path = PathBuf::from(view.string(&include.file)?);
     if path.is_relative() {
         let path = path.display();
         let why = format!("include: '{path}' starts at any working folder, write $(dirname)/{path}");
-        return Err(view.refuse(&include.file, why).into());
+        return Err(view.refuse(&include.file, why));
     }
     let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
     if !name.ends_with(".yaml") && !name.ends_with(".yml") {
         let why = format!("include: '{name}' is not YAML, only .launch.yaml files can be included");
-        return Err(view.refuse(&include.file, why).into());
+        return Err(view.refuse(&include.file, why));
     }
-    action::read_file(&path).map_err(|mistakes| match &mistakes.0[..] {
-        [LaunchError::File(file, why)] => {
-            view.refuse(&include.file, format!("include: {}: {why}", file.display())).into()
+    action::read_file(&path).map_err(|mistake| match mistake {
+        LaunchError::File(file, why) => {
+            view.refuse(&include.file, format!("include: {}: {why}", file.display()))
         }
-        _ => mistakes,
+        mistake => mistake,
     })
 }
 

@@ -141,7 +141,7 @@ fn a_launch_file_in_another_language_is_named() {
     let files = Files::new("<launch>\n  <node pkg=\"p\" exec=\"e\"/>\n</launch>\n")
         .with("a.launch.py", "def generate_launch_description():\n    pass\n");
     assert!(files.refusal(&[]).contains("ROS 2 knows launch files in XML, but only YAML is supported here"));
-    let python = modulo_launch::check(&files.path("a.launch.py"), &[]).expect_err("is Python").into_first();
+    let python = modulo_launch::resolve(&files.path("a.launch.py"), &[]).expect_err("is Python");
     assert!(python.to_string().contains("ROS 2 knows launch files in Python"), "{python}");
 }
 
@@ -149,7 +149,7 @@ fn a_launch_file_in_another_language_is_named() {
 #[test]
 fn what_is_no_regular_file_is_refused() {
     for special in ["/dev/zero", "/tmp"] {
-        let why = modulo_launch::check(std::path::Path::new(special), &[]).expect_err("special").into_first();
+        let why = modulo_launch::resolve(std::path::Path::new(special), &[]).expect_err("special");
         assert!(why.to_string().contains("is not a regular file"), "{why}");
     }
 }
@@ -193,42 +193,4 @@ fn an_unknown_argument_is_refused_with_the_nearest_or_all_declared_ones() {
         let expected = format!("unknown launch argument '{name}'{hint}");
         assert_eq!(files.refusal(&[(name, "1")]), expected);
     }
-}
-
-/// What follows from a mistake is not told again.
-#[test]
-fn every_mistake_is_found_and_nothing_that_follows_from_one() {
-    let all = |text: &str| {
-        let files = Files::new(text).with("b.launch.yaml", "launch:\n  - nod: {}\n  - executable: {}\n");
-        let mistakes = modulo_launch::check(&files.path("main.launch.yaml"), &[]).expect_err("is wrong");
-        let folder = format!("{}/", files.0.path().display());
-        mistakes.0.iter().map(|mistake| mistake.to_string().replace(&folder, "")).collect::<Vec<_>>()
-    };
-    let begins = |found: Vec<String>, expected: &[&str]| {
-        assert_eq!(found.len(), expected.len(), "{found:#?}");
-        found.iter().zip(expected).for_each(|(found, begin)| assert!(found.starts_with(begin), "{found}"));
-    };
-    let read = "launch:\n  - noed: {}\n  - group:\n    - executable: { cmd: 4 }\n    - set_remap: { from: x }\n  - include: {}\n";
-    begins(
-        all(read),
-        &[
-            "main.launch.yaml:2: action 'noed' is not supported",
-            "main.launch.yaml:4: executable",
-            "main.launch.yaml:5: set_remap",
-            "main.launch.yaml:6: include",
-        ],
-    );
-    let resolved = "launch:\n  - arg: { name: bag }\n  - executable: { cmd: play $(var bag) }\n  \
-                    - executable: { cmd: $(var nope) }\n  - include: { file: $(dirname)/b.launch.yaml }\n  \
-                    - group:\n    - executable: { cmd: a, if: maybe }\n  - executable: { cmd: a, unless: $(var bag) }\n";
-    begins(
-        all(resolved),
-        &[
-            "main.launch.yaml:2: argument 'bag' has no value",
-            "main.launch.yaml:4: undefined variable 'nope'",
-            "b.launch.yaml:2: action 'nod' is not supported",
-            "b.launch.yaml:3: executable: key 'cmd' is missing",
-            "main.launch.yaml:7: if: 'maybe' is not a condition",
-        ],
-    );
 }

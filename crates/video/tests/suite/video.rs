@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use modulo_core::Frame;
-use modulo_video::{Encoder, VideoFile, VideoFrame};
+use modulo_video::{VideoFile, VideoFrame};
 
 /// A folder, if ffmpeg is there; else the test is skipped.
 pub fn bench() -> Option<tempfile::TempDir> {
@@ -320,33 +320,6 @@ fn kill_children(path: &Path) {
             assert!(Command::new("kill").args(["-KILL", &id]).status().expect("kill starts").success());
         }
     }
-}
-
-#[test]
-fn pictures_become_a_video() {
-    let Some(bench) = bench() else { return };
-    let path = bench.path().join("out.mp4");
-    // Encoders need even sides, and pictures may have odd ones.
-    let mut encoder = Encoder::create(&path, (63, 47), 5.0).expect("ffmpeg");
-    for n in 0..10_u8 {
-        encoder.add(&vec![20 * n + 20; 63 * 47 * 3]).expect("written");
-    }
-    assert!(encoder.add(&[0; 3]).is_err(), "another size");
-    encoder.finish().expect("complete");
-    let frames = all(&mut open(&path));
-    assert_eq!((frames.len(), frames[9].time_ns), (10, Some(1_800_000_000)));
-    for (n, frame) in frames.iter().enumerate() {
-        let inner = frame.pixels.frame.as_u8().expect("8 bits")[(20, 30, 1)];
-        assert!(inner.abs_diff(20 * n as u8 + 20) <= 3, "{n}: {inner}");
-    }
-    let mut encoder =
-        Encoder::create(&bench.path().join("no/folder/out.mp4"), (64, 48), 5.0).expect("ffmpeg");
-    let mut end = (0..100).try_for_each(|_| encoder.add(&[0; 64 * 48 * 3]));
-    if end.is_ok() {
-        end = encoder.finish();
-    }
-    let why = end.expect_err("no folder").to_string();
-    assert!(why.contains("No such file"), "{why}");
 }
 
 #[test]

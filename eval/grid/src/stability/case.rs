@@ -36,8 +36,6 @@ pub static FAMILIES: LazyLock<Vec<Family>> = LazyLock::new(|| {
 pub struct Family {
     /// The heading.
     pub title: String,
-    /// The description below the heading.
-    pub about: String,
     /// Its scenes.
     pub scenes: Vec<Case>,
 }
@@ -75,7 +73,7 @@ pub struct Case {
     pub what: String,
     /// The reason for the results of the methods.
     #[serde(default)]
-    pub(super) why: String,
+    pub why: String,
     /// If k is not observable: another scene with the same modulo image.
     pub(super) twin: Option<String>,
     /// Its sensor, which sees the same scene in units of its peak whatever its bits are.

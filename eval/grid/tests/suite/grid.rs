@@ -362,7 +362,7 @@ fn record(sources: &[&Path], more: &[(&str, &str)], bag: &Path) {
     let mut timelines = Timelines::default();
     let recorder = BagWriter::create(bag, Compression::None).expect("a new bag");
     let recorder = Some((recorder, topics.clone()));
-    let mut recordings = Recordings::new(&bag.with_extension("out"), recorder, None, false);
+    let mut recordings = Recordings::new(&bag.with_extension("out"), recorder, false);
     for source in sources {
         let source = source.to_str().expect("UTF-8");
         let pairs = [&[("source", source), ("rate", "0"), ("optical_black", "0")], more].concat();

