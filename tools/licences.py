@@ -86,7 +86,7 @@ def main():
         for text, names in users.items():
             print(f"\n{'-' * 100}\n{', '.join(names)}\n\n{text}", file=out)
 
-    product = next(package for package in packages.values() if package["name"] == "modulo")
+    product = next(package for package in packages.values() if package["name"] == "modulo-camera")
     bill = {
         "bomFormat": "CycloneDX",
         "specVersion": "1.6",

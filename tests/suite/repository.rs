@@ -20,7 +20,7 @@ fn floors() -> Vec<Vec<String>> {
 }
 
 /// The only crates that link the transport.
-const ON_A_TRANSPORT: [&str; 4] = ["modulo", "modulo-bags-live", "modulo-middleware", "modulo-viewer"];
+const ON_A_TRANSPORT: [&str; 4] = ["modulo-bags-live", "modulo-camera", "modulo-middleware", "modulo-viewer"];
 
 /// A package of the workspace.
 struct Package {
@@ -278,6 +278,13 @@ fn the_environment_leads_to_the_package() {
 #[test]
 fn all_packages_have_one_version() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let package = std::fs::read_to_string(root.join("package.xml")).expect("readable");
-    assert!(package.contains(&format!("<version>{}</version>", env!("CARGO_PKG_VERSION"))), "package.xml");
+    let version = env!("CARGO_PKG_VERSION");
+    for (file, line) in [
+        ("package.xml", format!("<version>{version}</version>")),
+        ("CITATION.cff", format!("\nversion: {version}\n")),
+        ("python/Cargo.toml", format!("\nversion = \"{version}\"\n")),
+    ] {
+        let text = std::fs::read_to_string(root.join(file)).expect("readable");
+        assert!(text.contains(&line), "{file}");
+    }
 }

@@ -1,4 +1,5 @@
-//! The launch files, the sensor files and the sample bag of the suite. The program contains them, so that they are found from any folder.
+//! The launch files, the sensor files and the sample bag of the suite. The program contains them, so that they are found from any folder. The links in
+//! `embedded/` bring them into the package of this crate.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{Error, Result};
@@ -9,7 +10,7 @@ use crate::input::in_home;
 
 macro_rules! contents {
     ($($path:literal)*) => {
-        &[$(($path, include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../", $path)))),*]
+        &[$(($path, include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/embedded/", $path)))),*]
     };
 }
 
