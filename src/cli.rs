@@ -90,6 +90,10 @@ pub fn parse() -> Result<Option<Cli>, clap::Error> {
         // `ros2 run` and `ros2 launch` start a node by the name of its executable, which is such a link.
         arguments.splice(0..1, ["modulo", "run", called].map(OsString::from));
     }
+    if arguments.get(1).is_some_and(|word| word == "bench") {
+        let gone = "bench is gone: modulo eval --vary detector.engine=ort,rten --time-frames 100 compares engines, and modulo eval stability methods\n";
+        return Err(clap::Error::raw(ErrorKind::InvalidSubcommand, gone));
+    }
     // The long version replaces only the text of --version; -V stays one line.
     let command = with_short_help(with_home(with_negative_numbers(Cli::command())));
     let matches = command.long_version(LONG_VERSION).try_get_matches_from(arguments)?;

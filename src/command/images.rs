@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use modulo_camera::CameraParameters;
+use modulo_core::Transfer;
 use modulo_draw::distinct;
 use modulo_eval::images::recover::{UnwrapRequest, unwrap_files};
 use modulo_eval::images::runner::{Row, RunOutcome, median};
@@ -37,7 +38,14 @@ pub fn simulate(args: Simulate) -> Result<Ended, Failure> {
 }
 
 pub fn unwrap(request: &UnwrapRequest) -> Result<Ended, Failure> {
-    Ok(report(&with_progress(|tell| unwrap_files(request, tell))?))
+    let outcome = with_progress(|tell| unwrap_files(request, tell))?;
+    let ended = report(&outcome);
+    if outcome.rows.iter().any(|row| row.sensor.transfer == Transfer::Linear) {
+        note!(
+            "hint: the pictures show radiance linearly, which is dark on a screen; --transfer srgb shows it as people see it"
+        );
+    }
+    Ok(ended)
 }
 
 /// Runs the methods on the scenes of the stability suite.

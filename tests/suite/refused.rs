@@ -12,7 +12,8 @@ fn run_has_a_help_as_every_command() {
 
 /// Commands with a value that is out of range, and words that the refusal must contain. FILE, FOLDER and OUT stand for an
 /// image, its folder and a folder for results.
-const REFUSED: [(&str, &[&str]); 58] = [
+const REFUSED: [(&str, &[&str]); 59] = [
+    ("bench pipeline", &["modulo eval --vary", "modulo eval stability"]),
     ("simulate FILE -o OUT --alpha 0", &["'alpha' = 0", "256"]),
     ("simulate FILE -o OUT --alpha 2,-4", &["'alpha' = -4", "256"]),
     ("simulate FILE -o OUT --alpha NaN", &["'alpha' = NaN", "256"]),

@@ -101,12 +101,7 @@ pub fn replay(
         (serve(transport, &node_name, &events)?, serve_parameters(transport, &node_name, &**clock)?);
     let _node = transport.announce(&node_name)?;
     let clock = &**clock;
-    // Readers that are there already get the first message. After the announcement, because tools wait for the node before they
-    // subscribe.
-    let latest = clock.ticks_ns() + 500_000_000;
-    while !publishers.wanted() && clock.ticks_ns() < latest && stop.urgency() == Urgency::None {
-        thread::sleep(GLANCE);
-    }
+    wait_for_readers(&publishers, clock, stop);
     let _acks =
         (pace.rate() == 0.0).then(|| listen_to_readers(transport, &node_name, &events)).transpose()?;
     let (pacing, ahead, stopped) = (Pacing::default(), None, false);
@@ -119,6 +114,15 @@ pub fn replay(
     thread::sleep(transport.settling());
     replay.events.end();
     done.map(|()| Replayed { sent: replay.publishers.sent(), unheard })
+}
+
+/// Waits for half a second at most, so that readers that are there already get the first message: after the announcement, because tools wait
+/// for the node before they subscribe.
+fn wait_for_readers(publishers: &Publishers, clock: &dyn Clock, stop: &Stop) {
+    let latest = clock.ticks_ns() + 500_000_000;
+    while !publishers.wanted() && clock.ticks_ns() < latest && stop.urgency() == Urgency::None {
+        thread::sleep(GLANCE);
+    }
 }
 
 /// Returns the services of the node, and where their calls arrive.

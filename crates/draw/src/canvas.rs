@@ -13,6 +13,13 @@ pub enum Anchor {
     End,
 }
 
+/// A touch gives the focus to a mark, whose text is shown then.
+const TIPS: &str = ".tip { display: none; stroke: #fff; stroke-width: 4px; paint-order: stroke; } \
+                    .mark { outline: none; } .mark:focus + .tip { display: block; }";
+
+/// The size of its text.
+const TIP_SIZE: f32 = 11.0;
+
 /// A white page with shapes, drawn from first to last.
 pub struct Canvas {
     pub width: f32,
@@ -27,13 +34,14 @@ impl Canvas {
         Self { width, height: 0.0, font, shapes: String::new() }
     }
 
-    /// The page as an SVG document.
-    pub fn document(&self) -> String {
+    /// The page as an SVG document; `name` is read in its place to those who do not see it.
+    pub fn document(&self, name: &str) -> String {
         let Self { width, height, shapes, .. } = self;
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
-             viewBox=\"0 0 {width} {height}\" font-family=\"DejaVu Sans, Verdana, sans-serif\">\n\
-             <rect width=\"100%\" height=\"100%\" fill=\"{}\"/>\n{shapes}</svg>\n",
+             viewBox=\"0 0 {width} {height}\" font-family=\"DejaVu Sans, Verdana, sans-serif\" role=\"img\" aria-label=\"{}\">\n\
+             <style>{TIPS}</style>\n<rect width=\"100%\" height=\"100%\" fill=\"{}\"/>\n{shapes}</svg>\n",
+            escaped(name),
             hex(WHITE)
         )
     }
@@ -53,14 +61,24 @@ impl Canvas {
     }
 
     /// Adds a polygon, transparent without `fill`. `edge` is the colour and the width of its outline. `hover` is shown while the pointer is
-    /// on it.
+    /// on it, and after a touch.
     pub fn area(&mut self, points: &[Position], fill: Option<Colour>, edge: (Colour, f32), hover: &str) {
         let fill = fill.map_or_else(|| "none\" pointer-events=\"all".to_owned(), hex);
-        let title =
-            if hover.is_empty() { String::new() } else { format!("<title>{}</title>", escaped(hover)) };
-        let (points, colour, width) = (coordinates(points), hex(edge.0), edge.1);
+        let (places, colour, width) = (coordinates(points), hex(edge.0), edge.1);
+        let shape =
+            format!("points=\"{places}\" fill=\"{fill}\" stroke=\"{colour}\" stroke-width=\"{width}\"");
+        let Some(&(x, y)) = points.first().filter(|_| !hover.is_empty()) else {
+            return self.push(format_args!("<polygon {shape}/>"));
+        };
+        // Beside the mark, but within the page.
+        let width = self.font.width(hover, TIP_SIZE);
+        let (x, y) = ((x - width / 2.0).min(self.width - width - 4.0).max(4.0), y - 8.0);
+        let hover = escaped(hover);
         self.push(format_args!(
-            "<polygon points=\"{points}\" fill=\"{fill}\" stroke=\"{colour}\" stroke-width=\"{width}\">{title}</polygon>"
+            "<polygon {shape} class=\"mark\" tabindex=\"-1\"><title>{hover}</title></polygon>"
+        ));
+        self.push(format_args!(
+            "<text class=\"tip\" x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"{TIP_SIZE}\">{hover}</text>"
         ));
     }
 
@@ -114,5 +132,5 @@ fn hex([r, g, b]: Colour) -> String {
 
 fn escaped(text: &str) -> String {
     // The ampersand comes first: later it would also replace those of the other entities.
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

@@ -36,7 +36,7 @@ const MARGIN: f32 = 24.0;
 impl Chart {
     /// The chart as SVG 1.1.
     pub fn svg(&self, page: PageWidth) -> String {
-        self.canvas(page).document()
+        self.canvas(page).document(&self.title)
     }
 
     fn canvas(&self, page: PageWidth) -> Canvas {

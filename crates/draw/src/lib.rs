@@ -67,7 +67,7 @@ pub fn html_page(title: &str, css: &str, body: Markup) -> String {
                 title { (title) }
                 style { (PreEscaped(include_str!("page.css"))) (PreEscaped(css)) }
             }
-            body { (body) }
+            body { main { (body) } }
         }
     }
     .into_string()

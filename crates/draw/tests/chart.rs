@@ -25,13 +25,15 @@ fn any_text_and_any_number_can_be_drawn() {
     }];
     for scale in [Scale::Log, Scale::Share] {
         let panel = ChartPanel { x: axis(scale), y: axis(Scale::Log), series: series.clone() };
-        let chart = chart(vec![panel]);
+        let chart = Chart { title: "a \" b".to_owned(), ..chart(vec![panel]) };
         let svg = chart.svg(PageWidth::Wide);
         assert!(
             svg.contains("a &lt; b &amp; c") && !svg.contains("NaN") && !svg.contains("inf"),
             "{scale:?}"
         );
         assert_eq!(svg.matches("<title>1 &lt; 2 &amp; 3</title>").count(), 5, "one for each finite point");
+        assert_eq!(svg.matches("class=\"tip\"").count(), 5, "a touch shows what a pointer shows");
+        assert!(svg.contains("role=\"img\" aria-label=\"a &quot; b\""), "a chart has a name");
     }
 }
 

@@ -152,16 +152,7 @@ impl GraphView {
         let read_images: BTreeSet<_> = of(EntityKind::Subscription, MessageKind::Image).collect();
         let mut images: Vec<String> = topics(MessageKind::Image).into_iter().collect();
         let statuses: Vec<String> = topics(MessageKind::Diagnostics).into_iter().collect();
-        let detectors = published(MessageKind::Detections).map(|(publisher, topic)| {
-            let of_node = |(reader, input): &(String, String)| (*reader == publisher).then(|| input.clone());
-            let inputs: Vec<String> = read_images.iter().filter_map(of_node).collect();
-            let node = author(publisher.clone(), &topic, &statuses);
-            // Labels are published with the type of boxes as well, by a node that reads no image.
-            let is_detector = node != publisher || !inputs.is_empty();
-            (is_detector, DetectorView { inputs, offers: offers(&node, &images), node, topic })
-        });
-        let (detectors, labels): (Vec<_>, Vec<_>) = detectors.partition(|(is_detector, _)| *is_detector);
-        let detectors: Vec<DetectorView> = detectors.into_iter().map(|(_, detector)| detector).collect();
+        let (detectors, truths) = boxes(published(MessageKind::Detections), &read_images, &images, &statuses);
         let cameras = cameras::cameras(&published_images, &read_images, &detectors);
         cameras::sort(&mut images, &cameras);
         let mut nodes = graph.nodes_with_parameters();
@@ -169,7 +160,7 @@ impl GraphView {
         Self {
             domain: 0,
             detectors,
-            truths: labels.into_iter().map(|(_, labels)| labels.topic).collect(),
+            truths,
             links: links(graph, own),
             statuses,
             player: nodes.contains(PLAYER),
@@ -180,6 +171,28 @@ impl GraphView {
             cameras,
         }
     }
+}
+
+/// Returns the detectors and the topics of labels among the publishers of boxes, with the image topics that nodes read. Labels are published
+/// with the type of boxes as well, by a node that reads no image.
+fn boxes(
+    published: impl Iterator<Item = (String, String)>,
+    read_images: &BTreeSet<(String, String)>,
+    images: &[String],
+    statuses: &[String],
+) -> (Vec<DetectorView>, Vec<String>) {
+    let (mut detectors, mut labels) = (Vec::new(), Vec::new());
+    for (publisher, topic) in published {
+        let of_node = |(reader, input): &(String, String)| (*reader == publisher).then(|| input.clone());
+        let inputs: Vec<String> = read_images.iter().filter_map(of_node).collect();
+        let node = author(publisher.clone(), &topic, statuses);
+        if node == publisher && inputs.is_empty() {
+            labels.push(topic);
+        } else {
+            detectors.push(DetectorView { inputs, offers: offers(&node, images), node, topic });
+        }
+    }
+    (detectors, labels)
 }
 
 /// Returns what mixes in the graph now, and the nodes whose links were lost.

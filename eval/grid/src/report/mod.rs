@@ -51,7 +51,7 @@ fn figures(charts: &[NamedChart]) -> Markup {
     let kind = |chart: &NamedChart| chart.name.split('_').next().map(str::to_owned);
     html! {
         h2 { "Charts" }
-        p.note { "Move the pointer to a marker to see its cell." }
+        p.note { "Point at a marker, or touch it, to see its cell." }
         @for (index, chart) in charts.iter().enumerate() {
             @if charts[..index].iter().all(|other| kind(other) != kind(chart)) { (figure(chart)) }
             @else { details { summary { (chart.chart.title) } (figure(chart)) } }
