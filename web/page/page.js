@@ -43,7 +43,7 @@ function tell(text, isFault = false) {
 const CODE = URL.createObjectURL(new Blob([content("worker")], { type: "text/javascript" }));
 
 // Returns a function that asks a worker of its own. While it works, only the newest wish waits.
-function asker(core, answered) {
+function asker(core, answered, asked = () => {}) {
   const worker = new Worker(CODE);
   let [isBusy, wanted] = [false, null];
   const ask = (wish) => {
@@ -52,6 +52,7 @@ function asker(core, answered) {
       return;
     }
     [isBusy, wanted] = [true, null];
+    asked();
     worker.postMessage(wish);
   };
   worker.onerror = cannotRun;
@@ -73,7 +74,6 @@ const settings = () => ({
 });
 
 function expose(wish) {
-  tell("The program is working.");
   state.ask?.({ ...wish, settings: settings(), streams: STREAMS.length });
 }
 
@@ -83,7 +83,7 @@ globalThis.readCodes = () => new Promise((done) => {
   expose({ withCodes: true });
 });
 
-function show({ ms, picture: { name, scene, reduction }, figures, images: [shown, read, codes], method }) {
+function show({ ms, picture: { name, scene, reduction }, settings, figures, images: [shown, read, codes], method }) {
   const [height, width, exact, reason, most, clipped, fit, jumps, ...rest] = figures;
   if (name !== state.name) {
     Object.assign(state, { name, boxes: {} });
@@ -97,7 +97,7 @@ function show({ ms, picture: { name, scene, reduction }, figures, images: [shown
     ...{ height, width, most, read },
   };
   const isTrusted = reason <= LAST_TRUSTED;
-  const [verdict, why] = [document.createElement("b"), REASONS[reason]({ fit, jumps, settings: settings() })];
+  const [verdict, why] = [document.createElement("b"), REASONS[reason]({ fit, jumps, settings })];
   verdict.textContent = isTrusted ? "Trusted: the method claims that all wrap counts are right." : "Not trusted.";
   byId("trust").replaceChildren(verdict, why);
   byId("badge").textContent = isTrusted ? "Recovered: trusted" : "Recovered: not trusted";
@@ -268,7 +268,7 @@ async function start() {
   const packed = await fetch(`data:application/gzip;base64,${content("core")}`);
   const stream = packed.body.pipeThrough(new DecompressionStream("gzip"));
   const core = await WebAssembly.compileStreaming(new Response(stream, { headers: { "Content-Type": "application/wasm" } }));
-  state.ask = asker(core, show);
+  state.ask = asker(core, show, () => tell("The program is working."));
   state.askDetector = Object.fromEntries(SIDES.map((side) => [side, asker(core, mark)]));
   readAddress();
 }

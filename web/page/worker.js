@@ -19,7 +19,7 @@ function put(file) {
 
 // Takes a new picture, if there is one, and exposes the camera. The images have the forms for the screen, for the detector, which knows scenes
 // only, and as codes.
-function take({ file, picture: next, settings: { bits, alpha, sigma, noise, columns }, streams, withCodes }) {
+function take({ file, picture: next, settings, streams, withCodes }) {
   if (file) {
     put(file);
     picture = { ...next, reduction: must(core.open()) };
@@ -27,6 +27,7 @@ function take({ file, picture: next, settings: { bits, alpha, sigma, noise, colu
     core.render(next.scene);
     picture = next;
   }
+  const { bits, alpha, sigma, noise, columns } = settings;
   must(core.expose(bits, alpha, sigma, noise, columns));
   const before = performance.now();
   must(core.recover());
@@ -36,7 +37,7 @@ function take({ file, picture: next, settings: { bits, alpha, sigma, noise, colu
   core.numbers();
   const figures = numbers();
   core.method();
-  return { ms, picture, figures, images, method: text() };
+  return { ms, picture, settings, figures, images, method: text() };
 }
 
 function find({ pixels, height, width, ...asked }) {
