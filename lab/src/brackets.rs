@@ -3,13 +3,16 @@
 //! The captures are three consecutive frames of a drive with the longest exposure last; the middle one is the frame that is scored. Moving
 //! objects leave ghosts: the captures are not aligned.
 
+mod bracket;
+
 use std::fs;
 use std::path::PathBuf;
 
 use anyhow::{Context, anyhow};
+use bracket::Bracket;
 use clap::Parser;
 use modulo_bags::source::{Source, SourceFrame, SourceOptions, open};
-use modulo_core::{Bracket, Frame, Psf, Range, Sensor, SensorConfig, SensorError, Transfer, tone};
+use modulo_core::{Frame, Psf, Range, Sensor, SensorConfig, SensorError, Transfer, tone};
 use modulo_lab::{Program, ap50, write_labels, write_picture};
 use ndarray::Array3;
 

@@ -139,7 +139,7 @@ pub struct LabelledFrames {
     /// KITTI object folder (image_2, label_2)
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["sequence", "yolo", "coco", "source"])]
     pub kitti: Option<PathBuf>,
-    /// Frames of --kitti to take: a file of lines FRAME [DRIVE], or `paper` for the paper's test images
+    /// Frames of --kitti to take: a file of lines FRAME [DRIVE]
     #[arg(long, value_name = "FILE", requires = "kitti")]
     pub list: Option<PathBuf>,
     /// KITTI drives with tracking labels, one folder for each drive
@@ -173,7 +173,7 @@ pub enum Verb {
     },
     /// Run every unwrapping method on scenes that are hard to unwrap, and compare the results with the expected ones
     Stability {
-        /// Folder for the report, results.json and the pictures; without it a new one in runs
+        /// Folder for results.json and the pictures; without it a new one in runs
         #[arg(short, long, value_name = "FOLDER")]
         out: Option<PathBuf>,
     },
@@ -380,11 +380,7 @@ impl Record {
 impl LabelledFrames {
     /// Returns the frames that these options and `source` name; `None` for those of the cameras.
     fn data(&self, source: &[String]) -> Result<Option<Data>, Failure> {
-        let list = match self.list.as_deref() {
-            Some(path) if path == Path::new("paper") => Some(FrameList::paper()),
-            Some(path) => Some(FrameList::read(path)?),
-            None => None,
-        };
+        let list = self.list.as_deref().map(FrameList::read).transpose()?;
         Ok(match (&self.kitti, &self.sequence[..], &self.yolo, &self.coco, source) {
             (Some(folder), ..) => Some(Data::Kitti { folder: folder.clone(), list }),
             (None, [_, ..], ..) => Some(Data::Sequences(self.sequence.clone())),

@@ -183,13 +183,10 @@ pub(super) fn number(column: &str) -> Result<f32, String> {
     value.ok_or_else(|| format!("'{column}' found, a finite number needed"))
 }
 
-/// The ids of the paper's test images.
-const PAPER: std::ops::RangeInclusive<u32> = 7385..=7485;
-
 /// A list of frames of a folder in some order, with the drives that they come from.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FrameList {
-    /// Name for people: the file or the preset.
+    /// Name for people: the file.
     pub name: String,
     /// Names of the image files without extension.
     pub frames: Vec<String>,
@@ -220,12 +217,6 @@ impl FrameList {
             return Err(SourceError::label(path, 1, "the list is empty, at least one frame is needed"));
         }
         Ok(Self { name: path.display().to_string(), frames, drives })
-    }
-
-    /// Returns the paper's 100 (it names 101) test images of KITTI's object set.
-    pub fn paper() -> Self {
-        let frames = PAPER.map(|id| format!("{id:06}")).collect();
-        Self { name: "the paper's list".to_owned(), frames, drives: BTreeMap::new() }
     }
 
     /// Returns the drive of a frame, if the list names it.
@@ -283,7 +274,6 @@ mod tests {
         let list = read("000003 # first\n\n000001 drive_0011\n").expect("two frames");
         assert_eq!(list.frames, ["000003", "000001"]);
         assert_eq!((list.drive_of("000003"), list.drive_of("000001")), (None, Some("drive_0011")));
-        assert_eq!(FrameList::paper().frames.first().map(String::as_str), Some("007385"));
     }
 
     #[test]

@@ -9,7 +9,6 @@
 
 pub mod auto_exposure;
 pub mod boxes;
-pub mod bracket;
 pub mod candidates;
 mod dct;
 pub mod deblur;
@@ -33,7 +32,6 @@ mod workers;
 
 pub use auto_exposure::{AutoExposure, ExposureControl};
 pub use boxes::{BBox, Detection};
-pub use bracket::{Bracket, BracketError};
 pub use deblur::Deblur;
 pub use display::DisplayCurve;
 pub use frame::{Frame, FrameError, SamplePosition, Samples};

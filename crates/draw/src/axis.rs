@@ -12,8 +12,6 @@ pub struct Axis {
 pub enum Scale {
     /// Linear for shares from 0 to 1, whose ticks are in percent.
     Share,
-    /// Linear around the data.
-    Linear,
     /// Logarithmic around the data, of which only positive values have a position of their own.
     Log,
     /// The distinct values of the data at equal distances, each with a tick. Points of several series at one value are drawn
@@ -42,20 +40,19 @@ impl Axis {
     pub fn fit(&self, values: impl Iterator<Item = f64> + Clone) -> FittedAxis {
         let ticks = match self.scale {
             Scale::Share => vec![0.0, 0.2, 0.4, 0.6, 0.8, 1.0],
-            Scale::Linear => linear_ticks(values),
             Scale::Log => log_ticks(values),
             Scale::Settings => ascending(values),
         };
         let (from, to) = match self.scale {
             Scale::Settings => (-0.5, ticks.len() as f64 - 0.5),
             Scale::Log => (ticks[0].log10(), ticks[ticks.len() - 1].log10()),
-            Scale::Share | Scale::Linear => (ticks[0], ticks[ticks.len() - 1]),
+            Scale::Share => (ticks[0], ticks[ticks.len() - 1]),
         };
         // An axis whose data have one value would have no length, and every position would be a division by zero.
         let pad = (to - from).max(1e-9) * PAD;
         let text = |value| match self.scale {
             Scale::Share => format!("{} %", rounded(100.0 * value)),
-            Scale::Linear | Scale::Log | Scale::Settings => rounded(value).to_string(),
+            Scale::Log | Scale::Settings => rounded(value).to_string(),
         };
         let ticks = ticks.into_iter().map(|value| (value, text(value))).collect();
         FittedAxis { from: from - pad, to: to + pad, scale: self.scale, ticks }
@@ -67,7 +64,7 @@ impl FittedAxis {
     pub fn place(&self, value: f64) -> f32 {
         let value = match self.scale {
             Scale::Log => value.max(0.0).log10(),
-            Scale::Share | Scale::Linear => value,
+            Scale::Share => value,
             Scale::Settings => self.ticks.partition_point(|(setting, _)| *setting < value) as f64,
         };
         ((value - self.from) / (self.to - self.from)).clamp(0.0, 1.0) as f32
@@ -100,23 +97,6 @@ pub fn ascending(values: impl Iterator<Item = f64>) -> Vec<f64> {
 /// Removes the last digits that result from binary fractions.
 fn rounded(value: f64) -> f64 {
     format!("{value:.9e}").parse().expect("a number that was just written")
-}
-
-/// The values of at most eleven ticks of a linear axis, which enclose the data.
-fn linear_ticks(values: impl Iterator<Item = f64> + Clone) -> Vec<f64> {
-    let least = values.clone().fold(f64::INFINITY, f64::min);
-    let most = values.fold(f64::NEG_INFINITY, f64::max);
-    // Without data, and for a single value, the axis still needs a length.
-    let (least, most) = match most - least {
-        length if length > 0.0 => (least, most),
-        0.0 => (least - 0.5, most + 0.5),
-        _ => (0.0, 1.0),
-    };
-    let power = 10f64.powf(((most - least) / 9.0).log10().floor());
-    let step = [1.0, 2.0, 5.0].map(|m| m * power).into_iter().find(|step| (most - least) / step <= 9.0);
-    let step = step.unwrap_or(10.0 * power);
-    let (first, last) = ((least / step).floor() as i64, (most / step).ceil() as i64);
-    (first..=last).map(|tick| tick as f64 * step).collect()
 }
 
 /// The values of the ticks of a logarithmic axis, which enclose the positive values.
@@ -157,11 +137,6 @@ mod tests {
             texts(&log.fit([0.02, 90.0, 1500.0].into_iter())),
             ["0.01", "0.1", "1", "10", "100", "1000", "10000"]
         );
-        let linear = axis(Scale::Linear);
-        assert_eq!(
-            texts(&linear.fit([-6.0, 22.0].into_iter())),
-            ["-10", "-5", "0", "5", "10", "15", "20", "25"]
-        );
         let settings = axis(Scale::Settings);
         assert_eq!(texts(&settings.fit([4.0, 0.0, 1.5, 4.0].into_iter())), ["0", "1.5", "4"]);
         let share = axis(Scale::Share);
@@ -171,7 +146,7 @@ mod tests {
     #[test]
     fn places_rise_with_values_and_stay_on_the_axis() {
         for data in [vec![], vec![5.0], vec![1e-6, 0.3], vec![1e-12, 1e12], vec![7.0, 7.0]] {
-            for scale in [Scale::Linear, Scale::Log, Scale::Settings] {
+            for scale in [Scale::Log, Scale::Settings] {
                 let fitted = axis(scale).fit(data.iter().copied());
                 let places: Vec<f32> = fitted.ticks.iter().map(|(value, _)| fitted.place(*value)).collect();
                 assert!(places.windows(2).all(|pair| pair[0] < pair[1]), "{data:?}: {places:?}");

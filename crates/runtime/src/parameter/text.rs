@@ -4,7 +4,7 @@
 use modulo_msgs::rcl_interfaces::{ParameterDescriptor, ParameterValue};
 
 use crate::parameter::Value;
-use crate::parameter::value::{Plain, TYPES, Yaml, from_ros};
+use crate::parameter::value::{TYPES, Yaml, from_ros};
 use crate::parameter::yaml_text::of_double;
 
 /// Returns the value with its type, as `ros2 param get` prints it: `Double value is: 4.0`.
@@ -36,14 +36,6 @@ pub fn bare(value: &ParameterValue) -> String {
             Yaml::List(items) => list(items.iter().map(python).collect()),
         },
     }
-}
-
-/// Returns the value without its type for JSON; null where it is not set.
-pub fn json(value: &ParameterValue) -> serde_json::Value {
-    let json = |value| {
-        Plain::serialize(&value, serde_json::value::Serializer).expect("each value has a form in JSON")
-    };
-    from_ros(value.clone()).map_or(serde_json::Value::Null, json)
 }
 
 /// Returns the name of a type by its code in messages, as `ros2 param` prints it.

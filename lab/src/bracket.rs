@@ -3,27 +3,18 @@
 //! The captures follow each other in time, so a moving object is at another position in each and appears several times
 //! in the merged image. These ghosts are neither aligned nor removed: this is the baseline whose ghosts are measured.
 
+use anyhow::ensure;
+use modulo_core::{Frame, Range};
 use ndarray::{Array3, Zip};
 
-use crate::frame::Frame;
-use crate::range::{HALF_A_CODE, Range};
+/// A code stands for its middle.
+const HALF_A_CODE: f32 = 0.5;
 
 /// A series of exposure times that covers all of a range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bracket {
     range: Range,
     times: Vec<f32>,
-}
-
-/// Error: the captures cannot be merged.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum BracketError {
-    /// The number of captures, and that of the exposure times, which it differs from.
-    #[error("{0} captures, the bracket has {1}")]
-    Captures(usize, usize),
-    /// The shape of the first capture, and that of the first one which differs from it.
-    #[error("captures differ in (rows, columns, channels): {0:?} and {1:?}")]
-    Shapes((usize, usize, usize), (usize, usize, usize)),
 }
 
 impl Bracket {
@@ -52,14 +43,13 @@ impl Bracket {
     /// saturated, else from the shortest.
     ///
     /// # Errors
-    /// [`BracketError`] when a capture is missing or has another shape.
-    pub fn merge(&self, captures: &[Frame]) -> Result<Array3<f32>, BracketError> {
-        if captures.len() != self.times.len() {
-            return Err(BracketError::Captures(captures.len(), self.times.len()));
-        }
+    /// When a capture is missing or has another shape.
+    pub fn merge(&self, captures: &[Frame]) -> anyhow::Result<Array3<f32>> {
+        let (count, needed) = (captures.len(), self.times.len());
+        ensure!(count == needed, "{count} captures, the bracket has {needed}");
         let first = captures[0].dim();
         if let Some(other) = captures.iter().map(Frame::dim).find(|dim| *dim != first) {
-            return Err(BracketError::Shapes(first, other));
+            anyhow::bail!("captures differ in (rows, columns, channels): {first:?} and {other:?}");
         }
         // The highest code also stands for everything brighter, so a sample at it may be saturated.
         let most = self.range.peak() - 1.0;
@@ -108,7 +98,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::{Sensor, SensorConfig};
+    use modulo_core::{Sensor, SensorConfig};
 
     /// Returns one capture of `radiance` for each exposure time of `bracket`.
     fn captures(bracket: &Bracket, radiance: &Array3<f32>) -> Vec<Frame> {
@@ -134,10 +124,9 @@ mod tests {
     fn captures_that_do_not_fit_are_refused() {
         let bracket = Bracket::new(Range::new(8, 4.0).unwrap(), 2);
         let frame = |width| Frame::from_u8(Array3::zeros((2, width, 3))).unwrap();
-        let found = bracket.merge(&[frame(3)]);
-        assert_eq!(found, Err(BracketError::Captures(1, 2)));
-        let found = bracket.merge(&[frame(3), frame(4)]);
-        assert_eq!(found, Err(BracketError::Shapes((2, 3, 3), (2, 4, 3))));
+        let why = |captures: &[Frame]| bracket.merge(captures).expect_err("refused").to_string();
+        assert_eq!(why(&[frame(3)]), "1 captures, the bracket has 2");
+        assert!(why(&[frame(3), frame(4)]).ends_with("(2, 3, 3) and (2, 4, 3)"));
     }
 
     #[test]
