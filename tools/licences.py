@@ -1,9 +1,9 @@
 """Writes the licences and the parts of the program: what a release must hold beside the binary.
 
-    python3 tools/licences.py FOLDER
+    python3 tools/licences.py FOLDER TARGET
 
 FOLDER gets `licences.txt`, the licence of each crate that is linked into `modulo` or the Python package with its text, and
-`sbom.cdx.json`, the same crates as a bill of materials (CycloneDX 1.6). Both are read from `cargo metadata` and the lock files.
+`sbom.cdx.json`, the same crates as a bill of materials (CycloneDX 1.6). Both are read from `cargo metadata` and the lock files, for the platform TARGET.
 """
 
 import json
@@ -18,10 +18,9 @@ ROOT = Path(__file__).resolve().parent.parent
 NAMES = ("LICENSE", "LICENCE", "COPYING", "NOTICE", "UNLICENSE", "COPYRIGHT")
 
 
-def linked(manifest):
-    """Yields the packages that the package of `manifest` links on this machine, itself first, and their direct dependencies."""
-    host = subprocess.run(["rustc", "--print", "host-tuple"], capture_output=True, text=True, check=True).stdout.strip()
-    command = ["cargo", "metadata", "--locked", "--format-version", "1", "--filter-platform", host, "--manifest-path", manifest]
+def linked(manifest, target):
+    """Yields the packages that the package of `manifest` links on the platform `target`, itself first, and their direct dependencies."""
+    command = ["cargo", "metadata", "--locked", "--format-version", "1", "--filter-platform", target, "--manifest-path", manifest]
     metadata = json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
     packages = {package["id"]: package for package in metadata["packages"]}
     nodes = {node["id"]: node for node in metadata["resolve"]["nodes"]}
@@ -68,7 +67,7 @@ def main():
     folder.mkdir(parents=True, exist_ok=True)
     packages, needs, checksums = {}, {}, {}
     for manifest in (ROOT / "Cargo.toml", ROOT / "python/Cargo.toml"):
-        for package, needed in linked(manifest):
+        for package, needed in linked(manifest, sys.argv[2]):
             packages[reference(package)] = package
             needs.setdefault(reference(package), sorted(map(reference, needed)))
         lock = tomllib.loads(manifest.with_name("Cargo.lock").read_text())

@@ -140,7 +140,7 @@ def main_job(root, binary, launch):
 def tarball(folder, root):
     """Unpacks the tarball in the root folder `root`; returns the seconds until the first box."""
     began = time.monotonic()
-    run("tar", "-xzf", only(folder, ".tar.gz"), "-C", root)
+    run("tar", "-xzf", only(folder, "-gnu.tar.gz"), "-C", root)
     (top,) = root.iterdir()
     unpacked = time.monotonic() - began
     add_libraries(root, top / "lib/modulo/modulo")

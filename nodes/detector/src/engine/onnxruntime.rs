@@ -191,9 +191,10 @@ fn register<P: ExecutionProvider>(provider: &P, builder: &mut SessionBuilder) ->
 /// Returns whether `engine` computes with 16 bits (bf16): OpenVINO does where the processor multiplies such numbers.
 pub fn uses_bf16(engine: EngineChoice) -> bool {
     #[cfg(target_arch = "x86_64")]
-    return engine == EngineChoice::OpenVino && std::arch::is_x86_feature_detected!("avx512bf16");
+    let multiplies = std::arch::is_x86_feature_detected!("avx512bf16");
     #[cfg(not(target_arch = "x86_64"))]
-    false
+    let multiplies = false;
+    engine == EngineChoice::OpenVino && multiplies
 }
 
 fn signature(session: &Session) -> Signature {
