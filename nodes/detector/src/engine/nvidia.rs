@@ -39,7 +39,7 @@ fn gpus_of(driver: &Path) -> Vec<String> {
     inside(&driver.join("gpus")).into_iter().filter_map(model).collect()
 }
 
-/// Returns the libraries of CUDA, cuDNN and TensorRT that [`preload`] finds for the ONNX Runtime at `library`.
+/// Returns the libraries of CUDA, cuDNN and TensorRT that are found for the ONNX Runtime at `library`.
 pub fn libraries(library: &Path) -> Vec<PathBuf> {
     found(library, std::env::var_os("VIRTUAL_ENV").map(PathBuf::from).as_deref())
 }
