@@ -1,5 +1,4 @@
-//! The launch files, the sensor files and the sample bag of the suite. The program contains them, so that they are found from any folder. The links in
-//! `embedded/` bring them into the package of this crate.
+//! The launch files, the sensor files and the sample bag of the suite, which the program contains; the links in `embedded/` pack them here.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{Error, Result};
