@@ -44,16 +44,6 @@ pub fn libraries(library: &Path) -> Vec<PathBuf> {
     found(library, std::env::var_os("VIRTUAL_ENV").map(PathBuf::from).as_deref())
 }
 
-/// Loads the libraries that lie beside the package with the ONNX Runtime at `library`, or in the environment of Python that is active.
-/// One that cannot be loaded is left to the provider, which names what it lacks.
-pub fn preload(library: &Path) {
-    for file in libraries(library) {
-        if let Err(why) = ort::util::preload_dylib(&file) {
-            tracing::warn!("{} cannot be loaded: {why}", file.display());
-        }
-    }
-}
-
 /// Returns the libraries in the order of their names: those beside the package that has `library` as `onnxruntime/capi/FILE`, or
 /// else those in the environment at `active`.
 fn found(library: &Path, active: Option<&Path>) -> Vec<PathBuf> {

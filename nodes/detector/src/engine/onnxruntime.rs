@@ -126,7 +126,7 @@ fn with_provider(
     (library, file): (&Library, &ModelFile),
 ) -> Result<SessionBuilder, EngineError> {
     if device != EngineDevice::Cpu {
-        nvidia::preload(Path::new(&library.place));
+        preload(&library.place);
     }
     let registered = match (engine, device) {
         (EngineChoice::OpenVino | EngineChoice::OpenVinoF32, _) => {
@@ -153,6 +153,16 @@ fn with_provider(
         EngineError(format!("{what}: {why}; {remedy}, or set engine to ort and device to cpu"))
     };
     registered.map_err(failed).map(|()| builder)
+}
+
+/// Loads the libraries of a GPU that were found for the ONNX Runtime at `place`. One that cannot be loaded is left to the provider, which names
+/// what it lacks.
+fn preload(place: &str) {
+    for file in nvidia::libraries(Path::new(place)) {
+        if let Err(why) = ort::util::preload_dylib(&file) {
+            tracing::warn!("{} cannot be loaded: {why}", file.display());
+        }
+    }
 }
 
 /// TensorRT with 16 bits, whose engines are kept: making one takes minutes. TensorRT itself makes another one for another GPU, size of the
