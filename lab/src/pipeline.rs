@@ -157,14 +157,7 @@ fn run(options: &Options, domain: u16, setup: Setup, mode: &mut Mode) -> anyhow:
     let [log, summary] = ["log.txt", "summary.json"].map(|file| folder.path().join(file));
     let out = File::create(&log).context("the log of a run")?;
     let mut command = Command::new(&options.program);
-    let (file, cameras) = match setup {
-        Setup::Pipeline { .. } => (PathBuf::from("recovered.launch.yaml"), 1),
-        Setup::Cameras(cameras) => {
-            let file = folder.path().join("cameras.launch.yaml");
-            fs::write(&file, launch_file(cameras)).context("the launch file of a run")?;
-            (file, cameras)
-        }
-    };
+    let (file, cameras) = launched(setup, folder.path())?;
     command
         .arg("launch")
         .arg(file)
@@ -198,6 +191,14 @@ fn run(options: &Options, domain: u16, setup: Setup, mode: &mut Mode) -> anyhow:
     mode.rss_mb.push(rss_mb);
     mode.times.add(times);
     Ok(())
+}
+
+/// Returns the launch file of a run, which may be made in `folder`, and the number of its cameras.
+fn launched(setup: Setup, folder: &Path) -> anyhow::Result<(PathBuf, usize)> {
+    let Setup::Cameras(cameras) = setup else { return Ok((PathBuf::from("recovered.launch.yaml"), 1)) };
+    let file = folder.join("cameras.launch.yaml");
+    fs::write(&file, launch_file(cameras)).context("the launch file of a run")?;
+    Ok((file, cameras))
 }
 
 /// The arguments of the program for a run.

@@ -87,18 +87,22 @@ pub fn score(folders: &[Folder], options: &ScoreOptions) -> Result<Results, Grid
         cells.push(scorer.cell(point.clone()));
     }
     cells.sort_by(|(a, _), (b, _)| a.point.order(&b.point));
-    let (mut cells, mut judged): (Vec<Cell>, Vec<Judged>) = cells.into_iter().unzip();
-    // The reference itself has found all of it.
-    judged.retain(|cell| reference.is_none() || !cell.point.is(IDEAL));
+    let (mut cells, judged): (Vec<Cell>, Vec<Judged>) = cells.into_iter().unzip();
     for folder in folders {
         setup.grid.extend(folder.plans()?);
         take_times(folder, &mut cells)?;
     }
     setup.grid.sort_by(Point::order);
     setup.grid.dedup();
+    Ok(Results { setup, input, definitions: definitions(), verdict: verdict_of(judged, reference), cells })
+}
+
+/// The verdict, after the sentence that names the reference where the stream `ideal` is that.
+fn verdict_of(mut judged: Vec<Judged>, reference: Option<String>) -> Option<String> {
+    // The reference itself has found all of it.
+    judged.retain(|cell| reference.is_none() || !cell.point.is(IDEAL));
     let said: Vec<String> = reference.into_iter().chain(verdict::sentence(&judged)).collect();
-    let verdict = (!said.is_empty()).then(|| said.join(". "));
-    Ok(Results { setup, input, definitions: definitions(), verdict, cells })
+    (!said.is_empty()).then(|| said.join(". "))
 }
 
 /// Gives the cells the times that were measured last.
