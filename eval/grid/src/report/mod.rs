@@ -127,7 +127,10 @@ pub fn write(folder: &Path, results: &Results) -> Result<PathBuf, GridError> {
 /// [`GridError`] if they cannot be written.
 pub fn save_pictures(folder: &Path, pictures: &RgbImage) -> Result<(), GridError> {
     let path = folder.join(GRID);
-    pictures.save(&path).map_err(|why| GridError::of_file(&path, why))
+    // Another process on this folder may read it at any time.
+    let unfinished = folder.join(format!("{}.{GRID}", std::process::id()));
+    pictures.save(&unfinished).map_err(|why| GridError::of_file(&unfinished, why))?;
+    std::fs::rename(&unfinished, &path).map_err(|why| GridError::io(&path, why))
 }
 
 /// The address of an image for the page; `None` where there is none.
