@@ -63,7 +63,7 @@ struct Options {
     cameras: Vec<usize>,
 }
 
-/// What a run starts.
+/// The processes that a run starts.
 #[derive(Clone, Copy)]
 enum Setup {
     /// A camera, an unwrapping and a detector, in one process or in three.

@@ -1,4 +1,4 @@
-//! What the benchmarks have in common: folders of pictures with KITTI's labels, and the program that evaluates a detector on them.
+//! The folders of pictures with KITTI's labels, and the program that evaluates a detector on them, which all benchmarks of this crate use.
 
 use std::fs;
 use std::path::{Path, PathBuf};

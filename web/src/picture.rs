@@ -12,7 +12,7 @@ const MOST_PIXELS: usize = 1_000_000;
 const SEED: u64 = 1;
 const SCENE_SIZE: (usize, usize) = (288, 960);
 
-/// What the samples of a picture are.
+/// The meaning of the samples of a picture: codes, or radiance.
 pub enum Origin {
     /// The radiance of a rendered scene, with its objects.
     Rendered(Vec<SceneObject>),

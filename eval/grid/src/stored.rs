@@ -105,8 +105,8 @@ impl Stored {
             return Ok(None);
         }
         let cells = self.cells().filter(|cell| cell.as_ref().map_or(true, |cell| cell.key.point.is(IDEAL)));
-        let cells = cells.collect::<Result<Vec<_>, _>>()?;
-        // With several models or lenses, each would have a reference of its own.
+        // With several models or lenses, each would have a reference of its own: two suffice to see it.
+        let cells = cells.take(2).collect::<Result<Vec<_>, _>>()?;
         let [ideal] = &cells[..] else { return Ok(None) };
         let Some(scene) = self.scenes.get_mut(&ideal.key.frames) else { return Ok(None) };
         scene.names = LabelNames::Model;

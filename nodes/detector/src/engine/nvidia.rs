@@ -1,5 +1,5 @@
-//! What of NVIDIA is on this machine: GPUs with their driver, and the libraries of CUDA, cuDNN and TensorRT that packages of pip bring. These are loaded
-//! before ONNX Runtime asks for them, so that no variable has to name their folders.
+//! Finds the GPUs of NVIDIA with their driver, and the libraries of CUDA, cuDNN and TensorRT that packages of pip bring. These are loaded before ONNX
+//! Runtime asks for them, so that no variable has to name their folders.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -64,7 +64,8 @@ fn found(library: &Path, active: Option<&Path>) -> Vec<PathBuf> {
     NAMES.iter().filter_map(named).collect()
 }
 
-/// What brings a library whose name begins so, the driver's before those that it is a part of the name of.
+/// The beginning of the name of a missing library, and the sentence that says how to get it. The first one that fits counts, and the empty
+/// one fits all.
 const REMEDIES: [(&str, &str); 4] = [
     ("libcuda.so", "install the driver of the GPU"),
     (
