@@ -1,4 +1,4 @@
-//! The folders of pictures with KITTI's labels, and the program that evaluates a detector on them, which all benchmarks of this crate use.
+//! The folders of pictures with KITTI's labels, and the program that evaluates a detector on them.
 
 use std::fs;
 use std::path::{Path, PathBuf};
