@@ -16,7 +16,7 @@ use crate::transport::Incoming;
 use crate::transport::queue::{Arrived, Queued as _};
 
 /// A node waits this long for messages that tell what it will get, where they are published, before it reports ready.
-const UNTOLD: Duration = Duration::from_millis(500);
+const UNTOLD: Duration = Duration::from_secs(1);
 /// A draining node gives up this long after its last message, even if its upstream is still there.
 const DRAIN_LIMIT_NS: u64 = 2_000_000_000;
 /// After this many late messages on one topic the upstream node is considered to be running on, and the drain ends. An upstream
@@ -36,14 +36,18 @@ struct Drain {
 impl Live<'_> {
     /// Takes the messages that tell what will come, and has the node get ready for it.
     pub(super) fn get_ready(&mut self) -> Result<(), RunError> {
-        let until = self.time.ticks_ns() + nanoseconds(UNTOLD);
+        let begin = self.time.ticks_ns();
         loop {
+            let untold = self.node.get_ready();
             let mut is_published = false;
-            for topic in self.node.get_ready() {
-                let address = Address::resolve(&self.node_name, &topic)?;
+            for topic in &untold {
+                let address = Address::resolve(&self.node_name, topic)?;
                 is_published |= !self.transport.publishers(&address.topic).is_empty();
             }
-            if !is_published || self.time.ticks_ns() >= until || self.stop.urgency() != Urgency::None {
+            // Publishers of other processes are not known from the start.
+            let limit = if is_published { UNTOLD } else { self.transport.settling() };
+            let waited = self.time.ticks_ns() - begin;
+            if untold.is_empty() || waited >= nanoseconds(limit) || self.stop.urgency() != Urgency::None {
                 return Ok(());
             }
             if let Some(arrived) = self.queue.take(Some(GRAPH_GLANCE)) {
