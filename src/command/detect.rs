@@ -260,6 +260,14 @@ impl<'a> Files<'a> {
         }
         let (pictures, objects) = (counted(self.pictures, "picture"), counted(self.objects, "object"));
         note!("{pictures}, {objects}: {}", self.folder.display());
+        if self.pictures > 1 && matches!(VideoAddress::of(&self.args.source), Ok(Some(_))) {
+            let size = "pad=ceil(iw/2)*2:ceil(ih/2)*2";
+            let folder = self.folder.display();
+            note!(
+                "a video of them: ffmpeg -framerate 25 -pattern_type glob -i '{folder}/*.png' -pix_fmt yuv420p -vf '{size}' \
+                 '{folder}/boxes.mp4'"
+            );
+        }
         Ok(self.pictures == 0)
     }
 }

@@ -1,5 +1,6 @@
 //! `modulo view`: the suite in a browser.
 
+use std::collections::BTreeMap;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::os::unix::process::CommandExt as _;
 use std::path::PathBuf;
@@ -8,8 +9,10 @@ use std::process::{Child, Command, Stdio};
 use anyhow::Context as _;
 use clap::Args;
 use modulo_bags::bag::BagReader;
-use modulo_runtime::launcher;
+use modulo_core::{Detection, Frame};
+use modulo_detector::{Detector, DetectorParameters};
 use modulo_runtime::output::prepare_file;
+use modulo_runtime::{ParameterSet as _, launcher};
 use modulo_viewer::{RECORDING_BEGIN, ViewAddresses, ViewOptions};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
@@ -76,11 +79,33 @@ pub fn serve(args: &ViewCommand, open: impl FnOnce(&ViewAddresses)) -> Result<En
         record: args.record.clone(),
     };
     let (clock, transport) = open_session()?;
-    let left_out = modulo_viewer::run(transport, clock, &options, &stop, open)?;
+    let left_out = modulo_viewer::run(transport, clock, &options, &stop, Box::new(found_again()), open)?;
     if left_out > 0 {
         note!("{left_out} moments are not in the recording: each of them alone is larger than it may be");
     }
     Ok(Ended::of(left_out > 0))
+}
+
+/// Returns what finds the objects of a picture again by the model, the size and the threshold of a detector.
+fn found_again() -> impl FnMut(&BTreeMap<String, String>, &Frame) -> Result<Vec<Detection>, String> {
+    let mut last: Option<(DetectorParameters, Detector)> = None;
+    move |values, picture| {
+        let value = |name| values.get(name).map_or("", String::as_str);
+        // Where it follows the images, their sizes stand behind the word.
+        let size = value("input_size").split(' ').next().unwrap_or_default();
+        let wanted = [
+            ("model", value("model_path")),
+            ("input_size", size),
+            ("score_threshold", value("score_threshold")),
+        ];
+        let wanted = wanted.map(|(name, text)| (name.to_owned(), text.to_owned()));
+        let parameters = DetectorParameters::from_text(&wanted).map_err(|why| why.to_string())?;
+        if last.as_ref().is_none_or(|(of, _)| *of != parameters) {
+            let detector = Detector::new(&parameters).map_err(|why| why.to_string())?;
+            last = Some((parameters, detector));
+        }
+        last.as_mut().expect("it was set above").1.find(picture)
+    }
 }
 
 /// Returns a command of this program that prints no counters.

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use crate::clock::{Clock, ManualClock};
 use crate::message::Message;
 use crate::name::{NameError, NodeName};
-use crate::node::{Context, Flow, Node, StepError, StepOutput, Trigger, status_of, stream_of};
+use crate::node::{Context, Flow, Node, StepError, StepOutput, Trigger, state_of, status_of, stream_of};
 use crate::report::{NodeReport, add};
 use crate::topic::{Address, addresses};
 use crate::trace::TraceFile;
@@ -37,6 +37,8 @@ struct ChainMember {
     report: NodeReport,
     /// The spans of its steps, if they are wanted.
     trace: Option<TraceFile>,
+    /// The values that its last message on `~/state` had.
+    state: Vec<(&'static str, String)>,
 }
 
 impl ChainMember {
@@ -77,6 +79,7 @@ impl<'a> Lockstep<'a> {
             outputs,
             report: NodeReport::new(node_name.fully_qualified()),
             trace: TraceFile::of_launch(&node_name.fully_qualified(), self.timer),
+            state: Vec::new(),
         });
         Ok(())
     }
@@ -175,6 +178,7 @@ impl<'a> Lockstep<'a> {
     ) -> Result<Flow, LockstepError> {
         let wanted: Vec<bool> =
             self.members[index].outputs.iter().map(|a| self.is_wanted(&a.topic)).collect();
+        self.tell_state(index, &trigger, pending);
         // A step sees the time of its frame only, so that a run gives the same bytes on every machine.
         let clock = StepClock { now: ManualClock::at(now_ns), timer: self.timer };
         let member = &mut self.members[index];
@@ -204,6 +208,21 @@ impl<'a> Lockstep<'a> {
             member.inputs = addresses(&member.node_name, &member.node.inputs())?;
         }
         result.or_else(|error| member.settle(error, topic))
+    }
+
+    /// Sends the status of a node whose `~/state` is recorded before it answers an image, if it has changed.
+    fn tell_state(&mut self, index: usize, trigger: &Trigger, pending: &mut VecDeque<OnTopic>) {
+        let Trigger::Message { message: message @ Message::Image(_), .. } = trigger else { return };
+        let member = &mut self.members[index];
+        let topic = format!("{}/state", member.report.node);
+        if !self.recorded.contains(&topic) {
+            return;
+        }
+        let state = member.node.status();
+        if member.state != state {
+            pending.push_back((topic, state_of(&member.report.node, message.stamp(), &state)));
+            member.state = state;
+        }
     }
 
     fn is_wanted(&self, topic: &str) -> bool {

@@ -2,9 +2,11 @@
 
 use std::any::Any;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 use std::time::Duration;
 
-use modulo_msgs::std_msgs::Time;
+use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
+use modulo_msgs::std_msgs::{Header, Time};
 
 use crate::clock::Clock;
 use crate::message::Message;
@@ -174,6 +176,18 @@ pub fn stream_of(node: &dyn Node, trigger: &Trigger) -> Option<String> {
         Trigger::Message { input, .. } => node.inputs().get(*input).map(|topic| topic.name.clone()),
         Trigger::Tick => None,
     }
+}
+
+/// Returns the message on `~/state` of the node `name`: the values that it uses from the frame of `stamp` on.
+pub fn state_of(name: &str, stamp: Time, values: &[(&'static str, String)]) -> Message {
+    let (level, message) = (DiagnosticStatus::OK, "in use".to_owned());
+    let name = format!("{}: state", name.trim_start_matches('/'));
+    let values = KeyValue::all(values.iter().cloned());
+    let status = vec![DiagnosticStatus { level, name, message, hardware_id: String::new(), values }];
+    Message::Diagnostics(Arc::new(DiagnosticArray {
+        header: Header { stamp, frame_id: String::new() },
+        status,
+    }))
 }
 
 /// Returns the status of a node as its report has it.

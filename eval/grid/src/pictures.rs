@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use modulo_ap::difficulty::DONT_CARE;
 use modulo_bags::source::GroundTruth;
 use modulo_core::{BBox, Detection, Frame};
+use modulo_detector::DetectorParameters;
 use modulo_draw::{LabelledBox, Picture, RgbImage, class_colour, distinct, sheet};
 use modulo_runtime::{Clock, StreamKind, StreamScale};
 
@@ -21,7 +22,7 @@ use crate::run::Request;
 use crate::store::Folder;
 use crate::stored::{Stored, StoredCell};
 
-/// Lowest score of a box that is drawn.
+/// Lowest score of a box that is counted as found.
 pub(crate) const LEAST_SHOWN: f32 = 0.25;
 /// Least IoU of a box and the object that it finds.
 const LEAST_IOU: f32 = 0.5;
@@ -103,14 +104,21 @@ fn shown(stored: &Stored, feed: &Feed<'_>) -> Result<Vec<Shown>, GridError> {
     for cell in stored.cells() {
         let StoredCell { key, found, .. } = cell?;
         let own = feed.cells.iter().position(|cell| cell.point == key.point && key.frames == feed.name);
-        let drawn =
-            |boxes: Vec<Detection>| boxes.into_iter().filter(|found| found.score >= LEAST_SHOWN).collect();
-        if let Some(own) = own {
-            shown[own] =
-                found.into_iter().filter_map(|(place, frame)| Some((place, drawn(frame.boxes?)))).collect();
-        }
+        let Some(own) = own else { continue };
+        let least = least_published(&feed.cells[own]);
+        let drawn = |boxes: Vec<Detection>| {
+            boxes.into_iter().filter(|found| f64::from(found.score) >= least).collect()
+        };
+        shown[own] =
+            found.into_iter().filter_map(|(place, frame)| Some((place, drawn(frame.boxes?)))).collect();
     }
     Ok(shown)
+}
+
+/// The lowest score that the detector of a cell publishes.
+fn least_published(cell: &Cell<'_>) -> f64 {
+    let detector = cell.stream.way.last().map(|&member| &cell.variant.nodes[member].parameters);
+    detector.map_or(f64::from(LEAST_SHOWN), |parameters| DetectorParameters::from(parameters).score_threshold)
 }
 
 /// The frame in which the numbers of the objects that the cells find differ most; of those, the one with the most objects. Without labels, the

@@ -57,6 +57,8 @@ pub struct DetectorStream {
     pub images: String,
     /// Topic of the boxes.
     pub detections: String,
+    /// Topic of the values that the detector uses.
+    pub state: String,
     /// Topic of the images with the boxes drawn.
     pub annotated: Option<String>,
     /// Topic of the classes that the detector knows.
@@ -238,6 +240,7 @@ fn streams(nodes: &[Ports]) -> Result<Vec<DetectorStream>, GridError> {
                 name,
                 images: images.clone(),
                 detections: detections.clone(),
+                state: format!("{}/state", node.name),
                 annotated: node.images_out.get(place).cloned(),
                 labels: node.labels.clone(),
                 is_auto: node.is_auto,

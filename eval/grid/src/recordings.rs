@@ -65,6 +65,8 @@ impl Recordings {
         let mut topics = self.bagged.clone();
         for stream in cameras.iter().flat_map(|camera| &camera.streams) {
             topics.push(stream.detections.clone());
+            // What shows the bag draws boxes on the stream that they were found in.
+            topics.extend(self.bagged.contains(&stream.detections).then(|| stream.state.clone()));
             // Boxes are drawn for those who read the picture.
             if self.images {
                 topics.push(stream.images.clone());
@@ -97,7 +99,8 @@ impl Recordings {
         ends_round: bool,
     ) -> Result<(), Fault> {
         if let Some(bag) = &mut self.bag {
-            record(bag, out, &self.bagged)?;
+            let is_state = |topic: &String| camera.streams.iter().any(|stream| stream.state == *topic);
+            record(bag, out.iter().filter(|(topic, _)| self.bagged.contains(topic) || is_state(topic)))?;
         }
         if !self.images {
             return Ok(());
@@ -185,14 +188,15 @@ pub(crate) fn picture(frame: &Frame) -> Option<Picture> {
     Picture::new(width?, height?, pixels.iter().copied().collect(), Vec::new()).ok()
 }
 
-/// Writes the messages on `topics`. Log time and publish time are the stamp of the message.
-fn record(recorder: &mut BagWriter, out: &[OnTopic], topics: &[String]) -> Result<(), Fault> {
-    for (topic, message) in out.iter().filter(|(topic, _)| topics.contains(topic)) {
+/// Writes `messages`. Log time and publish time are the stamp of the message.
+fn record<'a>(recorder: &mut BagWriter, messages: impl Iterator<Item = &'a OnTopic>) -> Result<(), Fault> {
+    for (topic, message) in messages {
         let bytes = message.encode()?;
         // The stamp, and not the wall clock: the same run must give the same bytes.
         let stamp = message.stamp().as_ns();
         let kind = message.kind();
-        let qos = if sensor_info::is_topic(topic) { Qos::Latched } else { Qos::usual(kind) };
+        let is_latched = sensor_info::is_topic(topic) || topic.ends_with("/state");
+        let qos = if is_latched { Qos::Latched } else { Qos::usual(kind) };
         let bag_topic = BagTopic::new(topic, kind.type_name(), qos);
         recorder.record(&bag_topic, stamp, stamp, &bytes)?;
     }

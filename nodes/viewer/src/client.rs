@@ -1,6 +1,6 @@
 //! The connection of one browser: the images and events that are sent, and the requests that are carried out.
 
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError};
 use std::time::Duration;
 
 use axum::body::Bytes;
@@ -165,6 +165,12 @@ impl Client {
                 Event::Set { node, name, error: set.err().map(|why| why.to_string()) }
             }
             PageRequest::Player(call) => self.play(call)?,
+            PageRequest::Expose(of) => {
+                let captured = self.watch.captured(&of);
+                let mut exposer = self.viewer.exposer.lock().unwrap_or_else(PoisonError::into_inner);
+                let result = captured.and_then(|captured| exposer.expose(&captured, of.stops));
+                Event::Exposed { of, result }
+            }
             _ => unreachable!("requests without a node are answered at once"),
         })
     }

@@ -129,6 +129,12 @@ impl Statuses {
         }
     }
 
+    /// Returns the values of the newest status of this name.
+    pub fn values(&self, name: &str) -> Option<BTreeMap<String, String>> {
+        let values = self.by_name.get(name)?.values.iter();
+        Some(values.map(|one| (one.key.clone(), one.value.clone())).collect())
+    }
+
     /// Returns those that have come since the last call.
     pub fn take_fresh(&mut self) -> Vec<DiagnosticStatus> {
         let fresh = std::mem::take(&mut self.fresh);
@@ -167,6 +173,7 @@ impl GraphView {
             nodes: nodes.into_iter().collect(),
             images,
             first: Vec::new(),
+            makers: published_images.into_iter().map(|(node, topic)| (topic, node)).collect(),
             warnings: Vec::new(),
             cameras,
         }

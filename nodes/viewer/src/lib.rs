@@ -14,6 +14,7 @@
 
 mod cameras;
 mod client;
+mod expose;
 mod feed;
 mod foxglove;
 mod http;
@@ -46,6 +47,8 @@ use rand::TryRng as _;
 use rand::rngs::{SysError, SysRng};
 use tokio::sync::{Notify, Semaphore};
 
+use crate::expose::Exposer;
+pub use crate::expose::FindBoxes;
 use crate::feed::Session;
 use crate::page::PageFile;
 pub use crate::page::RECORDING_BEGIN;
@@ -91,8 +94,8 @@ pub enum ViewError {
     Transport(#[from] TransportError),
 }
 
-/// Serves the page until `stop` is asked for an end. `ready` gets the addresses once clients can connect. Returns the number of
-/// moments that were too large for the recording.
+/// Serves the page until `stop` is asked for an end. `find` looks at pictures that are exposed anew, and `ready` gets the addresses once
+/// clients can connect. Returns the number of moments that were too large for the recording.
 ///
 /// # Errors
 /// [`ViewError`] when the address is taken or the transport fails.
@@ -101,6 +104,7 @@ pub fn run(
     clock: Arc<dyn Clock>,
     options: &ViewOptions,
     stop: &Stop,
+    find: Box<FindBoxes>,
     ready: impl FnOnce(&ViewAddresses),
 ) -> Result<usize, ViewError> {
     let no_random = |why: SysError| {
@@ -127,7 +131,8 @@ pub fn run(
         }
         ready(&addresses);
         let seats = Arc::new(Semaphore::new(BROWSERS));
-        serve(Arc::new(Viewer { session, token, seats }), listener, stop).await
+        let exposer = Mutex::new(Exposer::new(find));
+        serve(Arc::new(Viewer { session, token, seats, exposer }), listener, stop).await
     })?;
     // A call that still waits for its node must not hold up the end.
     runtime.shutdown_background();
@@ -184,6 +189,7 @@ pub(crate) struct Viewer {
     pub session: Arc<Session>,
     token: String,
     seats: Arc<Semaphore>,
+    pub exposer: Mutex<Exposer>,
 }
 
 /// Serves the page until `stop` is asked for an end.

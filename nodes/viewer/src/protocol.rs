@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 
+use modulo_core::Detection;
 use modulo_middleware::parameter::client::{ClientError, ParameterClient};
 use modulo_msgs::diagnostic_msgs::DiagnosticStatus;
 use modulo_msgs::rcl_interfaces::{ParameterDescriptor, ParameterValue};
@@ -22,12 +23,30 @@ pub enum PageRequest {
     Together(bool),
     /// Send the samples of these images, by topic and stamp, at column `u` and row `v`, both from 0.
     Pixel { u: usize, v: usize, images: Vec<(String, (i32, u32))> },
+    /// Expose a frame anew.
+    Expose(ExposeRequest),
     /// Send all parameters of the node with this fully qualified name.
     Parameters(String),
     /// Set a parameter to a value in the notation of YAML.
     Set { node: String, name: String, value: String },
     /// Call a service of the player of a bag.
     Player(PlayerCall),
+}
+
+/// A frame that the page has, and the exposure that it is to have.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct ExposeRequest {
+    /// The topic of the image that is shown, of a recovered stream.
+    pub topic: String,
+    /// The topic of the modulo image that has its counts.
+    pub modulo: String,
+    /// The stamp of both.
+    pub stamp: (i32, u32),
+    /// How much brighter it is to be than its own exposure.
+    pub stops: f64,
+    /// The fully qualified name of the detector of its boxes, if there is one.
+    pub detector: Option<String>,
 }
 
 /// A call of a service of `/rosbag2_player`.
@@ -64,6 +83,8 @@ pub enum Event {
     Player { paused: bool, rate: f64 },
     /// The samples of each of the images that is kept and has the pixel at column `u` and row `v`.
     Pixel { u: usize, v: usize, samples: Vec<PixelView> },
+    /// A frame that was exposed anew, or why it cannot be.
+    Exposed { of: ExposeRequest, result: Result<ExposedView, String> },
     /// A request that could not be carried out.
     Error(String),
 }
@@ -76,6 +97,8 @@ pub struct GraphView {
     pub images: Vec<String>,
     /// The image topics that are shown as long as the user has chosen none.
     pub first: Vec<String>,
+    /// The node that publishes each image topic.
+    pub makers: BTreeMap<String, String>,
     /// The camera of each image topic, by the name of its namespace.
     #[serde(skip)]
     pub cameras: BTreeMap<String, String>,
@@ -198,6 +221,17 @@ pub struct PixelView {
     pub radiance: Vec<f64>,
 }
 
+/// A picture with another exposure, as its own image is encoded.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ExposedView {
+    /// A JPEG file in base64.
+    pub jpeg: String,
+    /// The boxes in this picture; `None` where no detector can look at it.
+    pub boxes: Option<Vec<BoxView>>,
+    /// Why the model of the detector cannot be used.
+    pub why: String,
+}
+
 /// The header of a binary message, in front of the JPEG files of its images.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MomentHeader {
@@ -247,13 +281,13 @@ pub struct BoxView {
 impl BoxView {
     /// Returns the boxes of `array`; those that are rotated or not finite are left out.
     pub fn of(array: &Detection2DArray) -> Vec<Self> {
-        let detections = array.detections.iter().filter_map(|detection| detection.to_detection());
-        let view = |d: modulo_core::Detection| Self {
-            edges: [d.bbox.x1, d.bbox.y1, d.bbox.x2, d.bbox.y2],
-            class: d.class,
-            score: d.score,
-        };
-        detections.map(view).collect()
+        array.detections.iter().filter_map(|detection| detection.to_detection()).map(Self::from).collect()
+    }
+}
+
+impl From<Detection> for BoxView {
+    fn from(Detection { bbox, class, score }: Detection) -> Self {
+        Self { edges: [bbox.x1, bbox.y1, bbox.x2, bbox.y2], class, score }
     }
 }
 

@@ -25,10 +25,14 @@ impl SentImages {
         drop_oldest(&mut self.images, KEPT_BYTES, |(image, _)| samples(&image.frame));
     }
 
+    pub fn image(&self, stamp: Time) -> Option<&(Arc<StampedFrame>, Option<StreamScale>)> {
+        self.images.iter().rfind(|(image, _)| image.header.stamp == stamp)
+    }
+
     /// Returns the samples of the image of `stamp` at column `u` and row `v`, and their radiance where the stream has one. `None` where
     /// the image is no longer kept or has no such pixel.
     pub fn pixel(&self, stamp: Time, u: usize, v: usize) -> Option<(Vec<f32>, Vec<f64>)> {
-        let (image, scale) = self.images.iter().rfind(|(image, _)| image.header.stamp == stamp)?;
+        let (image, scale) = self.image(stamp)?;
         let is_inside = v < image.frame.height() && u < image.frame.width();
         let samples = is_inside.then(|| samples_at(&image.frame, v, u))?;
         let light = scale.and_then(|scale| Some((scale.most, scale.light?)));

@@ -276,6 +276,11 @@ impl Streams {
         found.map(|result| result.boxes.clone())
     }
 
+    /// Returns the image of `topic` and `stamp` that was sent, if it is still kept.
+    pub fn sent_image(&self, topic: &str, stamp: Time) -> Option<Arc<StampedFrame>> {
+        self.topics.get(topic)?.sent.image(stamp).map(|(image, _)| image.clone())
+    }
+
     /// Returns the samples of `images`, named by topic and stamp, at column `u` and row `v`. Those that are no longer kept are left out.
     pub fn pixel(&self, u: usize, v: usize, images: Vec<(String, (i32, u32))>) -> Vec<PixelView> {
         let view = |(topic, (sec, nanosec)): (String, _)| {

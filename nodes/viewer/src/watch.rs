@@ -16,8 +16,11 @@ use tokio::sync::Notify;
 use tokio::task::{JoinHandle, spawn_blocking};
 
 use crate::cameras::{FirstStreams, namespace};
+use crate::expose::Captured;
 use crate::feed::{Feed, Heard, MessageOrigin, Session, Statuses, state_topic};
-use crate::protocol::{BoxView, Event, GraphView, ImageHeader, MomentHeader, Notice, Step, moment_message};
+use crate::protocol::{
+    BoxView, Event, ExposeRequest, GraphView, ImageHeader, MomentHeader, Notice, Step, moment_message,
+};
 use crate::shown::ShownImage;
 use crate::streams::{NextImage, Streams};
 
@@ -150,6 +153,22 @@ impl Watch {
         notices.into_iter().chain(lost).collect()
     }
 
+    /// Returns what is known of the frame that the page wants to expose anew.
+    pub fn captured(&self, asked: &ExposeRequest) -> Result<Captured, String> {
+        let (inbox, (sec, nanosec)) = (self.inbox(), asked.stamp);
+        let stamp = Time { sec, nanosec };
+        let (kind, _) = inbox.sensors.of(&asked.topic);
+        let kind = kind.filter(|kind| [StreamKind::Recovered, StreamKind::Metered].contains(kind));
+        let kind = kind.ok_or_else(|| format!("{} is no recovered image", asked.topic))?;
+        let (_, sensors) = inbox.sensors.of(&asked.modulo);
+        let sensor = sensors.and_then(|sensors| sensors.nearest(stamp)).cloned();
+        let sensor = sensor.ok_or_else(|| format!("no sensor has described {}", asked.modulo))?;
+        let modulo = inbox.streams.sent_image(&asked.modulo, stamp);
+        let modulo = modulo.ok_or("the viewer no longer keeps the counts of this frame")?;
+        let state = asked.detector.as_ref().and_then(|node| inbox.statuses.values(&state_topic(node)));
+        Ok(Captured { modulo, sensor, kind, detector: state })
+    }
+
     /// Returns the next images that are due; `None` if there are none.
     pub async fn next(&self, graph: &GraphView) -> Option<Moment> {
         let now = self.session.clock.ticks_ns();
@@ -208,7 +227,8 @@ impl Inbox {
 
     fn hear_statuses(&mut self, origin: &MessageOrigin, array: &DiagnosticArray, watch: &Watch) {
         if origin.topic == state_topic(&origin.node) {
-            return self.streams.state(&origin.node, array);
+            self.streams.state(&origin.node, array);
+            return array.status.iter().for_each(|status| self.statuses.note(&origin.topic, status));
         }
         let is_sensor = sensor_info::is_topic(&origin.topic);
         if is_sensor {

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
-use modulo_runtime::node::status_of;
+use modulo_runtime::node::{state_of, status_of};
 use modulo_runtime::report::quantile;
 use modulo_runtime::{Clock, Message, MessageKind, Node, NodeReport, Qos, Topic};
 
@@ -208,10 +208,7 @@ impl StateTopic {
     }
 
     fn put(&self, stamp: Time, name: &str, state: &[(&'static str, String)]) {
-        let (name, values) =
-            (format!("{}: state", name.trim_start_matches('/')), KeyValue::all(state.iter().cloned()));
-        let message = array(stamp, name, DiagnosticStatus::OK, "in use".to_owned(), values);
-        if let Err(why) = self.publisher.put(&Message::Diagnostics(Arc::new(message))) {
+        if let Err(why) = self.publisher.put(&state_of(name, stamp, state)) {
             tracing::warn!("{why}");
         }
     }

@@ -103,7 +103,8 @@ pub const GRID: &str = "grid.png";
 
 /// Says what the colours of the boxes mean.
 const ABOUT_PICTURES: &str = "The frame in which the streams differ most in the objects that are found. White boxes are labelled objects. Coloured boxes \
-                              are objects that were found with a score of at least 0.25, in the colour of their class.";
+                              are objects that were found with at least the score_threshold of their detector, 0.25 by default, in the \
+                              colour of their class.";
 
 /// Draws all charts of `results` into `folder/charts` and writes [`PAGE`] into `folder`, which also shows the pictures that
 /// are in that folder. Returns the path of the page.

@@ -31,7 +31,7 @@ const filters = new Map(); // name -> the table that it has
 // The value of the CSS property `filter` for an image whose white is `peaks`; null: one that is no image of radiance.
 export function filterOf(peaks, display) {
   if (peaks === null) return "none";
-  const name = `curve-${String(peaks).replace(/[^0-9]/g, "_")}`;
+  const name = `curve-${`${peaks} ${display.exposure}`.replace(/[^0-9]/g, "_")}`;
   const table = Array.from({ length: 256 }, (_, code) => shownCode(code / 255, peaks, display).toFixed(4)).join(" ");
   if (filters.get(name) !== table) {
     filters.set(name, table);

@@ -35,7 +35,9 @@ export class Display {
     this.confidence = labelled("Confidence: pixels whose counts may be wrong", confidence, "control check");
     byId("display").append(
       labelled("Shown as", curve),
-      this.withOutput("Exposure", exposure, "exposure"),
+      Object.assign(this.withOutput("Exposure", exposure, "exposure"), {
+        title: "Recovered images are exposed anew from their counts, and their boxes are found anew.",
+      }),
       this.withOutput("Labels above", score, "score"),
       labelled("Boxes", boxes, "control check"),
       this.truth,

@@ -9,7 +9,8 @@ import { Parameters } from "./parameters.js";
 import { Quick, Replay } from "./replay.js";
 import { openSocket, playRecording, recordingText } from "./source.js";
 import { Stage } from "./stage.js";
-import { addressOf, choiceOf, find, hear, hearImages, momentOf, namespaceOf, newState, noticeOf, now, topicsOf, zoomed } from "./state.js";
+import { addressOf, choiceOf, exposureWanted, find, hear, hearImages, momentOf } from "./state.js";
+import { namespaceOf, newState, noticeOf, now, takeExposed, topicsOf, zoomed } from "./state.js";
 import { drawTabs } from "./tabs.js";
 import { Timeline, nearest } from "./timeline.js";
 
@@ -56,13 +57,12 @@ let pixelAsked = ""; // what the viewer was asked for
 let pixelComes = false; // whether it has yet to answer
 let pointed = null; // where the pointer was last on an image
 
-// The confidence of each camera that is shown is needed for its overlay.
+// The confidence of each camera that is shown is needed for its overlay, and its modulo image for another exposure.
 function watch() {
   const topics = topicsOf(state);
-  const overlays = topics
-    .map((topic) => `${namespaceOf(topic)}/confidence`)
-    .filter((topic) => state.choice.confidence && state.graph.images.includes(topic));
-  const all = [...new Set([...topics, ...overlays])];
+  const names = [state.choice.confidence && "confidence", state.choice.exposure && "modulo"].filter((name) => name);
+  const beside = topics.flatMap((topic) => names.map((name) => `${namespaceOf(topic)}/${name}`));
+  const all = [...new Set([...topics, ...beside.filter((topic) => state.graph.images.includes(topic))])];
   if (all.join() === watched) return;
   watched = all.join();
   ask({ watch: all });
@@ -88,6 +88,21 @@ function askPixel() {
 // ---- images ----
 
 let decoding = Promise.resolve();
+let answerExposed = null; // takes the viewer's answer to a request for another exposure; null: the connection was lost
+
+// Exposes the recovered images of a moment as the slider says, before they are drawn. A recorded page has no counts.
+async function expose(moment) {
+  for (const { topic, original } of moment.images.values())
+    if (original && state.choice.exposure === 0) moment.images.set(topic, original);
+  for (let wanted = exposureWanted(state, moment); wanted && !state.recorded; wanted = exposureWanted(state, moment)) {
+    const answer = await new Promise((done) => {
+      answerExposed = done;
+      ask({ expose: wanted });
+    });
+    if (!answer) return;
+    takeExposed(state, moment, answer);
+  }
+}
 
 // Decodes all images of a moment before any of them is drawn, so that the page shows one moment at a time. Images that are drawn
 // already are not decoded again.
@@ -107,6 +122,7 @@ async function show(moment) {
 
 function queue(moment, done) {
   decoding = decoding
+    .then(() => expose(moment))
     .then(() => show(moment))
     .then(() => {
       redraw();
@@ -139,6 +155,7 @@ const actions = {
       state.newest.clear();
       ask({ together: state.choice.together });
     }
+    if ("exposure" in change && state.shown) queue(state.shown.moment);
     watch();
     redraw();
   },
@@ -229,6 +246,7 @@ function takeEvent(event, at) {
     pixelComes = false;
     askPixel();
   }
+  if (kind === "exposed") answerExposed?.(event.exposed);
   redraw();
 }
 
@@ -238,6 +256,7 @@ const listen = {
   opened() {
     // The answers to what was asked before are lost, and the parameters may have changed: all nodes are new to this socket.
     [watched, known, pixelAsked, pixelComes, held] = ["", new Set(), "", false, null];
+    answerExposed?.(null);
     state.link = { text: "connected", level: "on" };
     ask({ together: state.choice.together });
     watch();

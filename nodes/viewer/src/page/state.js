@@ -86,6 +86,9 @@ export function zoomed({ scale: before }, factor, share, at = share) {
   return { scale, origin: share.map((part, axis) => Math.min(1 - 1 / scale, Math.max(0, part - at[axis] / scale))) };
 }
 
+// The streams that are exposed anew after the capture.
+export const EXPOSED_ANEW = ["recovered", "metered"];
+
 // ---- messages ----
 
 export function hear(state, event, at) {
@@ -143,7 +146,7 @@ function hearNotice(state, { at_ms: at, stamp, node, step }) {
   if (kind === "sensed") frame.sensed ??= at;
   else if (kind === "unwrapped") {
     Object.assign(frame, { unwrapped: at, trusted: body.trusted });
-    frame.trust[body.camera] = body;
+    frame.trust[body.camera] = frame.trust[node] = body;
   } else if (kind === "detected") {
     frame.detected.set(node, at);
     for (const [name, count] of Object.entries(body.classes)) frame.classes[name] = (frame.classes[name] ?? 0) + count;
@@ -161,7 +164,7 @@ export function hearImages(state, header, files) {
   const { camera } = header;
   const images = header.images.map((image, index) => ({ ...image, camera, key: stampKey(image.stamp), file: files[index] }));
   for (const image of images) state.newest.set(image.topic, image);
-  const isShown = ({ topic }) => topicsOf(state).includes(topic) || topic.endsWith("/confidence");
+  const isShown = ({ topic, stream }) => topicsOf(state).includes(topic) || topic.endsWith("/confidence") || stream === "modulo";
   const before = state.moments.at(-1)?.images.values() ?? [];
   // The images of the other cameras stay.
   const all = header.together
@@ -181,7 +184,34 @@ export function hearImages(state, header, files) {
   return moment;
 }
 
+// Takes a picture with another exposure for an image of `moment`. Without new boxes, those of the original exposure stay.
+export function takeExposed(state, moment, { of, result: { Ok: exposed, Err: failed } }) {
+  const image = moment.images.get(of.topic);
+  const original = image.original ?? image;
+  const detector = state.graph.detectors.find(({ node }) => node === of.detector)?.topic;
+  const file = exposed && { file: fileOf(exposed.jpeg), exposure: of.stops };
+  const found = exposed?.boxes && { boxes: [[detector, exposed.boxes]], anew: true };
+  moment.images.set(of.topic, { ...original, original, tried: of.stops, why: failed ?? exposed.why, ...file, ...found });
+}
+
+const fileOf = (text) => new Blob([Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0))], { type: "image/jpeg" });
+
 // ---- what follows from it ----
+
+// The request for the next image of `moment` that lacks the exposure that is chosen.
+export function exposureWanted(state, moment) {
+  const { exposure: stops } = state.choice;
+  const images = [...moment.images.values()];
+  const lacks = ({ stream, topic, tried = 0 }) => EXPOSED_ANEW.includes(stream) && tried !== stops && topicsOf(state).includes(topic);
+  for (const image of images.filter(lacks)) {
+    const { topic, stamp, camera, key } = image;
+    const modulo = images.find((other) => other.stream === "modulo" && other.camera === camera && other.key === key)?.topic;
+    const answered = (detector) => (image.original ?? image).boxes.some(([topic]) => topic === detector.topic);
+    const detector = state.graph.detectors.find(answered)?.node ?? null;
+    if (modulo) return { topic, modulo, stamp, stops, detector };
+  }
+  return null;
+}
 
 // The image topics that are shown: those that the user has chosen, else those that the viewer offers first.
 export const topicsOf = (state) => state.choice.topics ?? state.graph.first;
@@ -271,6 +301,8 @@ export function noticeOf(state) {
   if (state.nodes.size > 0 && state.graph.nodes.length === 0)
     return "The suite has ended. This page goes on when one starts again.";
   if (gone.length) return `Gone: ${gone.join(", ")}. The page goes on as soon as it is back.`;
+  const { why } = [...(state.shown?.moment.images.values() ?? [])].find((image) => image.why) ?? {};
+  if (why) return `The boxes are those of the original exposure: ${why}.`;
   if (state.graph.player && state.player.paused) return "The replay is paused.";
   const values = (name) => state.graph.nodes.flatMap((node) => state.parameters.get(node) ?? []).filter((one) => one.name === name);
   if (values("model").some(({ value }) => value === "demo") && values("source").some(({ value }) => !value.startsWith("scene://")))

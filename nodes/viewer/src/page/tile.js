@@ -3,7 +3,7 @@
 import { filterOf, veilFilter } from "./curve.js";
 import { make, write } from "./dom.js";
 import { drawMarks, scoreOf } from "./marks.js";
-import { frameOf, nameOf, namespaceOf, stampMs } from "./state.js";
+import { EXPOSED_ANEW, frameOf, nameOf, namespaceOf, stampMs } from "./state.js";
 
 export class Tile {
   constructor(actions) {
@@ -100,7 +100,9 @@ export class Tile {
         Object.assign(layer.image, { width: image.width, height: image.height });
       layer.image.getContext("2d").drawImage(bitmap, 0, 0);
     }
-    layer.image.style.filter = filterOf(image.peaks, state.choice);
+    // What the file was not exposed by.
+    const exposure = state.choice.exposure - (image.exposure ?? 0);
+    layer.image.style.filter = filterOf(image.peaks, { ...state.choice, exposure });
     // Marks are drawn anew only when something about them has changed.
     const { boxes, truth, score, zoom } = state.choice;
     const marks = `${size} ${small} ${boxes} ${truth} ${score} ${zoom.scale} ${zoom.origin} ${window.devicePixelRatio}`;
@@ -134,10 +136,10 @@ export class Tile {
     const scores = answered.map((image) => scoreOf(image, idealOf(image), state.choice.score)).filter((score) => score);
     const behind = images[0] ? stampMs(moment.stamp) - stampMs(images[0].stamp) : 0;
     const unwrapped = images.find((image) => ["recovered", "metered", "hdr"].includes(image?.stream));
-    const { trusted = null, message = "" } = (unwrapped && frame(unwrapped)?.trust[namespaceOf(unwrapped.topic)]) ?? {};
+    const { trusted = null, message = "" } = (unwrapped && trustOf(state, frame(unwrapped), unwrapped.topic)) ?? {};
     const facts = [
       scores.join(" | "),
-      answered.length ? `${count} ${count === 1 ? "box" : "boxes"}` : "",
+      answered.length ? `${count} ${count === 1 ? "box" : "boxes"}${exposureOf(answered, state.choice)}` : "",
       behind > 0 ? `${behind.toFixed(0)} ms behind` : "",
       small || !images[0] ? "" : nameOf(state, frame(images[0]), moment.at),
     ].filter((fact) => fact);
@@ -148,6 +150,19 @@ export class Tile {
     this.picture.dataset.trust = trusted ?? "";
     this.picture.setAttribute("aria-label", `${names}: ${[missing, trust, ...facts].filter((fact) => fact).join(", ")}`);
   }
+}
+
+// What the node that has made an image says of it; the player of a bag makes the images of all cameras.
+function trustOf({ graph }, frame, topic) {
+  const told = frame?.trust ?? {};
+  return (graph.player ? null : told[graph.makers[topic]]) ?? told[namespaceOf(topic)];
+}
+
+// Which exposure of the frame the boxes belong to, where it is not the original one that is shown.
+function exposureOf(images, { exposure }) {
+  const exposed = exposure && images.find(({ stream }) => EXPOSED_ANEW.includes(stream));
+  if (!exposed) return "";
+  return exposed.anew && exposed.exposure === exposure ? " found anew" : " of the original exposure";
 }
 
 function missingText(state, topic) {
