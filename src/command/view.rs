@@ -90,15 +90,16 @@ pub fn serve(args: &ViewCommand, open: impl FnOnce(&ViewAddresses)) -> Result<En
 fn found_again() -> impl FnMut(&BTreeMap<String, String>, &Frame) -> Result<Vec<Detection>, String> {
     let mut last: Option<(DetectorParameters, Detector)> = None;
     move |values, picture| {
-        let value = |name| values.get(name).map_or("", String::as_str);
-        // Where it follows the images, their sizes stand behind the word.
-        let size = value("input_size").split(' ').next().unwrap_or_default();
-        let wanted = [
-            ("model", value("model_path")),
-            ("input_size", size),
-            ("score_threshold", value("score_threshold")),
-        ];
-        let wanted = wanted.map(|(name, text)| (name.to_owned(), text.to_owned()));
+        let names = ["input_size", "score_threshold", "max_det", "nms_iou", "classes", "class_map"];
+        let named = [("model_path", "model")].into_iter().chain(names.map(|name| (name, name)));
+        // Recordings of earlier versions lack some values.
+        let given = named.filter_map(|(value, name)| Some((name, values.get(value)?.as_str())));
+        // Where the size follows the images, their sizes stand behind the word.
+        let wanted: Vec<(&str, &str)> = given
+            .map(|(name, text)| {
+                (name, if name == "input_size" { text.split(' ').next().unwrap_or_default() } else { text })
+            })
+            .collect();
         let parameters = DetectorParameters::from_text(&wanted).map_err(|why| why.to_string())?;
         if last.as_ref().is_none_or(|(of, _)| *of != parameters) {
             let detector = Detector::new(&parameters).map_err(|why| why.to_string())?;

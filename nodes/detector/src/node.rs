@@ -495,7 +495,7 @@ impl Node for Detector {
 
     fn state(&self) -> Vec<(&'static str, String)> {
         let Loaded { parameters, settings, engine, .. } = &self.loaded;
-        vec![
+        let mut state = vec![
             ("engine", engine.name.to_owned()),
             ("engine_from", engine.note.clone()),
             ("device", parameters.device.clone()),
@@ -506,7 +506,10 @@ impl Node for Detector {
             ("score_threshold", settings.score_threshold.to_string()),
             ("bits", self.of_cameras(|camera| Some(camera.bits.to_string()))),
             ("input", parameters.input.clone()),
-        ]
+        ];
+        let rest = ["max_det", "nms_iou", "classes", "class_map"];
+        state.extend(parameters.to_text().into_iter().filter(|(name, _)| rest.contains(name)));
+        state
     }
 
     fn status(&self) -> Vec<(&'static str, String)> {
