@@ -12,8 +12,8 @@ use modulo_camera::CameraParameters;
 use modulo_core::unwrap::{Method, Options, WORK_OF_NOISE};
 use modulo_core::{Frame, Range, Recovered};
 use modulo_detector::{
-    EngineChoice, EngineDevice, EngineOptions, ModelInfo, Speed, describe, gpu_libraries, gpus, measure,
-    onnxruntime_library, onnxruntime_places,
+    CudnnSearch, EngineChoice, EngineDevice, EngineOptions, ModelInfo, Speed, describe, gpu_libraries, gpus,
+    measure, onnxruntime_library, onnxruntime_places,
 };
 use modulo_eval::score::words;
 use modulo_middleware::transport::zenoh::meeting_port;
@@ -150,7 +150,12 @@ fn download(request: &FetchRequest<'_>) -> Result<Fetched, FetchError> {
 }
 
 fn check(args: &ModelCheck) -> Result<Ended, Failure> {
-    let options = EngineOptions { engine: args.engine, device: args.device, threads: 0 };
+    let options = EngineOptions {
+        engine: args.engine,
+        device: args.device,
+        cudnn_search: CudnnSearch::Heuristic,
+        threads: 0,
+    };
     let info = describe(&args.file, options).map_err(usage)?;
     let measured = || measure(&args.file, options, &SIZES, RUNS, &SystemClock::default());
     let ms = |speed: &Speed| speed.median_ns as f64 / 1e6;

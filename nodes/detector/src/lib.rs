@@ -35,7 +35,7 @@ use modulo_runtime::ParameterError;
 pub use classes::parse_class_map;
 pub use draw::drawn;
 pub use engine::{
-    EngineChoice, EngineDevice, EngineError, EngineOptions, gpu_libraries, gpus, model_parts,
+    CudnnSearch, EngineChoice, EngineDevice, EngineError, EngineOptions, gpu_libraries, gpus, model_parts,
     onnxruntime_library, onnxruntime_places,
 };
 pub use export::ClassNumbers;

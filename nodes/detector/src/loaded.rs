@@ -155,7 +155,7 @@ impl Loaded {
         Self::new(&next.into(), images, &Sessions::default()).map_err(|why| match why {
             DetectorError::Parameter(why) => why,
             DetectorError::Engine(why) => {
-                let loaded_with = ["model", "engine", "device", "input_size", "threads"];
+                let loaded_with = ["model", "engine", "device", "cudnn_search", "input_size", "threads"];
                 let first = last.changed(next).find(|(name, _)| loaded_with.contains(name));
                 let (name, value) = first.expect("a model is loaded again where one of them has changed");
                 ParameterError::new(name, value.plain(), why.to_string())

@@ -7,7 +7,7 @@ use modulo_runtime::input::in_home;
 use modulo_runtime::{NodeName, ParameterError, ParameterSet as _, StreamKind};
 
 use crate::classes::{ClassMap, Classes};
-use crate::engine::{EngineChoice, EngineOptions};
+use crate::engine::{CudnnSearch, EngineChoice, EngineDevice, EngineOptions};
 use crate::input_size::InputSize;
 use crate::model::{DEMO, ModelLayout};
 
@@ -25,6 +25,9 @@ modulo_runtime::parameters! {
         /// Device that runs the model: cpu, cuda or tensorrt, the last two with ort only and with the number of a GPU where it is
         /// not the first, such as cuda:1. A device that is not there is an error.
         device: String = "cpu".to_owned(),
+        /// How cuDNN chooses its algorithms on device cuda: heuristic, by rules, or exhaustive, by a trial of all of them, which takes
+        /// seconds at each size of the input.
+        cudnn_search: CudnnSearch = CudnnSearch::Heuristic => CudnnSearch::WORDS,
         /// Stream that the detector reads (the paper's p): modulo, recovered, metered, saturated, auto_exposed, ideal, an absolute
         /// topic such as /camera/image_raw, or auto: metered while unwrap trusts the recovered image, else that of fallback.
         input: String = "recovered".to_owned(),
@@ -69,7 +72,12 @@ impl DetectorParameters {
     pub(crate) fn engine_options(&self) -> Result<EngineOptions, ParameterError> {
         let refuse = |why: String| ParameterError::new("device", &self.device, why);
         let device = self.device.parse().map_err(refuse)?;
-        Ok(EngineOptions { engine: self.engine, device, threads: self.threads })
+        let &Self { engine, cudnn_search, threads, .. } = self;
+        if cudnn_search == CudnnSearch::Exhaustive && !matches!(device, EngineDevice::Cuda(_)) {
+            let why = format!("needs device cuda, and the device is {device}");
+            return Err(ParameterError::new("cudnn_search", "exhaustive", why));
+        }
+        Ok(EngineOptions { engine, device, cudnn_search, threads })
     }
 
     /// Returns the stream to read, and the topic of `fallback` unless that is auto.

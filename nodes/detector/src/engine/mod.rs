@@ -98,6 +98,21 @@ impl FromStr for EngineDevice {
     }
 }
 
+/// How cuDNN chooses the algorithms that run a model on [`EngineDevice::Cuda`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CudnnSearch {
+    /// By rules.
+    Heuristic,
+    /// By a trial of all of them at each size of the input.
+    Exhaustive,
+}
+
+impl CudnnSearch {
+    /// Every choice with its word, as the parameter `cudnn_search` has it.
+    pub const WORDS: [(&'static str, Self); 2] =
+        [("heuristic", Self::Heuristic), ("exhaustive", Self::Exhaustive)];
+}
+
 /// An engine, and where and how it runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EngineOptions {
@@ -105,6 +120,8 @@ pub struct EngineOptions {
     pub engine: EngineChoice,
     /// The device that runs the model.
     pub device: EngineDevice,
+    /// The choice of its algorithms on [`EngineDevice::Cuda`].
+    pub cudnn_search: CudnnSearch,
     /// Number of threads of one inference on the processor. 0: as many as the machine has cores.
     pub threads: usize,
 }
@@ -253,8 +270,7 @@ pub fn open(model: &Path, options: EngineOptions) -> Result<OpenedEngine, Engine
         return Ok(OpenedEngine { engine, name, threads, layout, note, searches: false });
     }
     let library = onnxruntime::library()?;
-    let (opened, layout) =
-        onnxruntime::OnnxRuntime::load((model, file), (engine, device), threads, &library)?;
+    let (opened, layout) = onnxruntime::OnnxRuntime::load((model, file), (engine, options), &library)?;
     let bf16 = onnxruntime::uses_bf16(engine);
     let note = if bf16 { format!("{}, bf16", library.place) } else { library.place };
     let (engine, searches) = (SharedEngine::new(opened), device != EngineDevice::Cpu);
@@ -284,7 +300,9 @@ mod tests {
     #[test]
     fn no_engine_falls_back_from_a_gpu() {
         let device = EngineDevice::Cuda(0);
-        let open = |engine| open(Path::new("demo"), EngineOptions { engine, device, threads: 1 });
+        let cudnn_search = CudnnSearch::Heuristic;
+        let open =
+            |engine| open(Path::new("demo"), EngineOptions { engine, device, cudnn_search, threads: 1 });
         for engine in [EngineChoice::Rten, EngineChoice::OpenVino, EngineChoice::OpenVinoF32] {
             let why = open(engine).err().expect("refused").to_string();
             assert!(why.contains("cuda:0") && why.contains("set engine to ort"), "{why}");

@@ -4,7 +4,6 @@
 
 use std::fs;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
-use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -20,7 +19,7 @@ use ort::session::{Session, SessionInputValue};
 use ort::value::{Outlet, TensorElementType, TensorRef, ValueType};
 
 use super::weights::ModelFile;
-use super::{Engine, EngineChoice, EngineDevice, EngineError, nvidia};
+use super::{CudnnSearch, Engine, EngineChoice, EngineDevice, EngineError, EngineOptions, nvidia};
 use crate::head::FORMS;
 use crate::model::{self, FLOAT16, FLOAT32, Metadata, ModelLayout, Signature, TensorSpec};
 
@@ -83,25 +82,24 @@ pub struct OnnxRuntime {
 }
 
 impl OnnxRuntime {
-    /// Loads the model that was read from a file with all graph optimisations for `engine` on `device`.
+    /// Loads the model that was read from a file with all graph optimisations for `engine` as `options` say.
     /// It fails where `library` has no provider for them or the machine no such device.
     pub fn load(
         (model, file): (&Path, ModelFile),
-        (engine, device): (EngineChoice, EngineDevice),
-        threads: NonZeroUsize,
+        (engine, options): (EngineChoice, EngineOptions),
         library: &Library,
     ) -> Result<(Self, ModelLayout), EngineError> {
         let failed = |why: ort::Error| EngineError::load(model, engine.word(), why);
         // Level `All` counts: 61 ms against 100 ms at 640 x 640 without it.
         let builder = Session::builder(&library.environment)
             .and_then(|builder| Ok(builder.with_optimization_level(GraphOptimizationLevel::All)?))
-            .and_then(|builder| Ok(builder.with_intra_threads(threads.get())?))
+            .and_then(|builder| Ok(builder.with_intra_threads(options.cores().get())?))
             // Threads that wait for the next frame in a loop take the processor from the other nodes, and save no time.
             .and_then(|builder| Ok(builder.with_intra_op_spinning(false)?))
             // A pattern of the memory, made for each size of the input, saves no time, but takes 28 MB at 1248 x 384.
             .and_then(|builder| Ok(builder.with_memory_pattern(false)?))
             .map_err(failed)?;
-        let mut builder = with_provider(builder, (engine, device), threads, (library, &file))?;
+        let mut builder = with_provider(builder, (engine, options), (library, &file))?;
         let session = match file {
             // Mapped into the memory rather than copied.
             ModelFile { parts, .. } if parts.len() == 1 && model::embedded(model).is_none() => {
@@ -117,14 +115,14 @@ impl OnnxRuntime {
     }
 }
 
-/// Registers the provider of `engine` on `device`, which computes every part of a model that it knows. ONNX Runtime has kernels of its
+/// Registers the provider of `engine` on the device, which computes every part of a model that it knows. ONNX Runtime has kernels of its
 /// own for the processor.
 fn with_provider(
     mut builder: SessionBuilder,
-    (engine, device): (EngineChoice, EngineDevice),
-    threads: NonZeroUsize,
+    (engine, options): (EngineChoice, EngineOptions),
     (library, file): (&Library, &ModelFile),
 ) -> Result<SessionBuilder, EngineError> {
+    let device = options.device;
     if device != EngineDevice::Cpu {
         preload(&library.place);
     }
@@ -134,14 +132,17 @@ fn with_provider(
             let config = format!(r#"{{"CPU": {{"INFERENCE_PRECISION_HINT": "{precision}"}}}}"#);
             let openvino = ep::OpenVINO::default()
                 .with_device_type("CPU")
-                .with_num_threads(threads.get())
+                .with_num_threads(options.cores().get())
                 .with_arbitrary_config("load_config", config);
             register(&openvino, &mut builder)
         }
         (_, EngineDevice::Cpu) => return Ok(builder),
         (_, EngineDevice::Cuda(number)) => {
-            // Trying out all algorithms takes 1.7 to 3.4 s at each size of the input, this 0.2 s, for 4.0 instead of 2.9 ms a frame.
-            let cuda = ep::CUDA::default().with_conv_algorithm_search(ConvAlgorithmSearch::Heuristic);
+            // Trying out all algorithms takes 1.7 to 3.4 s at each size of the input, the rules 0.2 s, for 4.0 instead of 2.9 ms a frame.
+            let cuda = ep::CUDA::default().with_conv_algorithm_search(match options.cudnn_search {
+                CudnnSearch::Heuristic => ConvAlgorithmSearch::Heuristic,
+                CudnnSearch::Exhaustive => ConvAlgorithmSearch::Exhaustive,
+            });
             register(&cuda.with_device_id(number.into()), &mut builder)
         }
         (_, EngineDevice::TensorRt(number)) => register(&tensorrt(number.into(), file), &mut builder),

@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use modulo_core::Frame;
 use modulo_detector::{
-    Detector, DetectorError, DetectorParameters, EngineChoice, EngineDevice, EngineOptions, describe, measure,
+    CudnnSearch, Detector, DetectorError, DetectorParameters, EngineChoice, EngineDevice, EngineOptions,
+    describe, measure,
 };
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
@@ -133,6 +134,24 @@ fn the_input_is_swapped_between_frames() {
         "{refused}"
     );
     assert_eq!(node.inputs()[0].name, "/camera/image_raw", "goes on exactly as before");
+}
+
+/// cuDNN works on device cuda alone: elsewhere the parameter would be accepted and ignored.
+#[test]
+fn a_search_of_cudnn_is_refused_where_cudnn_does_not_work() {
+    let search = ("cudnn_search", "exhaustive");
+    for device in ["cpu", "tensorrt:1"] {
+        let why = refusal(&data("rows.onnx"), &[("engine", "ort"), ("device", device), search]);
+        assert!(why.contains("cudnn_search") && why.contains(&format!("the device is {device}")), "{why}");
+    }
+    let mut node = detector("rows.onnx", &[]);
+    let [now, next] = [&[][..], &[search]].map(|changes| parameters(&data("rows.onnx"), changes));
+    let why = change_parameters(&mut node, &now, &next).expect_err("on a processor").to_string();
+    assert!(why.contains("needs device cuda"), "{why}");
+    assert_eq!(detections(&mut node, grey(64, 64, 0)).detections.len(), 3, "goes on as before");
+    // With cuda it is the device that is not here.
+    let why = refusal(&data("rows.onnx"), &[("engine", "ort"), ("device", "cuda"), search]);
+    assert!(!why.contains("cudnn_search"), "{why}");
 }
 
 #[test]
@@ -355,8 +374,12 @@ fn a_class_map_is_read_when_it_changes_and_not_again() {
 }
 
 /// rten on one thread of the processor.
-const RTEN: EngineOptions =
-    EngineOptions { engine: EngineChoice::Rten, device: EngineDevice::Cpu, threads: 1 };
+const RTEN: EngineOptions = EngineOptions {
+    engine: EngineChoice::Rten,
+    device: EngineDevice::Cpu,
+    cudnn_search: CudnnSearch::Heuristic,
+    threads: 1,
+};
 
 #[test]
 fn names_come_from_metadata_then_a_file_then_numbers() {
