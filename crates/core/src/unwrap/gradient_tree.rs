@@ -36,7 +36,10 @@ pub struct GradientTree {
     workers: Workers,
     pixels: Pixels,
     gradients: [DirectionalGradient; 2],
-    forest: Forest,
+    /// The buffers of the trees: those of the image and of its gradients, by turns.
+    buffers: TreeBuffers,
+    /// Those of the gradient that has a thread of its own.
+    second: Option<TreeBuffers>,
     sums: DirectSums,
     /// Whether the last image was recovered by the forest, not by the sums.
     grown: bool,
@@ -56,7 +59,8 @@ impl GradientTree {
             pixels: Pixels::default(),
             gradients: [EdgeDirection::Right, EdgeDirection::Down]
                 .map(|direction| DirectionalGradient { direction, ..Default::default() }),
-            forest: Forest::default(),
+            buffers: TreeBuffers::default(),
+            second: (threads > 1).then(TreeBuffers::default),
             sums: DirectSums::default(),
             grown: false,
         })
@@ -101,10 +105,18 @@ impl GradientTree {
         out: &mut Recovered,
     ) {
         let bounds = self.pixels.read(samples, (width, channels), range);
-        let pixels = &self.pixels;
-        // The two directions share nothing, so that each can have a thread.
-        self.workers.each(&mut self.gradients, |_, gradient| gradient.unwrap(pixels, bounds));
-        let [right, down] = &self.gradients;
+        let Self { workers, pixels, gradients: [right, down], buffers, second, .. } = self;
+        let unwrap = |gradient: &mut DirectionalGradient, buffers: &mut TreeBuffers| {
+            gradient.unwrap(pixels, bounds, buffers);
+        };
+        if let Some(second) = second {
+            // The two directions share nothing, so that each can have a thread.
+            let mut both = [(&mut *right, &mut *buffers), (&mut *down, second)];
+            workers.each(&mut both, |_, (gradient, buffers)| unwrap(gradient, buffers));
+        } else {
+            unwrap(right, buffers);
+            unwrap(down, buffers);
+        }
         let image = ImageEdges {
             pixels,
             bounds,
@@ -112,13 +124,13 @@ impl GradientTree {
             n: [&right.n, &down.n],
             changed: [&right.changed, &down.changed],
         };
-        self.grown = recover(&image, &mut self.sums, &mut self.forest, samples, range, outliers, out);
+        self.grown = recover(&image, &mut self.sums, &mut buffers.forest, samples, range, outliers, out);
     }
 
     /// Writes the result for the last `samples` anew into `out`, which must be prepared, at the offset that so many outliers allow.
     pub(super) fn place(&mut self, samples: Integers<'_>, range: Range, outliers: f64, out: &mut Recovered) {
         if self.grown {
-            place(&mut self.forest, samples, range, outliers, out);
+            place(&mut self.buffers.forest, samples, range, outliers, out);
         } else {
             self.sums.place(samples, range, outliers, out);
         }
@@ -133,6 +145,14 @@ struct DirectionalGradient {
     keys: Vec<u16>,
     /// The edges of the image where the gradient is not flat, wraps, or has an n.
     breaks: Vec<u8>,
+    n: Vec<Quad>,
+    /// The pixels at which n is not 0.
+    changed: Vec<u32>,
+}
+
+/// What the tree over a gradient needs no longer when n is found.
+#[derive(Default)]
+struct TreeBuffers {
     /// The edges of the gradient image to the right and down: their keys, and whether they are not flat or wrap.
     second_edges: [(Vec<u16>, Vec<u8>); 2],
     /// The greatest key nearby.
@@ -140,14 +160,11 @@ struct DirectionalGradient {
     /// 1 where the greatest key nearby is above [`BACKGROUND_LIMIT`], 0 in the background.
     mask: Vec<u8>,
     forest: Forest,
-    n: Vec<Quad>,
-    /// The pixels at which n is not 0.
-    changed: Vec<u32>,
 }
 
 impl DirectionalGradient {
     /// Finds n and the keys of `g + n 2^b`; n is 0 for the background and for pixels that no edge joins to it.
-    fn unwrap(&mut self, pixels: &Pixels, bounds: Bounds) {
+    fn unwrap(&mut self, pixels: &Pixels, bounds: Bounds, buffers: &mut TreeBuffers) {
         let stride = pixels.stride(self.direction);
         // These are the keys of the image, which the second tree uses; the first one needs them for its background.
         first_difference_keys(pixels.planes(), stride, FLAT_IMAGE_KEY, &mut self.keys, &mut self.breaks);
@@ -155,51 +172,30 @@ impl DirectionalGradient {
             // There the difference is across the edge of the image.
             self.keys.chunks_exact_mut(pixels.width()).for_each(|row| row[row.len() - 1] = 0);
         }
-        for ((keys, breaks), step) in self.second_edges.iter_mut().zip([1, pixels.width()]) {
+        for ((keys, breaks), step) in buffers.second_edges.iter_mut().zip([1, pixels.width()]) {
             second_difference_keys(pixels.planes(), (stride, step), FLAT, keys, breaks);
         }
-        self.find_mask(stride);
-        let Self { direction, steepest, mask, second_edges: [right, down], forest, .. } = self;
+        buffers.find_mask(&self.keys, stride);
+        let TreeBuffers { steepest, mask, second_edges: [right, down], forest } = buffers;
         let edges = Edges { keys: [&right.0, &down.0], breaks: [&right.1, &down.1] };
-        let direction = *direction;
+        let direction = self.direction;
         forest.grow(&GradientEdges { pixels, bounds, direction, steepest, mask, edges });
-        self.write_counts(pixels);
+        self.write_counts(pixels, forest);
     }
 
-    /// Computes the mask. Beside an edge of the image, "nearby" extends into the next row, which only makes the
-    /// mask larger.
-    fn find_mask(&mut self, stride: usize) {
-        let Self { keys, steepest, mask, second_edges: [(_, right), _], .. } = self;
-        steepest.clear();
-        steepest.extend_from_slice(keys);
-        mask.resize(keys.len(), 0);
-        widest!({
-            // A small image has no pixel that far away.
-            for reach in (1..=NEARBY).map(|n| n * stride).filter(|&reach| reach < keys.len()) {
-                steepest[reach..].iter_mut().zip(&*keys).for_each(|(most, &key)| *most = key.max(*most));
-                steepest.iter_mut().zip(&keys[reach..]).for_each(|(most, &key)| *most = key.max(*most));
-            }
-            mask.iter_mut().zip(&*steepest).for_each(|(mask, &key)| *mask = u8::from(key > BACKGROUND_LIMIT));
-            // Within the background nothing is cut; at its border everything is, so that it stays one node.
-            for ((cut, here), next) in right.iter_mut().zip(&*mask).zip(&mask[1..]) {
-                *cut = (*cut & here) | (here ^ next);
-            }
-        });
-    }
-
-    fn write_counts(&mut self, pixels: &Pixels) {
+    fn write_counts(&mut self, pixels: &Pixels, forest: &Forest) {
         // Few pixels change, so clearing these is faster than clearing the map.
         if self.n.len() == pixels.count() {
             self.changed.iter().for_each(|&at| self.n[at as usize] = [0; 4]);
         } else {
-            self.n.clear();
-            self.n.resize(pixels.count(), [0; 4]);
+            // The system gives zeros, which take memory only where they are written.
+            self.n = vec![[0; 4]; pixels.count()];
         }
         self.changed.clear();
         // Reserved for the worst case, so that no later frame of this size allocates.
         self.changed.reserve(pixels.count());
-        let (regions, stride) = (&self.forest.regions, pixels.stride(self.direction));
-        for segment in self.forest.segments.iter().filter(|segment| segment.node != BACKGROUND) {
+        let (regions, stride) = (&forest.regions, pixels.stride(self.direction));
+        for segment in forest.segments.iter().filter(|segment| segment.node != BACKGROUND) {
             // Only regions that an edge has joined to the background have a known n.
             let n = subtract(regions.offset_from_root(segment.node), regions.offset_from_root(BACKGROUND));
             if n == [0; 4] || regions.root(segment.node) != regions.root(BACKGROUND) {
@@ -213,6 +209,29 @@ impl DirectionalGradient {
                 self.breaks[at] = 1;
             }
         }
+    }
+}
+
+impl TreeBuffers {
+    /// Computes the mask from the keys of the gradient. Beside an edge of the image, "nearby" extends into the next row, which only makes the
+    /// mask larger.
+    fn find_mask(&mut self, keys: &[u16], stride: usize) {
+        let Self { steepest, mask, second_edges: [(_, right), _], .. } = self;
+        steepest.clear();
+        steepest.extend_from_slice(keys);
+        mask.resize(keys.len(), 0);
+        widest!({
+            // A small image has no pixel that far away.
+            for reach in (1..=NEARBY).map(|n| n * stride).filter(|&reach| reach < keys.len()) {
+                steepest[reach..].iter_mut().zip(keys).for_each(|(most, &key)| *most = key.max(*most));
+                steepest.iter_mut().zip(&keys[reach..]).for_each(|(most, &key)| *most = key.max(*most));
+            }
+            mask.iter_mut().zip(&*steepest).for_each(|(mask, &key)| *mask = u8::from(key > BACKGROUND_LIMIT));
+            // Within the background nothing is cut; at its border everything is, so that it stays one node.
+            for ((cut, here), next) in right.iter_mut().zip(&*mask).zip(&mask[1..]) {
+                *cut = (*cut & here) | (here ^ next);
+            }
+        });
     }
 }
 
