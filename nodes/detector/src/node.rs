@@ -8,8 +8,8 @@ use modulo_runtime::sensor::recovery::Recovery;
 use modulo_runtime::sensor_info::{self, Descriptions, SensorHistory};
 use modulo_runtime::topic::RECOVERY_TOPIC;
 use modulo_runtime::{
-    Context, Flow, Job, Message, MessageKind, Node, ParameterError, Parameters, Part, PlannedInputs,
-    StampedFrame, StepError, StreamScale, Topic, Trigger, stream_of,
+    Context, Flow, Job, Message, MessageKind, Node, ParameterError, ParameterSet as _, Parameters, Part,
+    PlannedInputs, StampedFrame, StepError, StreamScale, Topic, Trigger, stream_of,
 };
 
 use crate::DetectorError;
