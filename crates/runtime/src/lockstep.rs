@@ -2,6 +2,8 @@
 
 use std::collections::VecDeque;
 
+use modulo_msgs::std_msgs::Time;
+
 use crate::clock::{Clock, ManualClock};
 use crate::message::Message;
 use crate::name::{NameError, NodeName};
@@ -158,6 +160,9 @@ impl<'a> Lockstep<'a> {
                     continue;
                 };
                 add(&mut self.members[index].report.received, &topic, 1);
+                if let Message::Image(image) = &message {
+                    self.tell_state(index, image.header.stamp, &mut pending);
+                }
                 let trigger = Trigger::Message { input, message: message.clone() };
                 self.step(index, trigger, &topic, now_ns, &mut pending)?;
             }
@@ -178,7 +183,6 @@ impl<'a> Lockstep<'a> {
     ) -> Result<Flow, LockstepError> {
         let wanted: Vec<bool> =
             self.members[index].outputs.iter().map(|a| self.is_wanted(&a.topic)).collect();
-        self.tell_state(index, &trigger, pending);
         // A step sees the time of its frame only, so that a run gives the same bytes on every machine.
         let clock = StepClock { now: ManualClock::at(now_ns), timer: self.timer };
         let member = &mut self.members[index];
@@ -210,9 +214,8 @@ impl<'a> Lockstep<'a> {
         result.or_else(|error| member.settle(error, topic))
     }
 
-    /// Sends the status of a node whose `~/state` is recorded before it answers an image, if it has changed.
-    fn tell_state(&mut self, index: usize, trigger: &Trigger, pending: &mut VecDeque<OnTopic>) {
-        let Trigger::Message { message: message @ Message::Image(_), .. } = trigger else { return };
+    /// Sends the status of a node whose `~/state` is recorded, if it has changed.
+    fn tell_state(&mut self, index: usize, stamp: Time, pending: &mut VecDeque<OnTopic>) {
         let member = &mut self.members[index];
         let topic = format!("{}/state", member.report.node);
         if !self.recorded.contains(&topic) {
@@ -220,7 +223,7 @@ impl<'a> Lockstep<'a> {
         }
         let state = member.node.status();
         if member.state != state {
-            pending.push_back((topic, state_of(&member.report.node, message.stamp(), &state)));
+            pending.push_back((topic, state_of(&member.report.node, stamp, &state)));
             member.state = state;
         }
     }

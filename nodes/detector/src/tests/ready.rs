@@ -377,6 +377,7 @@ fn no_frame_waits_for_a_search_at_another_size() {
     assert_eq!(beside, expected.map(|size| (size, true)), "no step has waited for a search");
     assert_eq!(*lock(&model.sessions), 4);
     // A period on an idle machine. A busy one may stop a thread for longer; a search in a step would be longer still.
+    println!("the longest gap was {:?}", stage.longest_gap());
     assert!(stage.longest_gap() < search, "{:?}", stage.longest_gap());
     for Answer { found, .. } in lock(&stage.answers).iter() {
         assert!([(96, 160), (200, 320)].iter().any(|size| is_found(found, *size)), "{found:?}");
