@@ -554,7 +554,7 @@ def expose_the_past(page, address, model):
     """A bag of an evaluation shows its boxes; another exposure of a frame of it has boxes of its own, as long as the model is there."""
     exposure, shown = page.get_by_role("slider", name="Exposure"), f"(part) => new RegExp(part).test(({CAPTION})('/recovered'))"
     page.goto(address)
-    wait(page, shown, "[1-9][0-9]* boxe?s?,")
+    wait(page, shown, "[1-9][0-9]* box(es)?,")
     check(True, "`modulo view` draws the boxes of a bag of `modulo eval --bag`")
     page.get_by_role("button", name="Pause the replay").click()
     page.click("#live")
@@ -563,11 +563,11 @@ def expose_the_past(page, address, model):
     away = model.rename(model.with_suffix(".away"))
     exposure.fill("1")
     wait_text(page, "notice", "The boxes are those of the original exposure: ")
-    wait(page, shown, "boxe?s? of the original exposure")
+    wait(page, shown, "box(es)? of the original exposure")
     check(str(model) in page.inner_text("#notice"), f"the page says why no boxes are found anew: {page.inner_text('#notice')}")
     away.rename(model)
     exposure.fill("2")
-    wait(page, shown, "boxe?s? found anew")
+    wait(page, shown, "box(es)? found anew")
     check(page.evaluate(MEAN, "/recovered") > before + 10, f"two stops more are brighter, with boxes of their own: {page.evaluate(CAPTION, '/recovered')}")
     exposure.fill("-6")
     wait(page, shown, "(^|, )0 boxes found anew")
