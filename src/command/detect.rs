@@ -260,11 +260,10 @@ impl<'a> Files<'a> {
         }
         let (pictures, objects) = (counted(self.pictures, "picture"), counted(self.objects, "object"));
         note!("{pictures}, {objects}: {}", self.folder.display());
-        let video = match VideoAddress::of(&self.args.source) {
-            Ok(Some(VideoAddress::File(path))) => VideoFile::open(&path).ok(),
-            _ => None,
-        };
-        if let Some(rate) = video.and_then(|video| video.rate()) {
+        if let Ok(Some(VideoAddress::File(path))) = VideoAddress::of(&self.args.source)
+            && let Ok(video) = VideoFile::open(&path)
+            && let Some(rate) = video.rate()
+        {
             let (folder, rate) = (self.folder.display(), (rate * 1e3).round() / 1e3);
             let size = "pad=ceil(iw/2)*2:ceil(ih/2)*2";
             note!(
