@@ -35,6 +35,8 @@ html_theme = "furo"
 html_title = f"modulo {release}"
 html_show_sphinx = False
 html_copy_source = False
+html_static_path = ["book.css"]
+html_css_files = ["book.css"]
 html_theme_options = {"source_directory": "docs/"}
 
 # The address of the repository's files, such as https://example.org/modulo/blob/main; links from the book to files outside of docs/ lead

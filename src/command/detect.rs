@@ -18,7 +18,7 @@ use modulo_images::{Coding, White, save_png};
 use modulo_runtime::output::ResultFolder;
 use modulo_runtime::secret::without_secrets;
 use modulo_runtime::{ParameterSet as _, Stop, SystemClock, Urgency};
-use modulo_video::{LiveAddress, LiveFrame, LiveVideo, VideoAddress, VideoError};
+use modulo_video::{LiveAddress, LiveFrame, LiveVideo, VideoAddress, VideoError, VideoFile};
 use serde_json::Value;
 
 use super::{completion, pairs, start_log, stop_on_signals, usage};
@@ -260,11 +260,14 @@ impl<'a> Files<'a> {
         }
         let (pictures, objects) = (counted(self.pictures, "picture"), counted(self.objects, "object"));
         note!("{pictures}, {objects}: {}", self.folder.display());
-        if self.pictures > 1 && matches!(VideoAddress::of(&self.args.source), Ok(Some(_))) {
+        if let Ok(Some(VideoAddress::File(path))) = VideoAddress::of(&self.args.source)
+            && let Ok(video) = VideoFile::open(&path)
+            && let Some(rate) = video.rate()
+        {
+            let (folder, rate) = (self.folder.display(), (rate * 1e3).round() / 1e3);
             let size = "pad=ceil(iw/2)*2:ceil(ih/2)*2";
-            let folder = self.folder.display();
             note!(
-                "a video of them: ffmpeg -framerate 25 -pattern_type glob -i '{folder}/*.png' -pix_fmt yuv420p -vf '{size}' \
+                "a video of them: ffmpeg -framerate {rate} -pattern_type glob -i '{folder}/*.png' -pix_fmt yuv420p -vf '{size}' \
                  '{folder}/boxes.mp4'"
             );
         }

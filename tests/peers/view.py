@@ -4,7 +4,7 @@
     python3 tests/peers/view.py target/debug/modulo
 
 Exit code 1 when the page shows no frame, shows images of two moments of a camera at once, lets one camera wait for another one, lays
-one text over another, draws a line between two nodes that have none, shows a frame without its boxes, loses the open tab, changes the colour of a node, has a control that the keyboard does not reach, breaks a rule of axe, or does not go on after a loss;
+one text over another, draws a line between two nodes that have none, shows a frame without its boxes, loses the open tab, changes the colour of a node, has a control that the keyboard does not reach, breaks a rule of axe, shows another exposure with boxes of the original one, or does not go on after a loss;
 when a control does not reach its node, the console has an error, the page asks for anything outside of its origin, or a script without the token can connect.
 """
 
@@ -550,6 +550,44 @@ def show_the_bag(page, address):
     check(True, "`modulo view BAG` shows the bag, and its replay can be paused")
 
 
+def expose_the_past(page, address, model):
+    """A bag of an evaluation shows its boxes; another exposure of a frame of it has boxes of its own, as long as the model is there."""
+    exposure, shown = page.get_by_role("slider", name="Exposure"), f"(part) => new RegExp(part).test(({CAPTION})('/recovered'))"
+    page.goto(address)
+    wait(page, shown, "[1-9][0-9]* box(es)?,")
+    check(True, "`modulo view` draws the boxes of a bag of `modulo eval --bag`")
+    page.get_by_role("button", name="Pause the replay").click()
+    page.click("#live")
+    page.wait_for_timeout(1500)
+    before, caption = page.evaluate(MEAN, "/recovered"), page.evaluate(CAPTION, "/recovered")
+    away = model.rename(model.with_suffix(".away"))
+    exposure.fill("1")
+    wait_text(page, "notice", "The boxes are those of the original exposure: ")
+    wait(page, shown, "box(es)? of the original exposure")
+    check(str(model) in page.inner_text("#notice"), f"the page says why no boxes are found anew: {page.inner_text('#notice')}")
+    away.rename(model)
+    exposure.fill("2")
+    wait(page, shown, "box(es)? found anew")
+    check(page.evaluate(MEAN, "/recovered") > before + 10, f"two stops more are brighter, with boxes of their own: {page.evaluate(CAPTION, '/recovered')}")
+    exposure.fill("-6")
+    wait(page, shown, "(^|, )0 boxes found anew")
+    check(page.evaluate(MEAN, "/recovered") < before, "six stops less are dark, and the detector finds nothing")
+    exposure.fill("0")
+    wait(page, f"(before) => Math.abs(({MEAN})('/recovered') - before) < 0.01", before)
+    boxes = re.compile(r"\d+ box(es)?(,|$)")
+    check(boxes.search(page.evaluate(CAPTION, "/recovered"))[0] == boxes.search(caption)[0], f"the original exposure has its boxes again: {caption}")
+
+
+def bag_of_an_evaluation(folder):
+    """A bag with the boxes of a model that lies in `folder`."""
+    model = shutil.copy(ROOT / "crates/models/demo.onnx", folder / "model.onnx")
+    scene = ["source:=scene://glare?seed=1&frames=3&width=640&height=192", f"model:={model}"]
+    topics = ["/sensor_info", "/modulo", "/recovered", "/detector/detections"]
+    command = [MODULO, "eval", "recovered.launch.yaml", *scene, "--bag", folder / "bag", "--topics", *topics, "-o", folder / "out"]
+    subprocess.run(command, check=True, capture_output=True)
+    return folder / "bag", Path(model)
+
+
 def open_the_recording(page, file, topics):
     errors = []
     page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
@@ -654,6 +692,9 @@ def main():
             keep_the_boxes(page, address(process, "http://"), folder)
         with viewer(MODULO, "142", str(BAG), suite=[]) as process, opened(browser) as page:
             show_the_bag(page, address(process, "http://"))
+        bag, model = bag_of_an_evaluation(Path(scratch))
+        with viewer(MODULO, "144", str(bag), suite=[]) as process, opened(browser) as page:
+            expose_the_past(page, address(process, "http://"), model)
         left = subprocess.run(["pgrep", "-f", f"bag play --loop {BAG}"], capture_output=True, text=True).stdout
         check(not left, f"the replay ends with the viewer: {left}")
         for recording, topics in zip(recordings, [["/recovered"], ["/front/metered", "/rear/metered"]]):

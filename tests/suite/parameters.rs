@@ -25,13 +25,13 @@ const REWRITE: &str = "MODULO_REWRITE=1 cargo test --test suite parameters";
 
 fn table() -> String {
     let mut page = format!(
-        "# Parameters\n\nMade from the declarations in the nodes by `{REWRITE}`.\n\n\
+        "# Parameters\n\n<!-- Made from the declarations in the nodes by {REWRITE}. -->\n\n\
          *Fixed* parameters are given at the start; the others can also be set while the node runs.\n"
     );
     for (node, declared) in nodes() {
         let _ = write!(
             page,
-            "\n## {node}\n\n| parameter | type | default | possible | |\n|---|---|---|---|---|\n"
+            "\n## {node}\n\n| parameter | type | default | possible | meaning |\n|---|---|---|---|---|\n"
         );
         for Descriptor { name, default, allowed, read_only, description } in declared {
             let fixed = if read_only { "*Fixed.* " } else { "" };

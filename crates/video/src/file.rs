@@ -71,6 +71,13 @@ impl VideoFile {
         self.index.found + self.index.missing
     }
 
+    /// Returns the mean rate of the frames in Hz; `None` in a container without times, and for less than two frames.
+    pub fn rate(&self) -> Option<f64> {
+        let last = self.index.found.checked_sub(1)?;
+        let ns = self.index.stamp(last).filter(|ns| *ns > 0)?;
+        Some(last as f64 * 1e9 / ns as f64)
+    }
+
     /// Returns a line for each way in which the pixels may be other than those of other videos.
     pub fn warnings(&self) -> Vec<String> {
         let hdr = self.index.hdr.map(|hdr| {

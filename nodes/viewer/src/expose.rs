@@ -100,12 +100,7 @@ fn picture(x: &Array3<f32>, captured: &Captured, stops: f64) -> Result<Frame, St
     let headroom = range.white() / range.limit() / gain.max(1.0);
     let range =
         range.with_headroom(headroom).expect("a gain from 1 to 2^20 leaves a headroom above 0 and at most 1");
-    let picture = if gain < 1.0 {
-        tone::picture(&x.mapv(|x| x * gain as f32), range, transfer)
-    } else {
-        tone::picture(x, range, transfer)
-    };
-    picture.map_err(|why| why.to_string())
+    tone::picture(&x.mapv(|x| x * gain.min(1.0) as f32), range, transfer).map_err(|why| why.to_string())
 }
 
 #[cfg(test)]

@@ -155,7 +155,7 @@ fn describe(command: &clap::Command, called: &str, page: &mut String) {
     let shown = |argument: &&clap::Arg| !argument.is_hide_set() && argument.get_id() != "help";
     let arguments: Vec<_> = command.get_arguments().filter(shown).collect();
     if !arguments.is_empty() {
-        page.push_str("\n| option | default | |\n|---|---|---|\n");
+        page.push_str("\n| option | default | meaning |\n|---|---|---|\n");
     }
     for argument in arguments {
         let switch = !argument.get_action().takes_values();
@@ -238,7 +238,7 @@ fn the_reference_is_what_the_program_declares() {
     for (name, title, text) in
         [("cli.md", "Commands", commands), ("launch-arguments.md", "Launch arguments", launch_arguments())]
     {
-        let page = format!("# {title}\n\nMade from the declarations by `{rewrite}`.\n{text}");
+        let page = format!("# {title}\n\n<!-- Made from the declarations by {rewrite}. -->\n{text}");
         let file = root().join("docs/reference").join(name);
         if std::env::var_os("MODULO_REWRITE").is_some() {
             std::fs::write(&file, &page).expect("writable");

@@ -72,6 +72,8 @@ fn each_frame_comes_once_at_its_time() {
         let path = video(bench.path(), name, options);
         let mut video = open(&path);
         assert_eq!(video.frames(), 20, "{name}");
+        let rate = video.rate().expect("two times");
+        assert!((rate - 10.0).abs() < 0.01, "{name}: {rate}");
         let frames = all(&mut video);
         assert_eq!(frames.len(), 20, "{name}");
         for (n, frame) in frames.iter().enumerate() {

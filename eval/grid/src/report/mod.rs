@@ -27,7 +27,7 @@ pub fn page(results: &Results, charts: &[NamedChart], picture: Option<&str>) -> 
         @if let Some(verdict) = &results.verdict { p { strong { (verdict) "." } } }
         @if let Some(picture) = picture {
             figure {
-                img src=(picture) alt="The frame in which the streams differ most.";
+                div.wide tabindex="0" { img src=(picture) alt="The frame in which the streams differ most."; }
                 figcaption.note { (ABOUT_PICTURES) }
             }
         }

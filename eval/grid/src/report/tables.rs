@@ -87,7 +87,7 @@ fn group_tables(results: &Results, model: &str, conditions: &SensorModel) -> Mar
     let objects = |group| cells.first().and_then(|cell| cell.objects.get(group)).unwrap_or(&0);
     html! {
         @for group in distinct(cells.iter().flat_map(|cell| cell.ap50.keys())) {
-            h3 { (group) " (" (objects(group)) " objects)" }
+            h3 { (group) " (" (objects(group)) " " (if *objects(group) == 1 { "object" } else { "objects" }) ")" }
             (by_alpha(&cells, |cell| ap50(cell, group)))
         }
     }

@@ -68,7 +68,7 @@ export class Display {
       if (control.type === "checkbox") control.checked = choice[name];
       else if (control !== document.activeElement) control.value = choice[name];
     }
-    write(this.outputs.exposure, `${choice.exposure > 0 ? "+" : ""}${choice.exposure} stops`);
+    write(this.outputs.exposure, `${choice.exposure > 0 ? "+" : ""}${choice.exposure} ${Math.abs(choice.exposure) === 1 ? "stop" : "stops"}`);
     write(this.outputs.score, choice.score.toFixed(2));
     this.truth.hidden = state.graph.truths.length === 0;
     this.confidence.hidden = !state.graph.images.some((topic) => topic.endsWith("/confidence"));
