@@ -53,9 +53,10 @@ def test_options_are_those_that_the_node_declares() -> None:
 
 
 def test_the_whole_sensor_and_method_can_be_set() -> None:
-    """No parameter of the nodes is forgotten, except those of the stream."""
+    """No parameter of the nodes is forgotten, except those of a stream and of a node that keeps running."""
     stream = {"source", "source_topic", "rate", "loop", "frames", "frame_id", "budget", "exposure", "alpha_most"}
     stream |= {"input", "fallback", "cameras", "max_det", "nms_iou", "input_size", "classes", "class_map", "score_threshold"}
+    stream |= {"cudnn_search"}
     given = {name for function in DOCUMENTED for name in inspect.signature(function).parameters} | {"deblur", *modulo._OPTIONS}
     assert set(DECLARED) - stream <= given
 
