@@ -284,10 +284,15 @@ fn what_cannot_be_scored_is_said() {
     let label = |name: &str, text: &str| {
         std::fs::write(bench.path("kitti/label_2").join(name), text).expect("written");
     };
-    label("000000.txt", &(kitti_label("Car") + "Car 0.00 0 0 80 10 140 50 1 1 1 1 1 1 0\n"));
+    label("000000.txt", &(kitti_label("Car").repeat(2) + "Car 0.00 0 0 80 10 140 50 1 1 1 1 1 1 0\n"));
     label("000001.txt", "Car 0.00 0 0 ten\n");
-    let wanted =
-        ["1 labels cannot be read", "000001.txt:1", "1 frames have no labels", "reach outside the image"];
+    let wanted = [
+        "1 labels cannot be read",
+        "000001.txt:1",
+        "1 frames have no labels",
+        "reach outside the image",
+        "1 labels are there twice and count once",
+    ];
     assert_has(&eval(3, ""), &wanted);
     let results = bench.json("out/results.json");
     assert_eq!((&results["input"]["frames"], &results["input"]["labelled"]), (&3.into(), &2.into()));

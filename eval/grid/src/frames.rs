@@ -179,7 +179,8 @@ impl Slice {
         self.left_out.entry(why.to_owned()).or_default().push(one);
     }
 
-    /// Clips labels to the image, with their classes [`folded`]. Labels outside the image are left out.
+    /// Clips labels to the image, with their classes [`folded`]. Labels outside the image are left out, and second ones of an
+    /// object.
     fn inside(
         &mut self,
         truth: Vec<GroundTruth>,
@@ -199,8 +200,12 @@ impl Slice {
                     format!("{} of {name}", label.class),
                 );
             }
-            if bbox.area() > 0.0 {
-                kept.push(GroundTruth { bbox, ..label });
+            let label = GroundTruth { bbox, ..label };
+            if kept.contains(&label) && label.class != DONT_CARE {
+                // Joined exports hold an object twice, and a detector finds it once.
+                self.leave_out("labels are there twice and count once", format!("{} of {name}", label.class));
+            } else if bbox.area() > 0.0 {
+                kept.push(label);
             } else if !beyond && label.class != DONT_CARE {
                 self.leave_out("labels have no area and are left out", format!("{} of {name}", label.class));
             }
