@@ -1,4 +1,4 @@
-//! Recorded frames of every kind: folders of images, KITTI, and rosbag2 MCAP bags, read and written.
+//! Recorded frames of every kind: folders of images, KITTI, spike recordings, and rosbag2 MCAP bags, read and written.
 //!
 //! Nothing here reads a clock, opens a connection or knows of any node.
 

@@ -20,6 +20,12 @@ pub fn sqlite(data: &[u8]) {
     file("a.db3", &[b"SQLite format 3\0", data].concat());
 }
 
+/// A spike recording.
+pub fn spikes(data: &[u8]) {
+    let folder = super::folder(&[("a.npz", data)]);
+    frames(&folder.path().join("a.npz?window=2"));
+}
+
 /// A `metadata.yaml` beside a whole file, in a folder beside a foreign one: nothing outside the folder is read.
 pub fn metadata(data: &[u8]) {
     static WHOLE: LazyLock<Vec<u8>> = LazyLock::new(whole);

@@ -11,7 +11,7 @@ pub mod vision;
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 14] = [
+pub const TARGETS: [(&str, Target); 15] = [
     ("cdr", messages::cdr),
     ("dynamic", messages::dynamic),
     ("keys", messages::keys),
@@ -19,6 +19,7 @@ pub const TARGETS: [(&str, Target); 14] = [
     ("mcap", bags::mcap),
     ("metadata", bags::metadata),
     ("sqlite", bags::sqlite),
+    ("spikes", bags::spikes),
     ("kitti", texts::kitti),
     ("coco", texts::coco),
     ("yolo", texts::yolo),

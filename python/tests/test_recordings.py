@@ -104,7 +104,9 @@ def test_a_report_has_a_reason_where_a_claim_is_refused() -> None:
 
 def test_resets_of_a_real_sensor_are_counted_from_their_low_bits(spikes: Path) -> None:
     """A pixel of a spike camera resets at each photon count that fills it: the low bits of the number of resets are a modulo image."""
-    resets = np.load(spikes)["spk"].sum(axis=0, dtype=np.uint8)
+    (frame,) = modulo.read_source(f"{spikes}?window=200", white=32)
+    resets = (32 * frame.image).astype(np.uint8)
+    assert np.array_equal(resets, np.load(spikes)["spk"].sum(axis=0, dtype=np.uint8))
     for bits, alpha, least in [(3, 4.0, 0.997), (4, 2.0, 0.999)]:
         _, counts, (report,) = modulo.Sensor(bits, alpha).unwrap(resets % (1 << bits))
         assert (counts == resets >> bits).mean() >= least, bits

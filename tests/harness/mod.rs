@@ -6,6 +6,7 @@
 pub mod data;
 pub mod encoder;
 mod live;
+pub mod readings;
 
 pub use live::{Domain, wait_until};
 

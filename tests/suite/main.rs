@@ -23,5 +23,6 @@ mod repository;
 mod ros;
 mod screen;
 mod session;
+mod spikes;
 mod video;
 mod view;

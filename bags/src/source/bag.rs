@@ -114,6 +114,7 @@ impl BagSource {
             stamp_ns: Some(stamp),
             frame_id: header.frame_id,
             ground_truth,
+            full_resets: None,
         })
     }
 }

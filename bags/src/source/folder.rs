@@ -199,9 +199,8 @@ pub(super) fn one_image(path: &Path) -> Result<PathBuf, SourceError> {
         path,
         &match VideoFile::open(path) {
             Ok(_) => format!("is a video; put 'video:' before its path, such as video:{}", path.display()),
-            Err(_) => {
-                "not an image, possible are png, jpg, jpeg, tif, tiff, exr, hdr, .mcap and .db3".to_owned()
-            }
+            Err(_) => "not an image, possible are png, jpg, jpeg, tif, tiff, exr, hdr, .mcap, .db3 and .npz"
+                .to_owned(),
         },
     ))
 }

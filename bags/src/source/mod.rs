@@ -12,9 +12,11 @@ mod json;
 mod kitti;
 mod labels;
 mod light;
+mod npz;
 mod order;
 mod pictures;
 mod scene;
+mod spikes;
 mod video;
 mod yolo;
 
@@ -39,6 +41,7 @@ pub use labels::{LabelledSource, Skipped};
 pub use light::Light;
 pub use pictures::{Picture, Pictures, of_radiance};
 pub use scene::SceneSource;
+pub use spikes::SpikeSource;
 pub use video::VideoSource;
 
 use crate::FileError;
@@ -91,7 +94,7 @@ impl SourceError {
 }
 
 /// The sources of frames that [`open`] reads.
-const POSSIBLE: &str = "scene://PRESET, an image, a folder of images, a KITTI folder, a video, a bag, and for a camera also rtsp://, http://, \
+const POSSIBLE: &str = "scene://PRESET, an image, a folder of images, a KITTI folder, a video, a bag, a spike recording (.npz), and for a camera also rtsp://, http://, \
                         https://, /dev/videoN and topic:NAME, such as topic:/camera/image_raw";
 /// The schemes that [`open`] reads.
 const SCHEMES: &str = "scene, rtsp, rtsps, http and https are the schemes that are read; bring images of another origin in by a node \
@@ -111,11 +114,21 @@ pub struct SourceFrame {
     pub frame_id: String,
     /// The labelled objects; `None` for a frame without labels, an empty list for a labelled frame without objects.
     pub ground_truth: Option<Vec<GroundTruth>>,
+    /// Full scale in resets, where the pixels of a real sensor have reset themselves n times and `radiance` is (n + 1/2) / full scale; `None`
+    /// for all other frames.
+    pub full_resets: Option<f32>,
 }
 
 impl SourceFrame {
     fn new(name: String, radiance: Array3<f32>) -> Self {
-        Self { radiance, name, stamp_ns: None, frame_id: FRAME_ID.to_owned(), ground_truth: None }
+        Self {
+            radiance,
+            name,
+            stamp_ns: None,
+            frame_id: FRAME_ID.to_owned(),
+            ground_truth: None,
+            full_resets: None,
+        }
     }
 }
 
@@ -179,7 +192,7 @@ pub const FRAME_ID: &str = "camera_optical";
 
 /// Opens what `spec` names: a scene (`scene://PRESET?seed=N`), a bag (a `.mcap` or `.db3` file, or a
 /// folder with `metadata.yaml` or such files), a KITTI folder (with `image_2` or `image_02`), a folder of images,
-/// one image, or a video ([`VideoAddress`]), each under changing [`Light`] with `?light=NAME` behind it.
+/// one image, a video ([`VideoAddress`]), or a spike recording (`PATH.npz?window=N`), each under changing [`Light`] with `?light=NAME` behind it.
 ///
 /// # Errors
 /// [`SourceError`] when the path is missing, holds no frame, or cannot be read.
@@ -209,6 +222,10 @@ fn open_unlit(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, So
         let why = "is no bag and has no topics; leave source_topic empty";
         let spec = without_secrets(spec);
         return Err(SourceError::Unreadable(format!("source_topic '{topic}': {spec} {why}")));
+    }
+    if let Some((path, window)) = spikes::split(spec) {
+        let path = locate(path).map_err(|why| FileError::new(path, why))?;
+        return Ok(Box::new(SpikeSource::open(&path, window, options)?));
     }
     if is_rendered(spec) {
         return Ok(Box::new(SceneSource::open(spec)?));

@@ -15,7 +15,7 @@ use crate::{data, frame, write_kitti};
 
 /// Damages `whole` in `count` ways. `read` gives what is read, or `None` if something is named. At most `most` of them may stay unseen, because
 /// of what `why` tells.
-fn damage<T: PartialEq>(
+pub fn damage<T: PartialEq>(
     name: &str,
     whole: &[u8],
     count: u64,

@@ -8,7 +8,10 @@ mod data;
 mod extras;
 mod files;
 mod layouts;
+#[path = "../../../tests/harness/readings.rs"]
+mod readings;
 mod sources;
+mod spikes;
 #[cfg(feature = "sqlite")]
 mod sqlite;
 mod wounds;

@@ -3,7 +3,7 @@
 //! periods.
 
 use modulo_core::unwrap::{Spud, ThresholdOn};
-use modulo_core::{Frame, Sensor, UnwrapError};
+use modulo_core::{Frame, UnwrapError};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::{
     Context, Flow, MessageKind, Node, ParameterError, Parameters, SensorModel, StampedFrame, StepError,
@@ -27,7 +27,7 @@ pub fn output() -> Topic {
 
 /// A camera with its unwrapping, over the frames that come through `handed`.
 pub struct PublishedSpud {
-    sensor: Sensor,
+    sensor: SensorModel,
     spud: Spud,
     seed: u64,
     handed: Handed,
@@ -36,15 +36,17 @@ pub struct PublishedSpud {
 impl PublishedSpud {
     /// Prepares the sensor, which has noise of this seed.
     pub fn new(sensor: &SensorModel, seed: i64, handed: Handed) -> Result<Self, GridError> {
-        let (sensor, spud) = (sensor.simulated()?, Spud::new(TAU, ThresholdOn::Phi)?);
+        sensor.simulated()?;
+        let (sensor, spud) = (sensor.clone(), Spud::new(TAU, ThresholdOn::Phi)?);
         Ok(Self { sensor, spud, seed: seed.unsigned_abs(), handed })
     }
 
     fn recovered(&mut self, handed: &HandedFrame, cx: &mut Context<'_>) -> Result<Frame, GridError> {
-        let range = self.sensor.range();
+        let (sensor, range) = (self.sensor.simulated()?, self.sensor.range()?);
         // The noise of a frame is that of the other cells.
         let seed = self.seed.wrapping_add(handed.place as u64);
-        let exposed = cx.stage("sense", || self.sensor.expose(handed.frame.radiance.view(), seed))?;
+        let radiance = handed.frame.radiance_for(&self.sensor)?;
+        let exposed = cx.stage("sense", || sensor.expose(radiance.view(), seed))?;
         let y = exposed.x().mapv(|x| x % range.peak());
         // The result has an arbitrary offset and scale, and therefore no wrap counts.
         let x = cx.stage("unwrap", || self.spud.solve(y.view(), range).map(|x| stretched(&x)))?;
@@ -107,7 +109,8 @@ mod tests {
         let mut published = PublishedSpud::new(&sensor, 0, Handed::default()).expect("possible");
         let radiance = Array3::from_shape_fn((32, 256, 1), |(_, x, _)| x as f32 / 384.0);
         let (name, frame_id) = (String::new(), String::new());
-        let frame = SourceFrame { radiance, name, stamp_ns: None, frame_id, ground_truth: None };
+        let frame =
+            SourceFrame { radiance, name, stamp_ns: None, frame_id, ground_truth: None, full_resets: None };
         let handed = HandedFrame { place: 0, drive: 0, frame };
         let clock = ManualClock::default();
         let image = published.recovered(&handed, &mut Context::new("/spud", &clock, &[])).expect("recovered");

@@ -175,7 +175,8 @@ impl TrueExposures {
         let is_at_hand = |(own, place, _): &(SensorModel, usize, _)| own == sensor && *place == frame.place;
         if !self.0.as_ref().is_some_and(is_at_hand) {
             let (config, seed) = (sensor.config()?, seed.wrapping_add(frame.place as u64));
-            let expose = |config| Sensor::new(config)?.expose(frame.frame.radiance.view(), seed);
+            let radiance = frame.frame.radiance_for(sensor)?;
+            let expose = |config| Sensor::new(config)?.expose(radiance.view(), seed);
             let truth = [expose(config)?, expose(SensorConfig { psf: Psf::None, ..config })?];
             self.0 = Some((sensor.clone(), frame.place, truth));
         }

@@ -227,7 +227,8 @@ impl ModuloCamera {
         if let Some(truth) = frame.ground_truth.as_deref().filter(|_| cx.wanted(GROUND_TRUTH)) {
             cx.emit(GROUND_TRUTH, to_detections(truth, &header));
         }
-        let sensed = self.sense(self.frames_read - 1, &frame.radiance, &header, cx);
+        let radiance = frame.radiance_for(&self.model).map_err(|why| why.to_string());
+        let sensed = radiance.and_then(|radiance| self.sense(self.frames_read - 1, &radiance, &header, cx));
         let CameraInput::Frames(reader) = &mut self.input else { return Ok(()) };
         sensed.map_err(|why| reader.refuse(format!("frame {}: {why}", frame.name)))?;
         reader.given = true;
@@ -523,8 +524,8 @@ modulo_runtime::parameters! {
     /// The parameters of the `modulo_camera` node.
     pub struct CameraParameters {
         /// Source of the frames: a folder of images (png, jpg, tif, exr, hdr), one image, a video (mp4, mkv, avi, mov, webm, or video:PATH), a
-        /// KITTI folder, a bag, scene://NAME, rtsp://, http:// or https:// with a stream, /dev/videoN, or topic:NAME for an Image topic of a
-        /// running stack. Another source starts with its first frame.
+        /// KITTI folder, a bag, scene://NAME, a spike recording (PATH.npz?window=N), rtsp://, http:// or https:// with a stream, /dev/videoN, or
+        /// topic:NAME for an Image topic of a running stack. Another source starts with its first frame.
         source: String = String::new(),
         /// The image topic to read from a source that is a bag. Empty: the only image topic of the bag.
         source_topic: String = String::new(); fixed,

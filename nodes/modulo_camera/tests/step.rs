@@ -5,6 +5,9 @@
 mod data;
 #[path = "../../../tests/harness/encoder.rs"]
 mod encoder;
+#[path = "../../../tests/harness/readings.rs"]
+#[allow(dead_code, reason = "these tests need whole recordings only")]
+mod readings;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -535,6 +538,48 @@ fn a_raw_mosaic_is_sensed_as_it_is_from_a_folder_a_bag_and_a_topic() {
 }
 
 /// A part that is missing in a bag is reported once, before the first frame. It takes no frame number, so that the noise of the frames stays.
+#[test]
+fn the_codes_of_a_spike_recording_are_the_low_bits_of_its_resets() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (path, shape) = (folder.path().join("a.npz"), (120, 16, 24));
+    let readings = readings::readings(shape, |row, column| (24 * row + column) as f64 / 384.0);
+    std::fs::write(&path, readings::recording(shape, &readings)).expect("writable");
+    let source = format!("{}?window=60", path.display());
+    // Neither the range, the headroom nor the white changes what was counted: 0 to 60 resets.
+    for (bits, alpha, headroom, white) in [
+        ("3", "8", "1", "0"),
+        ("3", "8", "0.97", "61"),
+        ("4", "4.1", "0.97", "64"),
+        ("2", "200", "0.1", "1000"),
+        ("1", "31.5", "0.99", "0"),
+        ("16", "1", "0.5", "0"),
+    ] {
+        let sensor =
+            [("bits", bits), ("alpha", alpha), ("headroom", headroom), ("white", white), ("psf", "unknown")];
+        let mut node = camera(&[&sensor[..], &[("source", &source)]].concat());
+        for first in [0, 60] {
+            let (_, sent) = step(&mut node, Trigger::Tick, &ALL).expect("a frame");
+            let codes = frame(&sent, 0).frame.to_f32();
+            let mask = ((1u32 << bits.parse::<u32>().expect("a number")) - 1) as u16;
+            let resets = readings::resets(&readings, 16 * 24, first, 60);
+            assert!(resets.contains(&59) && resets.contains(&0));
+            let expected = resets.iter().map(|resets| f32::from(resets & mask));
+            assert!(codes.iter().copied().eq(expected), "{sensor:?}");
+        }
+        assert_eq!(step(&mut node, Trigger::Tick, &ALL).expect("the end").0, Flow::Done);
+    }
+    let bare = [("bits", "3"), ("alpha", "4"), ("headroom", "1"), ("psf", "unknown"), ("source", &source)];
+    for (change, words) in [
+        (("alpha", "4"), &["32 resets at row 8, column 13 are not below", "32; set a larger alpha"][..]),
+        (("psf", "perfect"), &["set psf to unknown and optical_black to 0"]),
+        (("optical_black", "1"), &["set psf to unknown and optical_black to 0"]),
+    ] {
+        let mut node = camera(&[&bare[..], &[change]].concat());
+        let Err(StepError::Skip(why)) = step(&mut node, Trigger::Tick, &ALL) else { panic!("{change:?}") };
+        assert!(why.contains("frame 000000") && words.iter().all(|word| why.contains(word)), "{why}");
+    }
+}
+
 #[test]
 fn a_bag_that_was_cut_is_told_before_its_frames() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -670,7 +670,8 @@ def read_source(
     ----------
     source : str or path
         A folder of images (png, jpg, tif, exr, hdr), one image, a video (mp4, mkv, avi, mov, webm, or `video:PATH`; needs ffmpeg), a KITTI
-        folder, a bag, or `scene://NAME?seed=N&frames=N&width=W&height=H` for a rendered scene: `day`, `tunnel`, `glare` or `night`.
+        folder, a bag, a spike recording (`PATH.npz?window=N`), or `scene://NAME?seed=N&frames=N&width=W&height=H` for a rendered
+        scene: `day`, `tunnel`, `glare` or `night`.
     white : float, a finite number in 0 to 1000000000000
         Value that becomes full scale, for EXR, HDR and 16-bit images. 0: the 99.9th percentile of the first EXR or HDR image, and
         65536 for 16-bit images.
