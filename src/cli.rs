@@ -108,7 +108,7 @@ pub fn help_of(name: &str) -> String {
 
 /// The options that -h leaves to --help, since few commands need them.
 const RARE: &str = "\
-    shot_noise full_well_electrons prnu hot_pixels psf gain_ratio headroom black_level metering \
+    shot_noise full_well_electrons prnu hot_pixels modulus reset_loss reset_spread psf gain_ratio headroom black_level metering \
     metering_target exposure_delay exposure_step white black knees seed repeats threads device \
     jobs time_frames class_map groups fresh list coco_images bag topics verbose deblur token compression \
     difficulty gains read_noise mosaic hang_timeout max_restarts trace";

@@ -45,7 +45,7 @@ impl PublishedSpud {
         // The noise of a frame is that of the other cells.
         let seed = self.seed.wrapping_add(handed.place as u64);
         let exposed = cx.stage("sense", || self.sensor.expose(handed.frame.radiance.view(), seed))?;
-        let y = exposed.x().mapv(|x| x % range.peak());
+        let y = exposed.charge();
         // The result has an arbitrary offset and scale, and therefore no wrap counts.
         let x = cx.stage("unwrap", || self.spud.solve(y.view(), range).map(|x| stretched(&x)))?;
         Ok(Frame::from_u8(x).map_err(UnwrapError::from)?)
