@@ -48,6 +48,10 @@ pub enum Cli {
         /// it is fit for real scenes
         #[arg(long, value_name = "FILE")]
         sensor: Option<PathBuf>,
+        /// Bag with images /modulo of a chip, in which the light rises by the same step from frame to frame: also print how its pixels
+        /// reset themselves, each value with its error. The codes have the bits of the file of --sensor, or 8
+        #[arg(long, value_name = "BAG")]
+        ramp: Option<PathBuf>,
         /// Print what is found as JSON
         #[arg(long)]
         json: bool,
