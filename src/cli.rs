@@ -48,6 +48,10 @@ pub enum Cli {
         /// it is fit for real scenes
         #[arg(long, value_name = "FILE")]
         sensor: Option<PathBuf>,
+        /// Bag with images /modulo of a chip, in which the light rises by the same step from frame to frame: also print how its pixels
+        /// reset themselves, each value with its error. The codes have the bits of the file of --sensor, or 8
+        #[arg(long, value_name = "BAG")]
+        ramp: Option<PathBuf>,
         /// Print what is found as JSON
         #[arg(long)]
         json: bool,
@@ -108,7 +112,7 @@ pub fn help_of(name: &str) -> String {
 
 /// The options that -h leaves to --help, since few commands need them.
 const RARE: &str = "\
-    shot_noise full_well_electrons prnu hot_pixels psf gain_ratio headroom black_level metering \
+    shot_noise full_well_electrons prnu hot_pixels modulus reset_loss reset_spread psf gain_ratio headroom black_level metering \
     metering_target exposure_delay exposure_step white black knees seed repeats threads device \
     jobs time_frames class_map groups fresh list coco_images bag topics verbose deblur token compression \
     difficulty gains read_noise mosaic hang_timeout max_restarts trace";

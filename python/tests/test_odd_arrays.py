@@ -109,6 +109,9 @@ PARAMETERS: dict[str, tuple[list[Any], list[Any]]] = {
     "full_well_electrons": ([0.0, 1e-300, 1e4], [-1.0]),
     "prnu": ([0.0, 1.0], [2.0]),
     "hot_pixels": ([0.0, 1.0], [-0.5]),
+    "modulus": ([1.0, 0.5, 1.5], [0.0, float("nan")]),
+    "reset_loss": ([0.0, 2.5, 65536.0], [-1.0]),
+    "reset_spread": ([0.0, 0.01, 1.0], [1.5]),
     "transfer": (["linear", "srgb", "gamma22", "rec709"], ["log"]),
     "headroom": ([1.0, 0.97, 0.001], [0.0, 1.1, float("nan")]),
     "optical_black": ([0, 1, 32, 64], [65, -1]),
@@ -134,8 +137,8 @@ def options(*names: str) -> st.SearchStrategy[dict[str, Any]]:
 
 SENSOR = options(
     "bits", "alpha", "psf_sigma", "read_noise", "shot_noise", "mosaic", "gains", "seed", "psf", "gain_ratio",
-    "full_well_electrons", "prnu", "hot_pixels", "headroom", "transfer", "optical_black",
-    "black_level", "white", "black", "knees",
+    "full_well_electrons", "prnu", "hot_pixels", "modulus", "reset_loss", "reset_spread", "headroom", "transfer",
+    "optical_black", "black_level", "white", "black", "knees",
 )  # fmt: skip
 UNWRAP = options("method", "confidence")
 OPTIONS = options("threads", "tau", "threshold_on", "trust_lines")

@@ -74,7 +74,7 @@ pub fn dispatch(cli: Cli) -> Result<Ended, Failure> {
         Cli::Node(args) => graph::node(&args),
         Cli::View(args) => view::view(&args),
         Cli::Model(args) => model::model(&args),
-        Cli::Doctor { sensor, json } => model::doctor(sensor.as_deref(), json),
+        Cli::Doctor { sensor, ramp, json } => model::doctor(sensor.as_deref(), ramp.as_deref(), json),
     }
 }
 

@@ -1,5 +1,5 @@
 //! `modulo model`: fetch an official export or ONNX Runtime, check any model. `modulo doctor`: the engine, ffmpeg, the transport and the environment on
-//! this machine; it changes nothing, and ends with exit code 0, since a person judges the result, unless it cannot read the sensor file.
+//! this machine; it changes nothing, and ends with exit code 0, since a person judges the result, unless it cannot read a file that it is given.
 
 use std::net::TcpListener;
 use std::num::NonZeroUsize;
@@ -8,9 +8,10 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::{Args, Subcommand};
 use indicatif::ProgressBar;
+use modulo_bags::source::{BagSource, Source as _, SourceOptions};
 use modulo_camera::CameraParameters;
 use modulo_core::unwrap::{Method, Options, WORK_OF_NOISE};
-use modulo_core::{Frame, Range, Recovered};
+use modulo_core::{Frame, Range, Recovered, ResetRamp, Resets};
 use modulo_detector::{
     CudnnSearch, EngineChoice, EngineDevice, EngineOptions, ModelInfo, Speed, describe, gpu_libraries, gpus,
     measure, onnxruntime_library, onnxruntime_places,
@@ -194,12 +195,16 @@ fn print_info(file: &Path, info: &ModelInfo) {
 /// Environment variables that change how sessions meet.
 const ZENOH_VARIABLES: [&str; 2] = ["ZENOH_SESSION_CONFIG_URI", "ZENOH_CONFIG_OVERRIDE"];
 
-/// Prints the found and missing parts of the environment, a remedy for each missing one, and what to expect of the sensor that the file
-/// at `sensor` describes.
-pub fn doctor(sensor: Option<&Path>, json: bool) -> Result<Ended, Failure> {
+/// Prints the found and missing parts of the environment, a remedy for each missing one, what to expect of the sensor that the file
+/// at `sensor` describes, and how the pixels of the bag `ramp` reset themselves.
+pub fn doctor(sensor: Option<&Path>, ramp: Option<&Path>, json: bool) -> Result<Ended, Failure> {
     let sensor = sensor.map(CameraParameters::read_sensor).transpose().map_err(usage)?;
+    let bits = sensor.as_ref().map_or(SensorModel::default().bits, |sensor| sensor.bits);
+    let peak = f64::from(bits).exp2();
+    let resets = ramp.map(|bag| resets(bag, bits).map_err(|why| why.context(bag.display().to_string())));
+    let resets = resets.transpose().map_err(usage)?;
     if json {
-        say!("{}", findings(sensor.as_ref()));
+        say!("{}", findings(sensor.as_ref(), resets.map(|resets| (resets, peak))));
         return Ok(Ended::Done);
     }
     let (os, arch) = (std::env::consts::OS, std::env::consts::ARCH);
@@ -225,11 +230,38 @@ pub fn doctor(sensor: Option<&Path>, json: bool) -> Result<Ended, Failure> {
             );
         }
     }
+    if let Some(resets) = resets {
+        print_resets(resets, peak);
+    }
     Ok(Ended::Done)
 }
 
+/// Prints the resets of a chip with this peak as lines of its sensor file.
+fn print_resets(Resets { modulus, loss, error, spread, samples, frames }: Resets, peak: f64) {
+    say!(
+        "resets   of {samples} samples, {frames:.1} frames from one to the next; as parameters of the camera:"
+    );
+    say!("    modulus: {:.4} # +- {:.4}", modulus / peak, error / peak);
+    say!("    reset_loss: {:.2} # +- {error:.2}", loss.max(0.0));
+    say!("    reset_spread: {:.4} # +- {:.4}", spread[0], spread[1]);
+}
+
+/// Measures how the pixels of a chip reset themselves, on its images `/modulo` in a bag. One that misses a frame is refused.
+fn resets(bag: &Path, bits: u8) -> anyhow::Result<Resets> {
+    let options = SourceOptions { topic: Some("/modulo".to_owned()), ..SourceOptions::default() };
+    let mut images = BagSource::open(bag, &options)?;
+    if let Some(loss) = images.losses().into_iter().next() {
+        anyhow::bail!("a part of the ramp is lost: {loss}");
+    }
+    let mut ramp = ResetRamp::new(bits);
+    while let Some(image) = images.next_image() {
+        ramp.push(&image?.pixels)?;
+    }
+    Ok(ramp.measured()?)
+}
+
 /// Returns what doctor finds, for JSON.
-fn findings(sensor: Option<&SensorModel>) -> serde_json::Value {
+fn findings(sensor: Option<&SensorModel>, resets: Option<(Resets, f64)>) -> serde_json::Value {
     let library = onnxruntime_library().ok();
     let domain = domain().ok();
     let port = domain.map(meeting_port);
@@ -248,6 +280,10 @@ fn findings(sensor: Option<&SensorModel>) -> serde_json::Value {
         "meeting_port_is_free": port.map(|port| TcpListener::bind(("127.0.0.1", port)).is_ok()),
         "fit_up_to_alpha": sensor.and_then(SensorModel::fit_up_to),
         "proved_up_to_alpha": sensor.and_then(SensorModel::proved_up_to),
+        "resets": resets.map(|(Resets { modulus, loss, error, spread, samples, frames }, peak)| json!({
+            "modulus": [modulus / peak, error / peak], "reset_loss": [loss.max(0.0), error], "reset_spread": spread,
+            "samples": samples, "frames": frames
+        })),
     })
 }
 

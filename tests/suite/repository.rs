@@ -130,7 +130,16 @@ fn product(text: &str) -> impl Iterator<Item = &str> {
 fn a_parameter_of_the_sensor_is_named_in_few_files() {
     let mut files = Vec::new();
     sources(Path::new(env!("CARGO_MANIFEST_DIR")), &mut files);
-    for name in ["shot_noise", "full_well_electrons", "prnu", "hot_pixels", "optical_black"] {
+    let names = [
+        "shot_noise",
+        "full_well_electrons",
+        "prnu",
+        "hot_pixels",
+        "reset_loss",
+        "reset_spread",
+        "optical_black",
+    ];
+    for name in names {
         let is_word = |word: &str| word == name;
         let named = |line: &str| line.split(|c: char| !c.is_alphanumeric() && c != '_').any(is_word);
         let found = files.iter().filter(|(path, text)| !is_example(path) && product(text).any(named));

@@ -3,6 +3,12 @@
 use std::process::{Command, Output};
 
 use crate::harness::{Bench, assert_has, borrowed, data, text};
+use modulo_bags::bag::{BagTopic, BagWriter, Compression};
+use modulo_core::{Sensor, SensorConfig};
+use modulo_msgs::image::encode_frame;
+use modulo_msgs::std_msgs::{Header, Time};
+use modulo_runtime::Qos;
+use ndarray::Array3;
 
 /// Variables that change what is printed.
 const VARIABLES: [&str; 5] = ["NO_COLOR", "CLICOLOR", "CLICOLOR_FORCE", "CI", "TERM"];
@@ -240,6 +246,52 @@ fn doctor_tells_what_to_expect_of_a_sensor() {
     assert_has(&paper, &["sensor   fit up to alpha"]);
     assert_ne!(paper, mosaic, "a mosaic needs a softer lens");
     bench.says(2, "doctor --sensor sensors/arguments.yaml");
+}
+
+/// A chip whose light rises from frame to frame, in a whole bag, and in bags that are no ramps.
+#[test]
+fn doctor_measures_the_resets_of_a_ramp() {
+    let bench = Bench::new();
+    let sensor =
+        SensorConfig { modulus: 0.99, reset_loss: 2.56, reset_spread: 0.01, ..SensorConfig::default() };
+    let sensor = Sensor::new(sensor).expect("a sensor");
+    let record = |name: &str, frames: &mut dyn Iterator<Item = u32>| {
+        let mut bag = BagWriter::create(&bench.path(name), Compression::Zstd).expect("a new bag");
+        let topic = BagTopic::new("/modulo", "sensor_msgs/msg/Image", Qos::Images);
+        let topic = bag.topic(&topic).expect("a topic");
+        for frame in frames {
+            let light = Array3::from_elem((24, 40, 1), frame as f32 / 500.0);
+            let exposure = sensor.expose(light.view(), 0).expect("an image");
+            let header = Header { stamp: Time::from_ns(u64::from(frame) + 1), ..Header::default() };
+            let image = encode_frame(&header, &exposure.modulo()).expect("an image");
+            bag.write(topic, u64::from(frame) + 1, u64::from(frame) + 1, &image).expect("writable");
+        }
+        bag.finish().expect("writable");
+    };
+    record("ramp", &mut (0..500));
+    let found = bench.says(0, "doctor --ramp @/ramp");
+    for (name, truth) in [("modulus", 0.99), ("reset_loss", 2.56), ("reset_spread", 0.01)] {
+        let line = found.lines().find(|line| line.trim_start().starts_with(name)).expect("a line");
+        let numbers: Vec<f64> = line.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+        let &[value, error] = &numbers[..] else { panic!("{line}") };
+        assert!((value - truth).abs() <= error && error < 1.6, "{line}");
+    }
+    let findings = bench.says(0, "doctor --ramp @/ramp --json");
+    assert_has(&findings, &["\"reset_loss\":["]);
+    record("part", &mut (0..500).filter(|frame| !(190..200).contains(frame)));
+    record("dark", &mut (0..100));
+    for (name, why) in
+        [("part", "evenly"), ("dark", "never reset"), ("none", "no such"), ("empty", "/modulo")]
+    {
+        if name == "empty" {
+            BagWriter::create(&bench.path(name), Compression::None)
+                .expect("a bag")
+                .finish()
+                .expect("writable");
+        }
+        assert_has(&bench.says(2, &format!("doctor --ramp @/{name}")).to_lowercase(), &[why]);
+    }
+    assert_has(&bench.says(2, "doctor --ramp bags/samples/tunnel"), &["tunnel"]);
 }
 
 /// The rules of cargo: `NO_COLOR`, then `CLICOLOR_FORCE`, then whether it is a terminal. For clap's help, and for the log.

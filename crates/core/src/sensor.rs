@@ -3,6 +3,7 @@
 //! One exposure gives every stream, so that the modulo, saturated and ideal frames carry the same noise.
 
 use std::borrow::Cow;
+use std::ops::RangeInclusive;
 
 use ndarray::{Array3, ArrayView2, ArrayView3, Axis};
 use rand::SeedableRng;
@@ -29,11 +30,20 @@ const IS_AN_IMAGE: &str = "`Sensor::expose` has checked the shape";
 /// The seed of the fixed pattern, which is that of the sensor and not of an exposure.
 const PATTERN_SEED: u64 = 0x656d_7661_3132_3838;
 
+/// The seed of the pattern of the resets.
+const RESET_SEED: u64 = PATTERN_SEED + 1;
+
+/// The least modulus of a pixel over the mean one. The normal distribution has no least value.
+const LEAST_MODULUS: f64 = 0.1;
+
 /// The largest number of columns that [`SensorConfig::optical_black`] takes.
 pub const MAX_OPTICAL_BLACK: usize = 64;
 
 /// The largest noise parameter in code units: the peak of 16 bits.
 pub const MAX_NOISE: f64 = 65536.0;
+
+/// The possible values of [`SensorConfig::modulus`].
+pub const MODULI: RangeInclusive<f64> = 0.5..=1.5;
 
 /// The configuration of a sensor and its lens.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,6 +69,13 @@ pub struct SensorConfig {
     pub prnu: f64,
     /// The share of the samples that are hot: their dark signal is evenly distributed up to the peak, 0 to 1.
     pub hot_pixels: f64,
+    /// The mean charge at which a pixel resets itself, over 2^b, 0.5 to 1.5.
+    pub modulus: f64,
+    /// The mean light that a pixel loses while it resets itself, in code units of the charge, 0 to 65536. Radiance is in
+    /// code units of which there are 2^b from one reset of the mean pixel to the next, so that no error adds up.
+    pub reset_loss: f64,
+    /// The standard deviation between pixels of the modulus and of the loss, as a fraction, 0 to 1.
+    pub reset_spread: f64,
     /// The gains of the pixels; with a colour mosaic, of each 2 x 2 pixels.
     pub gains: Gains,
     /// The colour filters of the pixels; `None` if each pixel sees all channels of the radiance.
@@ -78,17 +95,46 @@ impl SensorConfig {
         shot_noise: 0.0,
         prnu: 0.0,
         hot_pixels: 0.0,
+        modulus: 1.0,
+        reset_loss: 0.0,
+        reset_spread: 0.0,
         gains: Gains::One,
         mosaic: None,
     };
 }
 
 impl SensorConfig {
-    /// Returns the standard deviation of the noise at the end of the range, in code units, the fixed pattern of the gains included. Hot samples
-    /// are no noise.
+    /// Returns the standard deviation of the noise at the end of the range, in code units, the fixed patterns of the gains and of the resets
+    /// included. Hot samples are no noise.
     pub fn noise(&self) -> f64 {
-        let most = self.alpha * f64::from(self.bits).exp2();
-        (self.read_noise.powi(2) + self.shot_noise * most + (self.prnu * most).powi(2)).sqrt()
+        let most = self.alpha * self.peak();
+        let gains = self.prnu.hypot(self.reset_spread) * most;
+        (self.read_noise.powi(2) + self.shot_noise * most + gains.powi(2)).sqrt() + self.reset_error()
+    }
+
+    /// Returns the largest error of `y + k 2^b` that a reset of a pixel causes, in code units. It is that of the mean pixel,
+    /// [`reset_loss`](Self::reset_loss) or the difference of 2^b from the light between two resets, and the spread of the latter.
+    ///
+    /// Unlike noise, it can be the same in all samples of a sum. In `noise` it is counted in full, not as a square: seven standard
+    /// deviations of noise in a sum of up to 49 samples are then no less than the sum of these errors.
+    fn reset_error(&self) -> f64 {
+        let cycle = self.cycle();
+        self.reset_loss.max((cycle - self.peak()).abs()) + self.reset_spread * cycle
+    }
+
+    /// Returns the mean light from one reset to the next, in code units of the charge.
+    fn cycle(&self) -> f64 {
+        self.modulus * self.peak() + self.reset_loss
+    }
+
+    /// Returns whether each pixel resets itself at 2^b and loses no light.
+    fn has_ideal_resets(&self) -> bool {
+        (self.modulus, self.reset_loss, self.reset_spread) == (1.0, 0.0, 0.0)
+    }
+
+    /// Returns 2^b.
+    fn peak(&self) -> f64 {
+        f64::from(self.bits).exp2()
     }
 }
 
@@ -114,6 +160,9 @@ pub enum SensorError {
     /// A noise parameter of this name is out of range: its value, and the largest possible one.
     #[error("{0} is {1}, 0 to {2} is possible")]
     Noise(&'static str, f64, f64),
+    /// The modulus over 2^b is out of range.
+    #[error("modulus is {0}, {start} to {end} is possible", start = MODULI.start(), end = MODULI.end())]
+    Modulus(f64),
     /// The lower gain over the full one is out of range; with the largest one with which a pixel of low gain never wraps.
     #[error("gain_ratio is {0}, more than 0 and at most {1} (1 / alpha) is possible")]
     GainRatio(f64, f64),
@@ -194,10 +243,15 @@ impl Sensor {
             ("shot_noise", shot_noise, MAX_NOISE),
             ("prnu", prnu, 1.0),
             ("hot_pixels", hot_pixels, 1.0),
+            ("reset_loss", config.reset_loss, MAX_NOISE),
+            ("reset_spread", config.reset_spread, 1.0),
         ] {
             if !(0.0..=most).contains(&value) {
                 return Err(SensorError::Noise(name, value, most));
             }
+        }
+        if !MODULI.contains(&config.modulus) {
+            return Err(SensorError::Modulus(config.modulus));
         }
         if let Gains::Checkerboard { ratio } = gains {
             let most = range.alpha().recip().min(1.0);
@@ -396,8 +450,13 @@ impl Exposure {
         self.layout.gain(row, column)
     }
 
-    /// Returns the modulo stream (eq. 1): `y = floor(gain x mod 2^b)`, 8-bit samples for b <= 8, else 16-bit samples.
+    /// Returns the modulo stream (eq. 1): `y = floor(gain x mod 2^b)`, 8-bit samples for b <= 8, else 16-bit samples. With resets that are
+    /// not ideal, y is the [charge](Self::charge), clipped at the largest code.
     pub fn modulo(&self) -> Frame {
+        if !self.config.has_ideal_resets() {
+            let most = self.most();
+            return self.digitise(&self.charged().0, |count| count.min(most));
+        }
         // x is not negative, so the remainder by a power of two is a mask of its integer part.
         let mask = (1 << self.range.bits()) - 1;
         self.digitise(&self.converted(), |count| count & mask)
@@ -438,8 +497,45 @@ impl Exposure {
         })))
     }
 
-    /// Returns the true wrap counts: `k = floor(gain x / 2^b)`, at most `ceil(alpha) - 1`, and 0 at pixels of low gain.
+    /// Returns the charge of each sample before the converter, in code units: `gain x mod 2^b` if the resets are ideal.
+    pub fn charge(&self) -> Array3<f32> {
+        if self.config.has_ideal_resets() {
+            return self.converted().mapv(|x| x % self.range.peak());
+        }
+        self.charged().0
+    }
+
+    /// Returns the charge of each sample, and how often it was reset. A pixel resets itself when its charge reaches its modulus,
+    /// and then loses light. Light beyond the resets that the range has is lost, as that beyond the range is, and that of low gain
+    /// resets no pixel.
+    fn charged(&self) -> (Array3<f32>, Array3<u8>) {
+        let config = &self.config;
+        let (cycle, most) = (config.cycle(), f64::from(self.range.max_wraps()));
+        let mut pattern = Pcg64Mcg::seed_from_u64(RESET_SEED);
+        let mut charge = self.converted().into_owned();
+        let mut resets = Array3::zeros(charge.dim());
+        for (((row, column, _), charge), resets) in charge.indexed_iter_mut().zip(&mut resets) {
+            let deviate: f64 = StandardNormal.sample(&mut pattern);
+            let own = (1.0 + config.reset_spread * deviate).max(LEAST_MODULUS);
+            let modulus = own * config.modulus * config.peak();
+            let light = f64::from(*charge) / config.peak() * cycle;
+            let last = if self.gain(row, column) == 1.0 { most } else { 0.0 };
+            let full = (light / (own * cycle)).floor().min(last);
+            let rest = light - full * own * cycle;
+            let is_resetting = rest >= modulus && full < last;
+            // The quotient may be rounded up.
+            *charge = if is_resetting { 0.0 } else { rest.clamp(0.0, modulus) } as f32;
+            *resets = full as u8 + u8::from(is_resetting);
+        }
+        (charge, resets)
+    }
+
+    /// Returns the true wrap counts: `k = floor(gain x / 2^b)`, at most `ceil(alpha) - 1`, and 0 at pixels of low gain. With resets that
+    /// are not ideal, it is their number.
     pub fn wraps(&self) -> Array3<u8> {
+        if !self.config.has_ideal_resets() {
+            return self.charged().1;
+        }
         let bits = self.range.bits();
         self.converted().mapv(|x| (whole(x) >> bits) as u8)
     }

@@ -46,8 +46,7 @@ impl PublishedSpud {
         // The noise of a frame is that of the other cells.
         let seed = self.seed.wrapping_add(handed.place as u64);
         let radiance = handed.frame.radiance_for(&self.sensor)?;
-        let exposed = cx.stage("sense", || sensor.expose(radiance.view(), seed))?;
-        let y = exposed.x().mapv(|x| x % range.peak());
+        let y = cx.stage("sense", || sensor.expose(radiance.view(), seed))?.charge();
         // The result has an arbitrary offset and scale, and therefore no wrap counts.
         let x = cx.stage("unwrap", || self.spud.solve(y.view(), range).map(|x| stretched(&x)))?;
         Ok(Frame::from_u8(x).map_err(UnwrapError::from)?)

@@ -178,6 +178,7 @@ fn a_sensor_has_the_mosaic_and_the_noise_of_its_data_sheet() {
     assert_ne!(run(&[("full_well_electrons", "5120")]), run(&[]));
     assert_ne!(run(&[("prnu", "0.01")]), run(&[]));
     assert_ne!(run(&[("hot_pixels", "0.01")]), run(&[]));
+    assert_ne!(run(&[("reset_loss", "10")]), run(&[]));
 }
 
 #[test]

@@ -232,6 +232,13 @@ class Sensor:
     hot_pixels : float, a finite number in 0 to 1
         Share of the samples that are hot: their dark signal is evenly distributed up to the peak. The pattern is the same in every
         frame.
+    modulus : float, a finite number in 0.5 to 1.5
+        Mean charge at which a pixel resets itself, divided by 2^bits.
+    reset_loss : float, a finite number in 0 to 65536
+        Mean light that a pixel loses while it resets itself, in code units. Radiance has 2^bits of them from one reset of the mean
+        pixel to the next, so that no error adds up.
+    reset_spread : float, a finite number in 0 to 1
+        Standard deviation between pixels of their modulus and reset_loss, as a fraction. The pattern is the same in every frame.
     headroom : float, a finite number in 0.001 to 1
         Full scale of the pictures of a source divided by alpha * 2^bits: the radiance of the largest code, the white of EXR and HDR
         images, or 1 in rendered frames. The images of 8 bits undo it, so that an ideal image is the picture that it comes from. 1: the
@@ -300,6 +307,9 @@ class Sensor:
         full_well_electrons: float = 0.0,
         prnu: float = 0.0,
         hot_pixels: float = 0.0,
+        modulus: float = 1.0,
+        reset_loss: float = 0.0,
+        reset_spread: float = 0.0,
         headroom: float = 0.97,
         transfer: str = "linear",
         optical_black: int = 0,

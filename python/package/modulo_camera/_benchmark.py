@@ -416,7 +416,8 @@ class _Exposed:
         self._linear = Sensor(**{**one, "transfer": "linear"})
         self.codes, _, _, self._counts = sensor.expose(radiance)
         # The radiance that a sensor of 16 bits without noise sees behind the same lens, in steps of 2^(bits - 16) codes.
-        quiet = dict.fromkeys(("read_noise", "shot_noise", "full_well_electrons", "prnu", "hot_pixels"), 0.0)
+        deviations = ("read_noise", "shot_noise", "full_well_electrons", "prnu", "hot_pixels", "reset_loss", "reset_spread")
+        quiet = dict.fromkeys(deviations, 0.0) | {"modulus": 1.0}
         fine = Sensor(**{**one, **quiet, "bits": 16}).expose(radiance)
         self._truth = (fine.modulo + 65536.0 * fine.counts) / 2.0 ** (16 - self.bits)
 

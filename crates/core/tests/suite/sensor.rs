@@ -178,6 +178,9 @@ fn parameters_out_of_range_are_named() {
             ("psf sigma", SensorConfig { psf: Psf::Gaussian { sigma: bad }, ..PLAIN }),
             ("read_noise", SensorConfig { read_noise: bad, ..PLAIN }),
             ("shot_noise", SensorConfig { shot_noise: bad, ..PLAIN }),
+            ("modulus", SensorConfig { modulus: bad, ..PLAIN }),
+            ("reset_loss", SensorConfig { reset_loss: bad, ..PLAIN }),
+            ("reset_spread", SensorConfig { reset_spread: bad, ..PLAIN }),
         ] {
             let error = Sensor::new(config).unwrap_err().to_string();
             assert!(error.starts_with(&format!("{name} is {bad}")), "{error}");
@@ -390,6 +393,45 @@ fn the_fixed_pattern_has_the_statistics_that_were_asked_for_and_stays() {
         bright.x().iter().zip(dark.x()).map(|(x, dark)| f64::from(x - dark) / 512.0).collect();
     let sigma = (gains.iter().map(|gain| (gain - 1.0).powi(2)).sum::<f64>() / gains.len() as f64).sqrt();
     assert!((sigma / 0.02 - 1.0).abs() < 0.02, "{sigma}");
+}
+
+/// All light of the range on chips whose resets are not ideal.
+#[test]
+fn the_charge_rises_with_the_light_and_rests_while_it_is_reset() {
+    let light = Array3::from_shape_fn((64, 512, 1), |(i, j, _)| (512 * i + j) as f32 / 32768.0);
+    let ideal = Sensor::new(PLAIN).unwrap().expose(light.view(), 0).unwrap();
+    for (modulus, reset_loss) in
+        [(1.0, 2.56), (0.99, 0.0), (1.01, 0.0), (0.95, 12.8), (1.05, 12.8), (0.99, 2.56)]
+    {
+        let config = SensorConfig { modulus, reset_loss, ..PLAIN };
+        let exposure = Sensor::new(config).unwrap().expose(light.view(), 0).unwrap();
+        assert_eq!((exposure.x(), exposure.ideal()), (ideal.x(), ideal.ideal()), "the light is the same");
+        assert_eq!(exposure.saturated(), ideal.saturated());
+        let (charge, y, k) = (exposure.charge(), exposure.modulo().to_f32(), exposure.wraps());
+        let all: Vec<f64> =
+            charge.iter().zip(&k).map(|(c, k)| f64::from(*c) + f64::from(*k) * 256.0 * modulus).collect();
+        let step = (256.0 * modulus + reset_loss) / 256.0 / 32.0;
+        assert!(all.windows(2).all(|pair| (-1e-3..step + 1e-3).contains(&(pair[1] - pair[0]))), "{config:?}");
+        let rest = all.windows(2).filter(|pair| pair[1] - pair[0] < step / 2.0).count() as f64 * step;
+        // Light is lost in each reset, and at the end of the range.
+        assert!((rest - 4.0 * reset_loss).abs() < 5.0 * step, "{config:?}: {rest} codes of light are lost");
+        assert!(y.iter().zip(&charge).all(|(y, charge)| *y == charge.floor().min(255.0)));
+        assert_eq!(k.iter().max(), Some(&3));
+        // No error adds up.
+        for ((y, k), x) in y.iter().zip(&k).zip(exposure.x()) {
+            let error = f64::from(y + 256.0 * f32::from(*k) + 0.5 - x).abs();
+            assert!(error < config.noise() + 0.6, "{config:?}: {error} at {x}");
+        }
+    }
+    let config = SensorConfig { reset_spread: 0.01, ..PLAIN };
+    let flat = Array3::from_elem((200, 300, 1), 0.9);
+    let exposure = Sensor::new(config).unwrap().expose(flat.view(), 0).unwrap();
+    let share = |k: u8| exposure.wraps().iter().filter(|found| **found == k).count() as f64 / 60_000.0;
+    assert!(share(3) > 0.99 && exposure.x().iter().all(|x| *x == 0.9 * 1024.0));
+    // x = 921.6 = 3 * 256 + 153.6, where a modulus that differs by 1 % moves the code by 7.7.
+    let y = exposure.modulo().to_f32();
+    let sigma = (y.iter().map(|y| f64::from(y - 153.1).powi(2)).sum::<f64>() / 60_000.0).sqrt();
+    assert!((sigma / 7.68 - 1.0).abs() < 0.05, "{sigma}");
 }
 
 /// 2 x 2 pixels of a mosaic have one gain.

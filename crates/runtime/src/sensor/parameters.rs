@@ -4,7 +4,7 @@
 use std::borrow::Cow;
 
 use modulo_core::optics::{MAX_SIGMA, Psf};
-use modulo_core::sensor::{MAX_NOISE, MAX_OPTICAL_BLACK, Sensor, SensorConfig};
+use modulo_core::sensor::{MAX_NOISE, MAX_OPTICAL_BLACK, MODULI, Sensor, SensorConfig};
 use modulo_core::{AutoExposure, ExposureControl, Gains, Metering, Mosaic, Range, Transfer};
 
 use crate::parameter::{ParameterError, ParameterSet as _};
@@ -87,6 +87,14 @@ crate::parameters! {
         /// Share of the samples that are hot: their dark signal is evenly distributed up to the peak. The pattern is
         /// the same in every frame.
         hot_pixels: f64 = 0.0 => 0.0..=1.0,
+        /// Mean charge at which a pixel resets itself, divided by 2^bits.
+        modulus: f64 = 1.0 => MODULI,
+        /// Mean light that a pixel loses while it resets itself, in code units. Radiance has 2^bits of them from one
+        /// reset of the mean pixel to the next, so that no error adds up.
+        reset_loss: f64 = 0.0 => 0.0..=MAX_NOISE,
+        /// Standard deviation between pixels of their modulus and reset_loss, as a fraction. The pattern is the same in
+        /// every frame.
+        reset_spread: f64 = 0.0 => 0.0..=1.0,
         /// Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all
         /// colours of the source. The images of a mosaic have the encoding bayer_*8 or bayer_*16. Images of one channel
         /// are raw mosaics of these filters, which are sensed as they are, without a lens.
@@ -159,6 +167,9 @@ impl SensorModel {
             shot_noise: self.shot_variance(),
             prnu: self.prnu,
             hot_pixels: self.hot_pixels,
+            modulus: self.modulus,
+            reset_loss: self.reset_loss,
+            reset_spread: self.reset_spread,
             gains: self.gains()?,
             mosaic: self.mosaic,
         })

@@ -22,7 +22,7 @@ use crate::progress::GridEvent;
 pub struct OneSensor;
 
 impl SensorCommand for OneSensor {
-    // Its noise is the only thing that unwrapping need not know.
+    // Its noise is the only thing that unwrapping need not know. A proof must know how its pixels reset themselves.
     const WITHOUT: &'static [&'static str] =
         &["read_noise", "shot_noise", "full_well_electrons", "prnu", "hot_pixels"];
 

@@ -197,18 +197,20 @@ mod tests {
                 (0.8, 2.0), (0.8, 3.0), (1.0, 3.0), (1.0, 4.0), (1.0, 8.0), (1.4, 4.0), (1.4, 8.0), (2.0, 8.0), (0.5, 2.0),
             ]),
             (read_noise, prnu) in prop::sample::select(vec![(0.0, 0.0), (0.0, 0.0), (1.0, 0.0), (3.0, 0.0), (0.0, 0.005)]),
+            [modulus, loss, reset_spread] in prop::array::uniform3(prop::sample::select(vec![0.0, 0.0, 0.001, 0.01, 0.05])),
+            is_lower in any::<bool>(),
             seed in any::<u64>(),
         ) {
             let psf = Psf::of_sigma(psf);
-            let config = SensorConfig {
-                alpha, psf, read_noise, prnu, optical_black: 32, ..SensorConfig::default()
-            };
+            let (modulus, reset_loss) = (1.0 + if is_lower { -modulus } else { modulus }, 256.0 * loss);
+            let sensor = SensorConfig { modulus, reset_loss, reset_spread, ..SensorConfig::default() };
+            let config = SensorConfig { alpha, psf, read_noise, prnu, optical_black: 32, ..sensor };
             let light = scene(kind, &values, (24, 80));
             let exposure = Camera::new(config).expect("a sensor").expose(light.view(), seed).expect("an image");
             let (x, proved) = decoded(&exposure, psf);
             prop_assert!(!matches!(proved, Some(Proved::Whole(left_out)) if !left_out.is_empty()), "nothing is a defect");
             for (x, truth) in x.iter().zip(&exposure.wraps()) {
-                prop_assert!(x.is_nan() || *x < 0.0 || *x as u8 == *truth, "{kind} {psf:?} {alpha} {read_noise} {prnu}");
+                prop_assert!(x.is_nan() || *x < 0.0 || *x as u8 == *truth, "{kind} {config:?}");
             }
         }
     }
