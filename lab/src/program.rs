@@ -1,5 +1,7 @@
 //! The folders of pictures with KITTI's labels, and the program that evaluates a detector on them.
 
+pub mod nearest;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
