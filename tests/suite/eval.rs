@@ -187,8 +187,8 @@ fn a_stopped_evaluation_keeps_the_frames_before() {
 fn a_file_that_cannot_be_written_is_named() {
     let bench = Bench::new();
     let source = "source:=scene://day?seed=3&frames=3&width=320&height=128";
-    // In blocks of 512 bytes. What does not fit into one is lost; the labels fit into eight, and the boxes do not.
-    for (blocks, lost) in [(1, "out/frames/"), (8, "out/cells/")] {
+    // In blocks of 512 bytes. The plan fits into two and the labels do not; these fit into eight, and the boxes do not.
+    for (blocks, lost) in [(2, "out/frames/"), (8, "out/cells/")] {
         std::fs::remove_dir_all(bench.path("out")).ok();
         let words = bench.words(&format!("eval {RECOVERED} {source} -o @/out"));
         let full = format!("trap '' XFSZ; ulimit -f {blocks}");
