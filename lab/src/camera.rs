@@ -90,7 +90,7 @@ enum Kind {
     Modulo { has_two_gains: bool },
 }
 
-/// What is sent of a linear image of 20 bits.
+/// The form in which a linear image of 20 bits is sent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Link {
     Linear,
@@ -122,7 +122,7 @@ pub const RIVALS: [Rival; 14] = [
     rival("modulo_two_gains", 8, 1, Kind::Modulo { has_two_gains: true }),
 ];
 
-/// What a camera has seen of a frame.
+/// The radiance and the pictures that a camera has of a frame.
 pub struct Seen {
     /// Its radiance, H x W x C in code units of the modulo sensor, rounded down as a converter does.
     pub x: Array3<f32>,

@@ -79,7 +79,7 @@ fn main() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What lies between the lens and the converter.
+/// The filters and the photosites between the lens and the converter.
 #[derive(Clone, Copy)]
 struct Readout {
     name: &'static str,

@@ -238,7 +238,7 @@ fn snr(chip: &Chip, rival: Rival) -> anyhow::Result<[String; 2]> {
     }))
 }
 
-/// What the detector found in the pictures of a camera.
+/// The boxes that the detector found in the pictures of a camera.
 #[derive(Clone)]
 struct View {
     rival: Rival,

@@ -36,7 +36,8 @@ fn unzipped(zip: &[u8], name: &str) -> Result<Vec<u8>, Box<dyn Error>> {
     let packed = zip.get_entry(entry.wayfinder())?;
     let reader: Box<dyn Read> = match entry.compression_method() {
         CompressionMethod::STORE => Box::new(packed.data()),
-        _ => Box::new(DeflateDecoder::new(packed.data())),
+        CompressionMethod::DEFLATE => Box::new(DeflateDecoder::new(packed.data())),
+        other => return Err(format!("{name} is compressed by {other}, not stored or deflated").into()),
     };
     let mut content = Vec::new();
     packed.verifying_reader(reader).take(MOST).read_to_end(&mut content)?;

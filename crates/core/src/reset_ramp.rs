@@ -17,7 +17,7 @@ const RESETS: usize = 2;
 const FRAMES_PER_RESET: f64 = 32.0;
 const CODES: usize = 8;
 
-/// Of so many samples, one at least must be reset as often as is needed. Black columns never are.
+/// At least one of this many samples must be reset as often as is needed. Those of black columns are never reset.
 const ONE_OF: usize = 8;
 
 /// The largest relative difference of the slopes and of the durations of the lines of a pixel.

@@ -342,7 +342,7 @@ fn never_trusted_and_wrong(kind: Kind, described: Option<f64>) {
     never_trusted_and_wrong_by((kind, 0.0), described);
 }
 
-/// As [`never_trusted_and_wrong`], by chips whose resets deviate by such a share from ideal ones.
+/// Tests as [`never_trusted_and_wrong`] does, with chips whose resets deviate by this share from ideal ones.
 fn never_trusted_and_wrong_by((kind, resets): (Kind, f64), described: Option<f64>) {
     let count: u64 =
         std::env::var("MODULO_DRAWS").map_or(600, |count| count.parse().expect("a number of draws"));
