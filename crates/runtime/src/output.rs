@@ -79,12 +79,13 @@ impl ResultFolder {
             let is_shown = |entry: &io::Result<DirEntry>| {
                 entry.as_ref().map_or(true, |entry| !entry.file_name().as_encoded_bytes().starts_with(b"."))
             };
-            let is_continued = continued.is_some_and(|file| path.join(file).is_file());
-            match fs::read_dir(path)?.find(is_shown) {
-                Some(_) if !is_continued => Err(taken(
+            let is_empty = fs::read_dir(path)?.all(|entry| !is_shown(&entry));
+            // Only after the list was read: another process that begins with the same folder writes this file first.
+            match is_empty || continued.is_some_and(|file| path.join(file).is_file()) {
+                true => Ok(()),
+                false => Err(taken(
                     "the folder is not empty, and its files would mix with the results or be replaced",
                 )),
-                _ => Ok(()),
             }
         };
         check().map(|()| folder).map_err(|why| OutputError::new(path, why))

@@ -130,7 +130,8 @@ impl Folder {
     /// # Errors
     /// [`GridError::Request`] of a folder with other files, or with results of another version.
     pub fn take(given: Option<&Path>) -> Result<ResultFolder, GridError> {
-        if let Some(path) = given.filter(|path| !path.join(MARKER).exists() && path.join(RESULTS).exists()) {
+        // In this order: another process that begins with the marker and ends with the results may be at work.
+        if let Some(path) = given.filter(|path| path.join(RESULTS).exists() && !path.join(MARKER).exists()) {
             return Err(GridError::of_file(path, OLDER));
         }
         let taken = ResultFolder::take(given, "eval", Some(MARKER));

@@ -285,6 +285,24 @@ fn scores_follow_from_the_boxes_that_are_stored() {
     }
 }
 
+/// One of eight processes that began with the same folder took the marker of another one for a file of somebody else.
+#[test]
+fn runs_that_begin_at_the_same_time_share_a_folder() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for round in 0..200 {
+        let out = folder.path().join(round.to_string());
+        let start = std::sync::Barrier::new(8);
+        let open = || {
+            start.wait();
+            Folder::open(&out, false).map(drop)
+        };
+        std::thread::scope(|scope| {
+            let threads: Vec<_> = (0..8).map(|_| scope.spawn(open)).collect();
+            threads.into_iter().for_each(|thread| thread.join().expect("no panic").expect("taken"));
+        });
+    }
+}
+
 #[test]
 fn the_report_has_the_frame_in_which_the_streams_differ_and_is_written_again_the_same() {
     let folder = tempfile::tempdir().expect("a folder");
