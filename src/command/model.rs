@@ -199,9 +199,9 @@ const ZENOH_VARIABLES: [&str; 2] = ["ZENOH_SESSION_CONFIG_URI", "ZENOH_CONFIG_OV
 /// at `sensor` describes, and how the pixels of the bag `ramp` reset themselves.
 pub fn doctor(sensor: Option<&Path>, ramp: Option<&Path>, json: bool) -> Result<Ended, Failure> {
     let sensor = sensor.map(CameraParameters::read_sensor).transpose().map_err(usage)?;
-    let bits = sensor.as_ref().map_or(SensorModel::default().bits, |sensor| sensor.bits);
-    let peak = f64::from(bits).exp2();
-    let resets = ramp.map(|bag| resets(bag, bits).map_err(|why| why.context(bag.display().to_string())));
+    let range = sensor.clone().unwrap_or_default().range().map_err(usage)?;
+    let peak = f64::from(range.peak());
+    let resets = ramp.map(|bag| resets(bag, range).map_err(|why| why.context(bag.display().to_string())));
     let resets = resets.transpose().map_err(usage)?;
     if json {
         say!("{}", findings(sensor.as_ref(), resets.map(|resets| (resets, peak))));
@@ -247,13 +247,13 @@ fn print_resets(Resets { modulus, loss, error, spread, samples, frames }: Resets
 }
 
 /// Measures how the pixels of a chip reset themselves, on its images `/modulo` in a bag. One that misses a frame is refused.
-fn resets(bag: &Path, bits: u8) -> anyhow::Result<Resets> {
+fn resets(bag: &Path, range: Range) -> anyhow::Result<Resets> {
     let options = SourceOptions { topic: Some("/modulo".to_owned()), ..SourceOptions::default() };
     let mut images = BagSource::open(bag, &options)?;
     if let Some(loss) = images.losses().into_iter().next() {
         anyhow::bail!("a part of the ramp is lost: {loss}");
     }
-    let mut ramp = ResetRamp::new(bits);
+    let mut ramp = ResetRamp::new(range);
     while let Some(image) = images.next_image() {
         ramp.push(&image?.pixels)?;
     }

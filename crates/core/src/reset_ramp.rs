@@ -7,6 +7,7 @@
 //! often as it raises it. The charge there is M, and `L = S - M`. A pixel need not see the light of another one.
 
 use crate::frame::{Frame, Samples};
+use crate::range::Range;
 
 /// The most samples of an image that are read, which are spread over it, and the most frames.
 const SAMPLES: usize = 4096;
@@ -85,9 +86,9 @@ pub struct ResetRamp {
 }
 
 impl ResetRamp {
-    /// Returns a ramp without frames of a converter of so many bits, 1 to 16.
-    pub fn new(bits: u8) -> Self {
-        let largest = u16::MAX >> (16 - bits.clamp(1, 16));
+    /// Returns a ramp without frames, whose codes are those of this range.
+    pub fn new(range: Range) -> Self {
+        let largest = u16::MAX >> (16 - range.bits());
         Self { largest, dim: None, places: Vec::new(), codes: Vec::new(), frames: 0 }
     }
 
@@ -272,7 +273,8 @@ mod tests {
         frames: usize,
         light: impl Fn(f64) -> f64,
     ) -> Result<Resets, RampError> {
-        let (sensor, mut ramp) = (Sensor::new(config).expect("a sensor"), ResetRamp::new(config.bits));
+        let sensor = Sensor::new(config).expect("a sensor");
+        let mut ramp = ResetRamp::new(sensor.range());
         for frame in 0..frames {
             let light = Array3::from_elem((32, 40, 1), light(frame as f64 / frames as f64) as f32);
             let exposure = sensor.expose(light.view(), frame as u64).expect("an image");
@@ -334,7 +336,7 @@ mod tests {
             let why = why(frames, light);
             assert!(why.contains(what), "{why}");
         }
-        let mut ramp = ResetRamp::new(8);
+        let mut ramp = ResetRamp::new(Range::new(8, 4.0).expect("possible"));
         assert!(matches!(ramp.measured(), Err(RampError::Resets(0, 0, 0))));
         let frame = |code, width| Frame::from_u16(Array3::from_elem((4, width, 1), code)).expect("an image");
         assert_eq!(ramp.push(&frame(9, 5)), Ok(()));
