@@ -32,7 +32,7 @@ pub fn page(results: &Results, charts: &[NamedChart], picture: Option<&str>) -> 
             }
         }
         (tables::summary(results))
-        (figures(charts))
+        @if !charts.is_empty() { (figures(charts)) }
         (tables::cells(results))
         (setup(results))
     };
@@ -71,8 +71,8 @@ fn setup(results: &Results) -> Markup {
     let pairs = |map: &std::collections::BTreeMap<String, String>| {
         map.iter().map(|(from, to)| format!("{from} -> {to}")).collect::<Vec<_>>().join(", ")
     };
-    let unmapped =
-        input.without_twin.iter().map(|(whose, classes)| format!("{whose}: {}", classes.join(", ")));
+    let unmapped = input.without_twin.iter().filter(|(_, classes)| !classes.is_empty());
+    let unmapped = unmapped.map(|(whose, classes)| format!("{whose}: {}", classes.join(", ")));
     let facts = [
         ("modulo", setup.version.clone()),
         ("source", setup.source.clone()),
@@ -90,7 +90,7 @@ fn setup(results: &Results) -> Markup {
         dl { @for (name, text) in &results.definitions { dt { (name) } dd { (text) } } }
         h2 { "Configuration" }
         @for warning in &input.warnings { p { (warning) } }
-        dl { @for (name, text) in &facts { dt { (name) } dd { @if text.is_empty() { "-" } @else { (text) } } } }
+        dl { @for (name, text) in facts.iter().filter(|(_, text)| !text.is_empty()) { dt { (name) } dd { (text) } } }
     }
 }
 
