@@ -30,7 +30,7 @@ use super::colour::say_summary;
 use super::eval::evaluable;
 use super::progress::ProgressLine;
 use super::run::{NodeKind, kind_of};
-use super::{completion, pairs, start_log, terminal, usage};
+use super::{completion, domain, pairs, start_log, terminal, usage};
 use crate::{Ended, Failure};
 
 /// Time between two looks at the reports of nodes in this process.
@@ -102,6 +102,8 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
         say!("{plan}");
         return Ok(Ended::Done);
     }
+    // Each node would refuse a wrong one.
+    domain()?;
     warn_of_demo(&known(&plan), None);
     // A result without a place would be known only when the whole run is over.
     places(args)?;

@@ -125,7 +125,9 @@ fn start_log_with(level: &str, screen: LevelFilter, rosout: Option<RosoutLayer>)
 }
 
 fn domain() -> Result<u32, Failure> {
-    let Ok(text) = std::env::var("ROS_DOMAIN_ID") else { return Ok(0) };
+    // Empty is not set, as in ROS 2.
+    let Some(text) = std::env::var_os("ROS_DOMAIN_ID").filter(|text| !text.is_empty()) else { return Ok(0) };
+    let text = text.to_string_lossy();
     // ROS 2 allows these numbers: the ports of DDS end with them.
     let domain = text.trim().parse::<u32>().ok().filter(|domain| *domain <= 232);
     domain.ok_or_else(|| usage(anyhow!("ROS_DOMAIN_ID = '{text}': must be a number in 0 to 232")))

@@ -362,7 +362,7 @@ fn transport() {
         Ok(number) => number,
         Err(Failure::Usage(why) | Failure::Run(why)) => return say!("domain   {why:#}"),
     };
-    let is_set = std::env::var_os("ROS_DOMAIN_ID").is_some();
+    let is_set = std::env::var_os("ROS_DOMAIN_ID").is_some_and(|domain| !domain.is_empty());
     let from = if is_set { "ROS_DOMAIN_ID" } else { "ROS_DOMAIN_ID is not set" };
     say!("domain   {number} ({from})");
     for name in ZENOH_VARIABLES {

@@ -77,6 +77,7 @@ fn what_varies_gives_cells_of_its_own() {
         assert_has(&bench.says(2, &format!("{line} {more} -o @/none")), named);
         assert!(!bench.path("none").exists(), "{more}");
     }
+    assert_has(&bench.says(2, &format!("{line} --frames 3:9 -o @/none")), &["no frame from number 3 on"]);
 }
 
 #[test]

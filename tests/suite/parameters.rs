@@ -217,3 +217,20 @@ fn security_that_is_demanded_is_refused() {
     assert_eq!(warned.status.code(), Some(0), "{}", text(&warned));
     assert_eq!(text(&warned).matches("without security").count(), 1, "{}", text(&warned));
 }
+
+/// As in ROS 2, an empty number is not set. The launcher refuses a wrong one before it starts anything.
+#[test]
+fn a_domain_is_a_number_or_not_set() {
+    let bench = Bench::new();
+    let run = |words: &[&str], domain: &str| {
+        bench.modulo(words).env("ROS_DOMAIN_ID", domain).output().expect("starts")
+    };
+    let unset = run(&["doctor"], "");
+    assert!(text(&unset).contains("domain   0 (ROS_DOMAIN_ID is not set)"), "{}", text(&unset));
+    for words in [&["topic", "list"][..], &["launch", "recovered.launch.yaml", "source:=scene://day"]] {
+        let refused = run(words, "233");
+        assert_eq!(refused.status.code(), Some(2), "{}", text(&refused));
+        assert_eq!(text(&refused).matches("ROS_DOMAIN_ID = '233'").count(), 1, "{}", text(&refused));
+        assert_eq!(text(&refused).lines().count(), 1, "{}", text(&refused));
+    }
+}

@@ -216,6 +216,9 @@ pub fn open(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, Sour
 }
 
 fn open_unlit(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, SourceError> {
+    if spec.is_empty() {
+        return Err(SourceError::Unreadable(format!("no source is given; possible are {POSSIBLE}")));
+    }
     let path = &locate(Path::new(spec)).map_err(|why| FileError::new(Path::new(spec), why))?;
     let is_bag = || !spec.contains("://") && crate::bag::is_bag(path);
     if let Some(topic) = options.topic.clone().filter(|_| !is_bag()) {

@@ -156,6 +156,10 @@ impl<'w> Work<'w> {
             if let Some(why) = slice.nothing() {
                 return Err(GridError::Results(why));
             }
+            if read == places.start {
+                let why = format!("there is no frame from number {read} on; --frames A:B counts from 0");
+                return Err(GridError::Request(why));
+            }
             if read > first {
                 self.folder.put_frames(self.feed, &slice)?;
                 self.finish(engine, frames, &slice)?;

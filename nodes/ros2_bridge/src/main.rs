@@ -113,7 +113,9 @@ fn plan(arguments: &[String]) -> anyhow::Result<(BridgePlan, NodeName)> {
 }
 
 fn run(plan: &BridgePlan, node_name: &NodeName) -> anyhow::Result<()> {
-    let domain = std::env::var("ROS_DOMAIN_ID").unwrap_or_else(|_| "0".to_owned());
+    // Empty is not set, as in ROS 2.
+    let domain = std::env::var("ROS_DOMAIN_ID").ok().filter(|domain| !domain.is_empty());
+    let domain = domain.unwrap_or_else(|| "0".to_owned());
     let domain = domain.trim().parse().with_context(|| format!("ROS_DOMAIN_ID = '{domain}'"))?;
     let transport =
         Arc::new(ZenohTransport::open(domain, Hashes::default(), Arc::new(SystemClock::default()))?);
