@@ -1,42 +1,37 @@
-//! The actions of a launch file, read but not yet evaluated: a mistake that can be seen without values is found
-//! here, also in branches that will not be taken. Nothing is evaluated and no other file is opened.
+//! The actions of a launch file, read and evaluated in a scope, or checked without one: a mistake that can be seen without values is
+//! found also in branches that will not be taken. No other file is opened.
 
+mod parameter;
 mod process;
 
 use std::path::{Path, PathBuf};
 
-pub(crate) use process::{ExecutableAction, NodeAction, Parameter, ParameterValue, ProcessAction};
-
 use modulo_runtime::input::{LARGEST_TEXT, read_text};
 use modulo_runtime::yaml::{self, Content, Item, ScalarType};
 
-use crate::attributes::{Attributes, Text};
+use crate::attributes::Attributes;
+use crate::plan::{ExecutablePlan, NodePlan};
+use crate::scope::Scope;
+use crate::substitution::truth;
 use crate::{LaunchError, listed};
+
+pub use parameter::ParameterText;
 
 #[derive(Clone, Debug)]
 pub(crate) struct LaunchFile {
     pub path: PathBuf,
-    pub actions: Vec<Action>,
+    pub actions: Vec<Item>,
 }
 
-#[derive(Clone, Debug)]
-pub(crate) struct Action {
-    /// Line in the file, from 1.
-    pub line: usize,
-    /// A condition, and the value of it with which the action is done; `None` for an action that is always done.
-    pub condition: Option<(Text, bool)>,
-    pub kind: ActionKind,
-}
-
-#[derive(Clone, Debug)]
-pub(crate) enum ActionKind {
+/// An action with its values; those below it, or in an included file, are not read yet.
+pub(crate) enum Action<'f> {
     Argument(Argument),
-    Group(Vec<Action>),
-    PushNamespace(Text),
+    Group(&'f [Item]),
+    PushNamespace(String),
     Include(Include),
-    SetRemap(Text, Text),
-    Node(Box<NodeAction>),
-    Executable(Box<ExecutableAction>),
+    SetRemap(String, String),
+    Node(Box<NodePlan>),
+    Executable(Box<ExecutablePlan>),
 }
 
 /// An argument of a launch file.
@@ -52,42 +47,34 @@ pub struct DeclaredArgument {
     pub choices: Vec<String>,
 }
 
-#[derive(Clone, Debug)]
 pub(crate) struct Argument {
-    /// Line of its name, from 1.
-    pub line: usize,
+    /// As declared. Where the argument is evaluated, so is its default.
     pub declared: DeclaredArgument,
-    /// Its value when none is given.
-    pub default: Option<Text>,
+    /// As given, else the default.
+    pub value: String,
 }
 
-#[derive(Clone, Debug)]
 pub(crate) struct Include {
-    /// Its path; a relative one starts at the including file.
-    pub file: Text,
-    /// (name, value) of its arguments.
-    pub arguments: Vec<(Text, Text)>,
+    /// Line of its path, from 1.
+    pub line: usize,
+    pub file: PathBuf,
+    /// Line, name and value of each of its arguments. A value that cannot be evaluated matters only where the file is really included.
+    pub arguments: Vec<(usize, String, Result<String, LaunchError>)>,
 }
 
-/// The name of an action, its keys besides `if` and `unless`, and the function that reads it.
-type ActionReader = (
-    &'static str,
-    &'static [&'static [&'static str]],
-    fn(&Attributes<'_>) -> Result<ActionKind, LaunchError>,
-);
-
-const READERS: [ActionReader; 8] = [
-    ("arg", &[&["name", "default", "description", "choice"]], argument),
-    ("group", &[&["children"]], group),
-    ("push_ros_namespace", &[&["namespace"]], push_namespace),
-    ("push-ros-namespace", &[&["namespace"]], push_namespace),
-    ("include", &[&["file", "arg"]], include),
-    ("set_remap", &[&["from", "to"]], |a| Ok(ActionKind::SetRemap(a.required("from")?, a.required("to")?))),
-    ("node", &[process::NODE_KEYS, process::PROCESS_KEYS], process::node),
-    ("executable", &[&["cmd"], process::PROCESS_KEYS], process::executable),
+/// The name of an action, and its keys besides `if` and `unless`.
+const ACTIONS: [(&str, &[&[&str]]); 8] = [
+    ("arg", &[&["name", "default", "description", "choice"]]),
+    ("group", &[&["children"]]),
+    ("push_ros_namespace", &[&["namespace"]]),
+    ("push-ros-namespace", &[&["namespace"]]),
+    ("include", &[&["file", "arg"]]),
+    ("set_remap", &[&["from", "to"]]),
+    ("node", &[process::NODE_KEYS, process::PROCESS_KEYS]),
+    ("executable", &[&["cmd"], process::PROCESS_KEYS]),
 ];
 
-/// Reads the launch file at `path`. An entry in it that is no action is a mistake.
+/// Reads the launch file at `path`. Its actions are not read yet.
 pub(crate) fn read_file(path: &Path) -> Result<LaunchFile, LaunchError> {
     let text = read_text(path, LARGEST_TEXT).map_err(|e| LaunchError::file(path, e))?;
     if let Some(language) = other_language(path, &text) {
@@ -101,11 +88,11 @@ pub(crate) fn read_file(path: &Path) -> Result<LaunchFile, LaunchError> {
     if matches!(root.content, Content::Scalar(_, ScalarType::Null)) {
         return Err(LaunchError::at(path, root.line, "is empty, 'launch:' with a list is expected"));
     }
-    let attributes = Attributes::read(path, "launch file", &root, &["launch"])?;
+    let attributes = Attributes::read((path, None), "launch file", &root, &["launch"])?;
     if attributes.item("launch").is_none() {
         return Err(attributes.missing("launch"));
     }
-    Ok(LaunchFile { path: path.to_owned(), actions: read_all(path, attributes.list("launch")?)? })
+    Ok(LaunchFile { path: path.to_owned(), actions: attributes.list("launch")?.to_vec() })
 }
 
 /// Returns the language of ROS 2 in which a launch file is written that is not YAML.
@@ -115,11 +102,12 @@ fn other_language(path: &Path, text: &str) -> Option<&'static str> {
     if ends("py") { Some("Python") } else { is_xml.then_some("XML") }
 }
 
-fn read_all(file: &Path, items: &[Item]) -> Result<Vec<Action>, LaunchError> {
-    items.iter().map(|item| read(file, item)).collect()
-}
-
-fn read(file: &Path, item: &Item) -> Result<Action, LaunchError> {
+/// Reads an action of `file`, with its line. Returns `None` where its condition does not hold in `scope`; without a scope, any action is checked.
+pub(crate) fn read<'f>(
+    file: &'f Path,
+    item: &'f Item,
+    scope: Option<&Scope>,
+) -> Result<Option<(usize, Action<'f>)>, LaunchError> {
     let (key, body) = match &item.content {
         Content::Map(pairs) if pairs.len() == 1 => &pairs[0],
         _ => {
@@ -127,8 +115,8 @@ fn read(file: &Path, item: &Item) -> Result<Action, LaunchError> {
             return Err(LaunchError::at(file, item.line, message));
         }
     };
-    let Some((name, keys, reader)) = READERS.iter().find(|(name, ..)| *name == key.name) else {
-        let known = listed(READERS.iter().map(|(name, ..)| name), "");
+    let Some((name, keys)) = ACTIONS.iter().find(|(name, _)| *name == key.name) else {
+        let known = listed(ACTIONS.iter().map(|(name, _)| name), "");
         let message = format!(
             "action '{}' is not supported, supported are {known}; ros2 launch starts a file with other actions",
             key.name
@@ -137,52 +125,65 @@ fn read(file: &Path, item: &Item) -> Result<Action, LaunchError> {
     };
     // ROS 2 takes a list right below `group` for its children.
     if let ("group", Content::List(children)) = (*name, &body.content) {
-        let kind = ActionKind::Group(read_all(file, children)?);
-        return Ok(Action { line: key.line, condition: None, kind });
+        return Ok(Some((key.line, Action::Group(children))));
     }
     let known: Vec<&str> = keys.iter().copied().flatten().chain(&["if", "unless"]).copied().collect();
-    let mut attributes = Attributes::read(file, name, body, &known)?;
+    let mut attributes = Attributes::read((file, scope), name, body, &known)?;
     // A key that is missing has no line of its own: the error names that of the action.
     attributes.line = key.line;
-    let condition = condition(&attributes)?;
-    Ok(Action { line: key.line, condition, kind: reader(&attributes)? })
+    let applies = applies(&attributes)? || scope.is_none();
+    applies.then(|| Ok((key.line, action(&attributes)?))).transpose()
 }
 
-fn condition(attributes: &Attributes<'_>) -> Result<Option<(Text, bool)>, LaunchError> {
-    match (attributes.text("if")?, attributes.text("unless")?) {
-        (Some(_), Some(unless)) => {
-            Err(attributes.refuse(unless.line, "'if' and 'unless' exclude each other"))
-        }
-        (wanted, unwanted) => Ok(wanted.map(|text| (text, true)).or(unwanted.map(|text| (text, false)))),
+fn action<'f>(a: &Attributes<'f, '_>) -> Result<Action<'f>, LaunchError> {
+    Ok(match a.of {
+        "arg" => Action::Argument(argument(a)?),
+        "group" => Action::Group(a.list("children")?),
+        "include" => Action::Include(include(a)?),
+        "set_remap" => Action::SetRemap(a.required("from")?, a.required("to")?),
+        "node" => Action::Node(Box::new(process::node(a)?)),
+        "executable" => Action::Executable(Box::new(process::executable(a)?)),
+        _ => Action::PushNamespace(a.required("namespace")?),
+    })
+}
+
+fn applies(a: &Attributes<'_, '_>) -> Result<bool, LaunchError> {
+    let (wanted, unwanted) = (a.text("if")?, a.text("unless")?);
+    let holds = |key, text: &str| a.checked(key, truth(text).map_err(|why| format!("{key}: {why}")));
+    match (wanted, unwanted, a.item("unless")) {
+        (Some(_), _, Some(unless)) => Err(a.refuse(unless.line, "'if' and 'unless' exclude each other")),
+        (Some(text), ..) => holds("if", &text),
+        (None, Some(text), _) => holds("unless", &text).map(|holds| !holds),
+        (None, None, _) => Ok(true),
     }
 }
 
-fn argument(attributes: &Attributes<'_>) -> Result<ActionKind, LaunchError> {
-    let choices = attributes.entries("choice", &["value"])?;
-    let (name, default) = (required_plain(attributes, "name")?, attributes.text("default")?);
-    let choices = choices.iter().map(|choice| Ok(required_plain(choice, "value")?.1));
-    let declared = DeclaredArgument {
-        name: name.1,
-        default: default.as_ref().map(|text| text.source.clone()),
-        description: attributes.plain("description")?.map(|(_, text)| text),
-        choices: choices.collect::<Result<_, LaunchError>>()?,
-    };
-    Ok(ActionKind::Argument(Argument { line: name.0, declared, default }))
+fn argument(a: &Attributes<'_, '_>) -> Result<Argument, LaunchError> {
+    let name = a.plain("name")?.ok_or_else(|| a.missing("name"))?;
+    let given = a.scope.and_then(|scope| scope.variables.get(&name).cloned());
+    // A value that was given from outside, or by an earlier action, wins over the default, which may have none.
+    let default = if given.is_some() { None } else { a.text("default")? };
+    let choices = a.entries("choice", &["value"])?;
+    let choices = choices.iter().map(|choice| choice.plain("value")?.ok_or_else(|| choice.missing("value")));
+    let choices = choices.collect::<Result<Vec<_>, _>>()?;
+    let value = given
+        .or_else(|| default.clone())
+        .ok_or_else(|| format!("argument '{name}' has no value and no default, give {name}:=VALUE"));
+    let value = a.checked("name", value)?;
+    let is_possible = choices.is_empty() || choices.contains(&value);
+    let why = || format!("argument '{name}' = '{value}' must be one of {}", listed(&choices, ""));
+    a.checked("name", is_possible.then_some(()).ok_or_else(why))?;
+    let declared = DeclaredArgument { name, default, description: a.plain("description")?, choices };
+    Ok(Argument { declared, value })
 }
 
-fn required_plain(attributes: &Attributes<'_>, key: &str) -> Result<(usize, String), LaunchError> {
-    attributes.plain(key)?.ok_or_else(|| attributes.missing(key))
-}
-
-fn group(attributes: &Attributes<'_>) -> Result<ActionKind, LaunchError> {
-    Ok(ActionKind::Group(read_all(attributes.file, attributes.list("children")?)?))
-}
-
-fn push_namespace(attributes: &Attributes<'_>) -> Result<ActionKind, LaunchError> {
-    Ok(ActionKind::PushNamespace(attributes.required("namespace")?))
-}
-
-fn include(attributes: &Attributes<'_>) -> Result<ActionKind, LaunchError> {
-    let file = attributes.required("file")?;
-    Ok(ActionKind::Include(Include { file, arguments: attributes.pairs("arg", ["name", "value"])? }))
+fn include(a: &Attributes<'_, '_>) -> Result<Include, LaunchError> {
+    let file = a.required("file")?;
+    let entries = a.entries("arg", &["name", "value"])?;
+    let arguments = entries.iter().map(|one| Ok((one.line, one.required("name")?, one.required("value"))));
+    Ok(Include {
+        line: a.line_of("file"),
+        file: file.into(),
+        arguments: arguments.collect::<Result<_, LaunchError>>()?,
+    })
 }

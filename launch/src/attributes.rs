@@ -1,37 +1,37 @@
-//! The attributes of an action: known keys, required keys and YAML types, with the lines of mistakes.
+//! The attributes of an action: known keys, required keys and YAML types, with the lines of mistakes, and their values in a scope.
 
 use std::path::Path;
+use std::time::Duration;
 
 use modulo_runtime::yaml::{Content, Item, Key, ScalarType};
 
-use crate::substitution::Template;
+use crate::scope::Scope;
+use crate::substitution::{Surroundings, Template};
 use crate::{LaunchError, listed};
-
-/// A string of a launch file with its line.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Text {
-    /// Line in the file, from 1.
-    pub line: usize,
-    /// The text as it is written.
-    pub source: String,
-    pub template: Template,
-}
 
 /// The attributes of one action or of one entry below it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Attributes<'a> {
-    /// The launch file, for errors.
-    pub file: &'a Path,
+pub(crate) struct Attributes<'f, 's> {
+    /// The launch file.
+    pub file: &'f Path,
     /// Where the action stands.
     pub line: usize,
-    /// What the attributes belong to, for errors: `node`, `param`, ...
-    pub of: &'a str,
-    pairs: &'a [(Key, Item)],
+    /// What the attributes belong to: `node`, `param`, ...
+    pub of: &'f str,
+    pairs: &'f [(Key, Item)],
+    /// Where the texts are evaluated. `None` for an action that is only checked, as in a branch that may not be taken: nothing is said of
+    /// its values, and its texts stay as they are written.
+    pub scope: Option<&'s Scope>,
 }
 
-impl<'a> Attributes<'a> {
+impl<'f, 's> Attributes<'f, 's> {
     /// The attributes in `item`, which must be a mapping with `known` keys only.
-    pub fn read(file: &'a Path, of: &'a str, item: &'a Item, known: &[&str]) -> Result<Self, LaunchError> {
+    pub fn read(
+        (file, scope): (&'f Path, Option<&'s Scope>),
+        of: &'f str,
+        item: &'f Item,
+        known: &[&str],
+    ) -> Result<Self, LaunchError> {
         let Content::Map(pairs) = &item.content else {
             let message = format!("{of}: expected a mapping of attributes, found {}", item.described());
             return Err(LaunchError::at(file, item.line, message));
@@ -42,7 +42,7 @@ impl<'a> Attributes<'a> {
             let why = format!("{of}: key '{}' is not supported, supported are {known}", key.name);
             return Err(LaunchError::at(file, key.line, why));
         }
-        Ok(Self { file, line, of, pairs })
+        Ok(Self { file, line, of, pairs, scope })
     }
 
     /// An error at `line`, opened with the action's name.
@@ -50,34 +50,74 @@ impl<'a> Attributes<'a> {
         LaunchError::at(self.file, line, format!("{}: {}", self.of, message.as_ref()))
     }
 
-    pub fn item(&self, key: &str) -> Option<&'a Item> {
-        self.pairs.iter().find(|(k, _)| k.name == key).map(|(_, item)| item)
-    }
-
-    pub fn text(&self, key: &str) -> Result<Option<Text>, LaunchError> {
-        self.item(key).map(|item| self.scalar(key, item, &[ScalarType::String])).transpose()
-    }
-
-    /// The line and the string of `key`, in which ROS 2 evaluates no substitution.
-    pub fn plain(&self, key: &str) -> Result<Option<(usize, String)>, LaunchError> {
-        let Some(Text { line, template, .. }) = self.text(key)? else { return Ok(None) };
-        let plain = template.as_plain().map(|plain| Some((line, plain.to_owned())));
-        plain.ok_or_else(|| self.refuse(line, format!("{key}: ROS 2 evaluates no substitution here")))
-    }
-
-    /// The value of `key`, which must be of type `kind` as it is written. ROS 2 does not convert a string here:
-    /// it takes any string for true, and it fails on a string in the place of a number.
-    pub fn literal(&self, key: &str, kind: ScalarType) -> Result<Option<Text>, LaunchError> {
-        match self.item(key) {
-            Some(item @ Item { content: Content::Scalar(_, ScalarType::String), .. }) => {
-                Err(self.refuse(item.line, mismatch(key, item, &[kind])))
-            }
-            item => item.map(|item| self.scalar(key, item, &[kind])).transpose(),
+    /// Returns a value that was made of the text of `key`, or the error with its line. In a check, a text has no value yet.
+    pub fn checked<T: Default, E: ToString>(&self, key: &str, value: Result<T, E>) -> Result<T, LaunchError> {
+        match value {
+            Err(_) if self.scope.is_none() => Ok(T::default()),
+            value => value.map_err(|why| LaunchError::at(self.file, self.line_of(key), why.to_string())),
         }
     }
 
+    /// The line of `key`, or of the action where it has none.
+    pub fn line_of(&self, key: &str) -> usize {
+        self.item(key).map_or(self.line, |item| item.line)
+    }
+
+    pub fn item(&self, key: &str) -> Option<&'f Item> {
+        self.pairs.iter().find(|(k, _)| k.name == key).map(|(_, item)| item)
+    }
+
+    /// The string `key`, not evaluated.
+    pub fn template(&self, key: &str) -> Result<Option<Template>, LaunchError> {
+        self.item(key).map(|item| self.scalar(key, item, &[ScalarType::String])).transpose()
+    }
+
+    pub fn text(&self, key: &str) -> Result<Option<String>, LaunchError> {
+        let Some(item) = self.item(key) else { return Ok(None) };
+        self.evaluated(item, &self.scalar(key, item, &[ScalarType::String])?).map(Some)
+    }
+
+    /// The value of a template that was read from `item`.
+    pub fn evaluated(&self, item: &Item, template: &Template) -> Result<String, LaunchError> {
+        match self.surroundings() {
+            Some(around) => template
+                .evaluate(&around)
+                .map_err(|why| LaunchError::at(self.file, item.line, why.to_string())),
+            None => Ok(item.text().unwrap_or_default().to_owned()),
+        }
+    }
+
+    /// The values that templates can refer to.
+    pub fn surroundings(&self) -> Option<Surroundings<'s>>
+    where
+        'f: 's,
+    {
+        self.scope.map(|scope| Surroundings { file: self.file, variables: &scope.variables })
+    }
+
+    /// The string of `key`, in which ROS 2 evaluates no substitution.
+    pub fn plain(&self, key: &str) -> Result<Option<String>, LaunchError> {
+        let Some(template) = self.template(key)? else { return Ok(None) };
+        let plain = template.as_plain().map(|plain| Some(plain.to_owned()));
+        plain.ok_or_else(|| {
+            self.refuse(self.line_of(key), format!("{key}: ROS 2 evaluates no substitution here"))
+        })
+    }
+
+    /// The time `key` in seconds, in `[0, 1e9]`: a number with a decimal point. ROS 2 fails on a string in its place.
+    pub fn seconds(&self, key: &str) -> Result<Option<Duration>, LaunchError> {
+        let Some(item) = self.item(key) else { return Ok(None) };
+        let Content::Scalar(text, ScalarType::Float) = &item.content else {
+            return Err(self.refuse(item.line, mismatch(key, item, &[ScalarType::Float])));
+        };
+        // `Duration` refuses negative, infinite and huge numbers with a panic, so they end here.
+        let number = text.trim().parse::<f64>().ok().filter(|n| (0.0..=1e9).contains(n));
+        let why = || format!("{key} = '{text}' must be a number in 0 to 1e9");
+        self.checked(key, number.map(|seconds| Some(Duration::from_secs_f64(seconds))).ok_or_else(why))
+    }
+
     /// The string `key`, which must be there.
-    pub fn required(&self, key: &str) -> Result<Text, LaunchError> {
+    pub fn required(&self, key: &str) -> Result<String, LaunchError> {
         self.text(key)?.ok_or_else(|| self.missing(key))
     }
 
@@ -86,7 +126,7 @@ impl<'a> Attributes<'a> {
     }
 
     /// The items of the list `key`; none when it is absent.
-    pub fn list(&self, key: &str) -> Result<&'a [Item], LaunchError> {
+    pub fn list(&self, key: &str) -> Result<&'f [Item], LaunchError> {
         match self.item(key) {
             None => Ok(&[]),
             Some(Item { content: Content::List(items), .. }) => Ok(items),
@@ -97,32 +137,28 @@ impl<'a> Attributes<'a> {
     }
 
     /// The mappings in the list `key`, each with `known` keys only. ROS 2 refuses an empty list.
-    pub fn entries(&self, key: &'a str, known: &[&str]) -> Result<Vec<Attributes<'a>>, LaunchError> {
+    pub fn entries(&self, key: &'f str, known: &[&str]) -> Result<Vec<Self>, LaunchError> {
         let items = self.list(key)?;
         if let (Some(item), []) = (self.item(key), items) {
             return Err(self.refuse(item.line, format!("{key}: the list is empty, leave it out")));
         }
-        items.iter().map(|item| Attributes::read(self.file, key, item, known)).collect()
+        items.iter().map(|item| Self::read((self.file, self.scope), key, item, known)).collect()
     }
 
     /// The (name, value) pairs of the list `key`, with those two key names.
-    pub fn pairs(&self, key: &'a str, names: [&str; 2]) -> Result<Vec<(Text, Text)>, LaunchError> {
+    pub fn pairs(&self, key: &'f str, names: [&str; 2]) -> Result<Vec<(String, String)>, LaunchError> {
         let entries = self.entries(key, &names)?;
         entries.iter().map(|entry| Ok((entry.required(names[0])?, entry.required(names[1])?))).collect()
     }
 
     /// `item` as a scalar of one of the `allowed` types.
-    pub fn scalar(&self, key: &str, item: &Item, allowed: &[ScalarType]) -> Result<Text, LaunchError> {
+    pub fn scalar(&self, key: &str, item: &Item, allowed: &[ScalarType]) -> Result<Template, LaunchError> {
         match &item.content {
             // Only a string can hold substitutions; whether their value fits is known when they are evaluated.
             Content::Scalar(text, ScalarType::String) => {
-                let template =
-                    Template::parse(text).map_err(|e| self.refuse(item.line, format!("{key}: {e}")))?;
-                Ok(Text { line: item.line, source: text.clone(), template })
+                Template::parse(text).map_err(|e| self.refuse(item.line, format!("{key}: {e}")))
             }
-            Content::Scalar(text, kind) if allowed.contains(kind) => {
-                Ok(Text { line: item.line, source: text.clone(), template: Template::plain(text) })
-            }
+            Content::Scalar(text, kind) if allowed.contains(kind) => Ok(Template::plain(text)),
             _ => Err(self.refuse(item.line, mismatch(key, item, allowed))),
         }
     }

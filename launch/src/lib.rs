@@ -1,6 +1,6 @@
 //! ROS 2 YAML launch files: parser, plan and process supervisor.
 //!
-//! Data flows one way: a file is read into actions, the actions are evaluated
+//! Data flows one way: the actions of a file are evaluated one after the other
 //! into a [`Plan`], and a plan is run, printed, or translated for one process.
 //!
 //! The dialect is a subset of ROS 2's own: what is accepted here means the same
@@ -11,6 +11,7 @@ mod action;
 mod attributes;
 mod package;
 pub mod plan;
+mod scope;
 pub mod substitution;
 pub mod summary;
 pub mod supervisor;
@@ -20,8 +21,7 @@ use std::path::{Path, PathBuf};
 
 pub use package::{FoundFile, SUITE, copy, launch_file, launch_files};
 pub use plan::{
-    ComposedNode, DeclaredArgument, NodeParameter, NodePlan, Plan, compose, declared_arguments, resolve,
-    ros_arguments,
+    DeclaredArgument, NodeParameter, NodePlan, Plan, compose, declared_arguments, resolve, ros_arguments,
 };
 pub use summary::{NodeReport, SUMMARY_BEGIN, Summary, reports_so_far};
 pub use supervisor::{Ending, Outcome, Supervision, run};

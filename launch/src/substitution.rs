@@ -28,16 +28,10 @@ pub enum Part {
     Call(&'static Function, Vec<Template>),
 }
 
-/// Why a text is not a valid template, or has no value.
+/// Why a text is not a valid template, or has no value: what is wrong and what is possible.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum SubstitutionError {
-    /// What is wrong and what is possible.
-    #[error("{0}")]
-    Invalid(String),
-    /// The name of a variable that nothing has set, and those that are set.
-    #[error("undefined variable '{0}', defined here are {1}")]
-    Undefined(String, String),
-}
+#[error("{0}")]
+pub struct SubstitutionError(pub(crate) String);
 
 impl Template {
     /// Parses `text`.
@@ -111,7 +105,7 @@ impl TemplateParser<'_> {
     }
 
     fn refuse<T>(&self, why: &str) -> Result<T, SubstitutionError> {
-        Err(SubstitutionError::Invalid(format!("'{}': {why}", self.text)))
+        Err(SubstitutionError(format!("'{}': {why}", self.text)))
     }
 
     fn template(&mut self, position: TemplatePosition, depth: usize) -> Result<Template, SubstitutionError> {

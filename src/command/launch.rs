@@ -12,8 +12,8 @@ use modulo_detector::{DEMO, DEMO_LIMIT};
 use modulo_launch::plan::{NodeParameter, circle_of};
 use modulo_launch::supervisor::{MAX_RESTARTS, ProcessEnd, Watch};
 use modulo_launch::{
-    ComposedNode, Ending, NodePlan, Outcome, Plan, SUMMARY_BEGIN, Summary, Supervision, TRACE_BEGIN,
-    launch_file, launch_files, reports_so_far,
+    Ending, NodePlan, Outcome, Plan, SUMMARY_BEGIN, Summary, Supervision, TRACE_BEGIN, launch_file,
+    launch_files, reports_so_far,
 };
 use modulo_middleware::driver::CommonParameters;
 use modulo_middleware::driver::composed::{self, Member};
@@ -259,13 +259,18 @@ fn circle(plan: &Plan) -> Option<String> {
 /// The parameters of a node that are set, with their values as text, in order.
 type SetParameters = Vec<(String, String)>;
 
-/// Returns the name of a node, its parameters as declared, and those that are set.
-fn settings(node: &NodePlan) -> anyhow::Result<(NodeName, Parameters, SetParameters)> {
+/// Returns the kind of a node, its name, its parameters as declared, and those that are set.
+fn named(node: &NodePlan) -> anyhow::Result<(&'static NodeKind, NodeName, Parameters, SetParameters)> {
     let kind = kind_of(&node.executable)?;
     let (ros, _) = RosArgs::parse(&modulo_launch::ros_arguments(node))?;
     let node_name = ros.node_name(kind.name)?;
-    let declared = kind.parameters_of(&node_name)?;
-    let settings = ros.parameters_for(&node_name)?;
+    let (declared, settings) = (kind.parameters_of(&node_name)?, ros.parameters_for(&node_name)?);
+    Ok((kind, node_name, declared, settings))
+}
+
+/// Returns the name of a node, its parameters as declared, and those that are set, without those that it ignores.
+fn settings(node: &NodePlan) -> anyhow::Result<(NodeName, Parameters, SetParameters)> {
+    let (_, node_name, declared, settings) = named(node)?;
     let ignored = ignored(node, &node_name, &declared)?;
     let settings = settings.into_iter().filter(|(name, _)| !ignored.contains(name)).collect();
     Ok((node_name, declared, settings))
@@ -397,20 +402,19 @@ fn run_members(mut members: Vec<Member>, stop: &Stop) -> Result<Vec<NodeReport>,
 
 fn members(plan: &Plan) -> Result<Vec<Member>, Failure> {
     let nodes = modulo_launch::compose(plan).map_err(usage)?;
-    let member = |(node, ends_all): (&ComposedNode, bool)| {
+    let member = |node: &NodePlan| {
         let (kind, node_name, parameters) = prepare(node)?;
         let step = (kind.make)(&parameters).with_context(|| node_name.fully_qualified())?;
         let setup = NodeSetup { node: step, parameters, node_name, saved: None, report_file: None };
-        Ok(Member { setup, ends_all })
+        Ok(Member { setup, ends_all: node.process.ends_all })
     };
-    let ends_all = plan.nodes.iter().map(|node| node.process.ends_all);
-    nodes.iter().zip(ends_all).map(member).collect::<anyhow::Result<_>>().map_err(usage)
+    nodes.iter().map(member).collect::<anyhow::Result<_>>().map_err(usage)
 }
 
-pub fn prepare(node: &ComposedNode) -> anyhow::Result<(&'static NodeKind, NodeName, Parameters)> {
-    let ComposedNode { kind, node_name, parameters } = node;
-    let (kind, named) = (kind_of(kind)?, node_name.fully_qualified());
-    let declared = kind.parameters_of(node_name)?;
-    let known = declared.known_of(parameters.clone(), &named);
-    Ok((kind, node_name.clone(), declared.with_text(&known).context(named)?))
+/// Returns the kind of a node, its name, and its parameters with the values that the plan sets.
+pub fn prepare(node: &NodePlan) -> anyhow::Result<(&'static NodeKind, NodeName, Parameters)> {
+    let (kind, node_name, declared, settings) = named(node)?;
+    let named = node_name.fully_qualified();
+    let known = declared.known_of(settings, &named);
+    Ok((kind, node_name, declared.with_text(&known).context(named)?))
 }

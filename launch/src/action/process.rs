@@ -1,10 +1,17 @@
-//! Reading `node` and `executable`, with their parameters: name and value or nested ones, or a file.
+//! Reading `node` and `executable` into the plans of their processes. Nothing is started here.
 
-use modulo_runtime::yaml::{Content, Item, ScalarType};
+use std::path::Path;
+use std::time::Duration;
 
-use super::ActionKind;
-use crate::attributes::{Attributes, Text};
-use crate::{LaunchError, listed};
+use modulo_runtime::NodeName;
+use modulo_runtime::yaml::ScalarType;
+
+use super::parameter;
+use crate::LaunchError;
+use crate::attributes::Attributes;
+use crate::package::SUITE;
+use crate::plan::{ExecutablePlan, NodePlan, ProcessPlan};
+use crate::substitution::{Part, SubstitutionError, Surroundings, Template};
 
 /// The keys of a node beside those of a process.
 pub(super) const NODE_KEYS: &[&str] = &["pkg", "exec", "namespace", "args", "ros_args", "param", "remap"];
@@ -13,192 +20,180 @@ pub(super) const NODE_KEYS: &[&str] = &["pkg", "exec", "namespace", "args", "ros
 pub(super) const PROCESS_KEYS: &[&str] =
     &["name", "env", "output", "respawn", "respawn_delay", "on_exit", "sigterm_timeout", "sigkill_timeout"];
 
-const PARAMETER_KEYS: [&str; 4] = ["name", "value", "type", "from"];
-/// The types that the value of a parameter may have in the file.
-const SCALARS: [ScalarType; 4] =
-    [ScalarType::Integer, ScalarType::Float, ScalarType::Bool, ScalarType::String];
-/// The types of ROS 2's launch files for a parameter that is no list.
-const TYPES: [&str; 4] = ["int", "float", "bool", "str"];
+/// ROS 2's default from SIGINT to SIGTERM, and from SIGTERM to SIGKILL.
+const PATIENCE: Duration = Duration::from_secs(5);
 
-#[derive(Clone, Debug)]
-pub(crate) struct ProcessAction {
-    pub name: Option<Text>,
-    pub env: Vec<(Text, Text)>,
-    pub output: Option<Text>,
-    pub respawn: Option<Text>,
-    pub respawn_delay: Option<Text>,
-    /// Whether the end of the process is the end of all.
-    pub ends_all: bool,
-    pub sigterm_timeout: Option<Text>,
-    pub sigkill_timeout: Option<Text>,
+pub(super) fn executable(a: &Attributes<'_, '_>) -> Result<ExecutablePlan, LaunchError> {
+    let command = words(a, "cmd")?.ok_or_else(|| a.missing("cmd"))?;
+    let program = command.first().filter(|program| !program.is_empty()).cloned();
+    let program = a.checked("cmd", program.ok_or("executable: cmd is empty"))?;
+    let base =
+        Path::new(&program).file_name().map_or(program.clone(), |name| name.to_string_lossy().into_owned());
+    let process = process(a, a.text("name")?.unwrap_or(base))?;
+    Ok(ExecutablePlan { command, process })
 }
 
-#[derive(Clone, Debug)]
-pub(crate) struct ExecutableAction {
-    pub command: Text,
-    pub process: ProcessAction,
-}
-
-#[derive(Clone, Debug)]
-pub(crate) struct NodeAction {
-    pub package: Text,
-    pub executable: Text,
-    pub namespace: Option<Text>,
-    pub args: Option<Text>,
-    pub ros_args: Option<Text>,
-    pub parameters: Vec<Parameter>,
-    pub remaps: Vec<(Text, Text)>,
-    pub process: ProcessAction,
-}
-
-#[derive(Clone, Debug)]
-pub(crate) enum Parameter {
-    /// A file in ROS 2's parameter format.
-    File(Text),
-    /// One parameter.
-    Value { name: Text, value: ParameterValue, kind: Option<&'static str> },
-}
-
-#[derive(Clone, Debug)]
-pub(crate) enum ParameterValue {
-    Scalar(Written),
-    List(Vec<Written>),
-}
-
-/// A scalar with its type as it is written; the type is `None` where a substitution decides on it.
-pub(crate) type Written = (Text, Option<ScalarType>);
-
-pub(super) fn node(attributes: &Attributes<'_>) -> Result<ActionKind, LaunchError> {
-    Ok(ActionKind::Node(Box::new(NodeAction {
-        package: attributes.required("pkg")?,
-        executable: attributes.required("exec")?,
-        namespace: attributes.text("namespace")?,
-        args: command_line(attributes, "args")?,
-        ros_args: command_line(attributes, "ros_args")?,
-        parameters: parameters(attributes)?,
-        remaps: attributes.pairs("remap", ["from", "to"])?,
-        process: process(attributes)?,
-    })))
+pub(super) fn node(a: &Attributes<'_, '_>) -> Result<NodePlan, LaunchError> {
+    let (package, executable) = (a.required("pkg")?, a.required("exec")?);
+    // A program of another package may choose its own name; a node of this suite has that of its executable.
+    let name = a.text("name")?.or_else(|| (package == SUITE).then(|| executable.clone()));
+    let label = name.clone().unwrap_or_else(|| executable.clone());
+    let parameters = parameter::all(a)?;
+    let scope = a.scope.cloned().unwrap_or_default();
+    // As in `launch_ros`, the rules for all nodes come first. The first rule that fits is used.
+    let mut remaps = scope.remaps.clone();
+    remaps.extend(a.pairs("remap", ["from", "to"])?);
+    let namespace = scope.joined(&a.text("namespace")?.unwrap_or_default());
+    // The own name of another program is unknown here. Any valid name lets the others be checked.
+    let valid = NodeName::new(name.as_deref().unwrap_or("unnamed"), &namespace, &remaps);
+    a.checked("", valid.map(drop).map_err(|why| format!("node: {why}")))?;
+    let (args, ros_args) = (arguments(a, "args")?, arguments(a, "ros_args")?);
+    let (process, declared_at) = (process(a, label)?, (a.file.to_owned(), a.line));
+    Ok(NodePlan {
+        package,
+        executable,
+        name,
+        namespace,
+        parameters,
+        remaps,
+        args,
+        ros_args,
+        process,
+        declared_at,
+    })
 }
 
 /// ROS 2 gives a node an empty argument for an empty text.
-fn command_line(attributes: &Attributes<'_>, key: &str) -> Result<Option<Text>, LaunchError> {
-    match attributes.text(key)? {
-        Some(text) if text.source.is_empty() => {
-            Err(attributes.refuse(text.line, format!("{key}: is empty, leave it out")))
+fn arguments(a: &Attributes<'_, '_>, key: &str) -> Result<Vec<String>, LaunchError> {
+    match a.item(key) {
+        Some(item) if item.text() == Some("") => {
+            Err(a.refuse(item.line, format!("{key}: is empty, leave it out")))
         }
-        text => Ok(text),
+        _ => Ok(words(a, key)?.unwrap_or_default()),
     }
 }
 
-pub(super) fn executable(attributes: &Attributes<'_>) -> Result<ActionKind, LaunchError> {
-    let command = attributes.required("cmd")?;
-    Ok(ActionKind::Executable(Box::new(ExecutableAction { command, process: process(attributes)? })))
+fn words(a: &Attributes<'_, '_>, key: &str) -> Result<Option<Vec<String>>, LaunchError> {
+    let Some(template) = a.template(key)? else { return Ok(None) };
+    let words = a.surroundings().map_or_else(|| Ok(Vec::new()), |around| split_words(&template, &around));
+    a.checked(key, words).map(Some)
 }
 
-fn process(attributes: &Attributes<'_>) -> Result<ProcessAction, LaunchError> {
-    Ok(ProcessAction {
-        name: attributes.text("name")?,
-        env: attributes.pairs("env", ["name", "value"])?,
-        output: attributes.text("output")?,
-        respawn: attributes.text("respawn")?,
-        respawn_delay: attributes.literal("respawn_delay", ScalarType::Float)?,
-        ends_all: ends_all(attributes)?,
-        sigterm_timeout: attributes.literal("sigterm_timeout", ScalarType::Float)?,
-        sigkill_timeout: attributes.literal("sigkill_timeout", ScalarType::Float)?,
+fn process(a: &Attributes<'_, '_>, label: String) -> Result<ProcessPlan, LaunchError> {
+    let errors_only = match a.text("output")?.as_deref() {
+        None | Some("screen" | "both") => Ok(false),
+        Some("log") => Ok(true),
+        Some(other) => Err(format!("output = '{other}' must be screen, both or log")),
+    };
+    let ends_all = match a.plain("on_exit")? {
+        Some(text) if text != "shutdown" => {
+            let why = format!("on_exit = '{text}' must be shutdown");
+            return Err(LaunchError::at(a.file, a.line_of("on_exit"), why));
+        }
+        on_exit => on_exit.is_some(),
+    };
+    let respawn = match a.text("respawn")? {
+        Some(text) if ScalarType::of_plain(&text) != ScalarType::Bool => {
+            Err(format!("respawn = '{text}' must be true or false"))
+        }
+        text => Ok(text.is_some_and(|text| ["true", "yes", "on"].contains(&&*text.to_ascii_lowercase()))),
+    };
+    let delay = a.seconds("respawn_delay")?.unwrap_or_default();
+    Ok(ProcessPlan {
+        label,
+        env: a.pairs("env", ["name", "value"])?.into_iter().collect(),
+        errors_only: a.checked("output", errors_only)?,
+        respawn: a.checked("respawn", respawn)?.then_some(delay),
+        ends_all,
+        sigterm_timeout: a.seconds("sigterm_timeout")?.unwrap_or(PATIENCE),
+        sigkill_timeout: a.seconds("sigkill_timeout")?.unwrap_or(PATIENCE),
     })
 }
 
-fn ends_all(attributes: &Attributes<'_>) -> Result<bool, LaunchError> {
-    match attributes.plain("on_exit")? {
-        Some((line, text)) if text != "shutdown" => {
-            Err(LaunchError::at(attributes.file, line, format!("on_exit = '{text}' must be shutdown")))
-        }
-        on_exit => Ok(on_exit.is_some()),
-    }
-}
-
-fn parameters(attributes: &Attributes<'_>) -> Result<Vec<Parameter>, LaunchError> {
-    attributes.entries("param", &PARAMETER_KEYS)?.iter().map(parameter).collect()
-}
-
-fn parameter(entry: &Attributes<'_>) -> Result<Parameter, LaunchError> {
-    if let Some(file) = entry.text("from")? {
-        let is_alone = PARAMETER_KEYS[..3].iter().all(|key| entry.item(key).is_none());
-        let why = "'from' must be the only key of its entry";
-        return if is_alone { Ok(Parameter::File(file)) } else { Err(entry.refuse(file.line, why)) };
-    }
-    let name = entry.required("name")?;
-    let item = entry.item("value").ok_or_else(|| entry.missing("value"))?;
-    let kind = kind(entry)?;
-    check_types(entry, item, kind)?;
-    Ok(Parameter::Value { name, value: read(entry, item)?, kind })
-}
-
-fn kind(entry: &Attributes<'_>) -> Result<Option<&'static str>, LaunchError> {
-    let Some(text) = entry.text("type")? else { return Ok(None) };
-    let given = text.source.as_str();
-    let known = TYPES.iter().find(|kind| **kind == given).copied();
-    known.map(Some).ok_or_else(|| {
-        entry.refuse(text.line, format!("type: unknown '{given}', known are {}", listed(TYPES, "")))
-    })
-}
-
-/// Checks the types of `item`. ROS 2 converts a string with a substitution to the type that is asked for, and nothing
-/// else. The items of a list are of one type beside such strings.
-fn check_types(entry: &Attributes<'_>, item: &Item, kind: Option<&str>) -> Result<(), LaunchError> {
-    let items = match (&item.content, kind) {
-        (Content::List(_), Some(kind)) => {
-            return Err(entry.refuse(item.line, format!("value: is a list, must be of type {kind}")));
-        }
-        (Content::List(items), None) => items.as_slice(),
-        _ => std::slice::from_ref(item),
-    };
-    let type_of = |item: &Item| match &item.content {
-        Content::Scalar(text, ScalarType::String) if text.contains("$(") => None,
-        Content::Scalar(_, ScalarType::String) => Some("str"),
-        Content::Scalar(_, ScalarType::Bool) => Some("bool"),
-        Content::Scalar(_, ScalarType::Integer) => Some("int"),
-        Content::Scalar(_, ScalarType::Float) => Some("float"),
-        _ => None,
-    };
-    // A string with a substitution has no type yet, so the first item that has one decides for the list.
-    let first = items.iter().find_map(type_of);
-    for item in items {
-        let given = type_of(item);
-        let wrong = |must: &str| {
-            let why = format!("value: {} must be of type {must}", item.described());
-            Err(entry.refuse(item.line, why))
-        };
-        match (given, kind, first) {
-            (Some(given), Some(kind), _) if given != kind => return wrong(kind),
-            (Some(given), None, Some(first)) if given != first => {
-                return wrong(&format!("{first} as the first in its list"));
+/// Splits a command line into words as a shell would, without running one: quotes group, a backslash makes the next
+/// character plain, and the value of a substitution is never split. As in ROS 2, no quote spans a substitution.
+fn split_words(template: &Template, around: &Surroundings<'_>) -> Result<Vec<String>, SubstitutionError> {
+    let mut splitter = Splitter::default();
+    for part in &template.parts {
+        match part {
+            Part::Text(text) => splitter.text(text),
+            Part::Call(..) if splitter.quote.is_some() => {
+                let why = "a quote spans a substitution; leave it out, the value is one word anyway";
+                return Err(SubstitutionError(why.to_owned()));
             }
-            _ => {}
+            Part::Call(..) => splitter.word.get_or_insert_default().push_str(&part.evaluate(around)?),
         }
     }
-    Ok(())
+    splitter.finish()
 }
 
-/// The value of a parameter in `item`. An empty list has no type in ROS 2.
-fn read(attributes: &Attributes<'_>, item: &Item) -> Result<ParameterValue, LaunchError> {
-    let Content::List(items) = &item.content else {
-        return Ok(ParameterValue::Scalar(written(attributes, item)?));
-    };
-    if items.is_empty() {
-        let why = "value: an empty list has no type for ROS 2, leave the parameter out";
-        return Err(attributes.refuse(item.line, why));
+#[derive(Default)]
+struct Splitter {
+    words: Vec<String>,
+    word: Option<String>,
+    quote: Option<char>,
+}
+
+impl Splitter {
+    fn text(&mut self, text: &str) {
+        let mut chars = text.chars();
+        while let Some(c) = chars.next() {
+            match (c, self.quote) {
+                (c, Some(quote)) if c == quote => self.quote = None,
+                // As in a shell, a backslash between single quotes is a plain character.
+                ('\\', None | Some('"')) => self.push(chars.next().unwrap_or('\\')),
+                (c @ ('\'' | '"'), None) => {
+                    // A pair of quotes with nothing between is a word too, so the word begins with its quote.
+                    self.quote = Some(c);
+                    self.word.get_or_insert_default();
+                }
+                (c, None) if c.is_whitespace() => self.words.extend(self.word.take()),
+                (c, _) => self.push(c),
+            }
+        }
     }
-    let items: Result<_, _> = items.iter().map(|item| written(attributes, item)).collect();
-    Ok(ParameterValue::List(items?))
+
+    fn push(&mut self, c: char) {
+        self.word.get_or_insert_default().push(c);
+    }
+
+    fn finish(mut self) -> Result<Vec<String>, SubstitutionError> {
+        if let Some(quote) = self.quote {
+            return Err(SubstitutionError(format!("the quote {quote} does not end")));
+        }
+        self.words.extend(self.word);
+        Ok(self.words)
+    }
 }
 
-fn written(attributes: &Attributes<'_>, item: &Item) -> Result<Written, LaunchError> {
-    let text = attributes.scalar("value", item, &SCALARS)?;
-    let kind = match item.content {
-        Content::Scalar(_, kind) if text.template.as_plain().is_some() => Some(kind),
-        _ => None,
-    };
-    Ok((text, kind))
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn split(text: &str) -> Result<Vec<String>, SubstitutionError> {
+        let variables = [("v".to_owned(), "a b".to_owned())].into();
+        let around = Surroundings { file: std::path::Path::new("f"), variables: &variables };
+        split_words(&Template::parse(text)?, &around)
+    }
+
+    #[test]
+    fn splits_as_a_shell() {
+        assert_eq!(
+            split("sh -c 'echo \"x y\"' $(var v)z").expect("valid"),
+            ["sh", "-c", "echo \"x y\"", "a bz"]
+        );
+        assert_eq!(split("a '' b\"c d\"e").expect("valid"), ["a", "", "bc de"]);
+        assert!(split("'-p $(var v)'").is_err());
+        assert!(split("  ").expect("valid").is_empty());
+        assert!(split("'a").is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn quoted_words_come_back(words in prop::collection::vec("[a-z \"]{0,6}", 0..5)) {
+            let line: Vec<String> = words.iter().map(|w| format!("'{w}'")).collect();
+            prop_assert_eq!(split(&line.join(" ")).expect("valid"), words);
+        }
+    }
 }

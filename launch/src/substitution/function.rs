@@ -32,7 +32,7 @@ static KNOWN: [Function; 6] = [
     // `<prefix>/share/<package>`.
     Function("find-pkg-share", [1, 1], |given, around| {
         let folder = package::share(&given[0], around.file);
-        folder.map(|folder| folder.display().to_string()).map_err(SubstitutionError::Invalid)
+        folder.map(|folder| folder.display().to_string()).map_err(SubstitutionError)
     }),
     Function("not", [1, 1], |given, _| Ok((!truth(&given[0])?).to_string())),
     // `$(if condition then [else])`.
@@ -49,7 +49,7 @@ impl Function {
     pub fn named(name: &str) -> Result<&'static Self, SubstitutionError> {
         KNOWN.iter().find(|known| known.0 == name).ok_or_else(|| {
             let known = listed(KNOWN.iter().map(|known| known.0), "");
-            SubstitutionError::Invalid(format!("$({name}) is not supported, supported are {known}"))
+            SubstitutionError(format!("$({name}) is not supported, supported are {known}"))
         })
     }
 
@@ -62,7 +62,7 @@ impl Function {
             (a, b) if a == b => format!("{a} arguments"),
             (a, b) => format!("{a} or {b} arguments"),
         };
-        Err(SubstitutionError::Invalid(format!("$({name}) takes {takes}, not {given}")))
+        Err(SubstitutionError(format!("$({name}) takes {takes}, not {given}")))
     }
 }
 
@@ -97,7 +97,7 @@ impl Part {
 
 fn environment_variable(name: &str, default: Option<&String>) -> Value {
     std::env::var(name).ok().or_else(|| default.cloned()).ok_or_else(|| {
-        SubstitutionError::Invalid(format!(
+        SubstitutionError(format!(
             "environment variable {name} is not set, $(env {name} DEFAULT) gives it a default"
         ))
     })
@@ -111,7 +111,7 @@ fn folder_of(file: &Path) -> String {
 fn variable(name: &str, default: Option<&String>, around: &Surroundings<'_>) -> Value {
     around.variables.get(name).or(default).cloned().ok_or_else(|| {
         let known = listed(around.variables.keys(), "none");
-        SubstitutionError::Undefined(name.to_owned(), known)
+        SubstitutionError(format!("undefined variable '{name}', defined here are {known}"))
     })
 }
 
@@ -120,7 +120,7 @@ pub(crate) fn truth(text: &str) -> Result<bool, SubstitutionError> {
     match text.trim().to_ascii_lowercase().as_str() {
         "true" | "1" => Ok(true),
         "false" | "0" => Ok(false),
-        _ => Err(SubstitutionError::Invalid(format!("'{text}' is not a condition; use true, false, 1 or 0"))),
+        _ => Err(SubstitutionError(format!("'{text}' is not a condition; use true, false, 1 or 0"))),
     }
 }
 
