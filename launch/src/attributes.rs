@@ -6,7 +6,7 @@ use std::time::Duration;
 use modulo_runtime::yaml::{Content, Item, Key, ScalarType};
 
 use crate::scope::Scope;
-use crate::substitution::{Surroundings, Template};
+use crate::substitution::{Piece, Surroundings, pieces};
 use crate::{LaunchError, listed};
 
 /// The attributes of one action or of one entry below it.
@@ -67,41 +67,33 @@ impl<'f, 's> Attributes<'f, 's> {
         self.pairs.iter().find(|(k, _)| k.name == key).map(|(_, item)| item)
     }
 
-    /// The string `key`, not evaluated.
-    pub fn template(&self, key: &str) -> Result<Option<Template>, LaunchError> {
+    /// The pieces of the string `key`.
+    pub fn pieces(&self, key: &str) -> Result<Option<Vec<Piece>>, LaunchError> {
         self.item(key).map(|item| self.scalar(key, item, &[ScalarType::String])).transpose()
     }
 
     pub fn text(&self, key: &str) -> Result<Option<String>, LaunchError> {
         let Some(item) = self.item(key) else { return Ok(None) };
-        self.evaluated(item, &self.scalar(key, item, &[ScalarType::String])?).map(Some)
+        let pieces = self.scalar(key, item, &[ScalarType::String])?;
+        Ok(Some(self.joined(item, &pieces)))
     }
 
-    /// The value of a template that was read from `item`.
-    pub fn evaluated(&self, item: &Item, template: &Template) -> Result<String, LaunchError> {
-        match self.surroundings() {
-            Some(around) => template
-                .evaluate(&around)
-                .map_err(|why| LaunchError::at(self.file, item.line, why.to_string())),
-            None => Ok(item.text().unwrap_or_default().to_owned()),
+    /// The text of `item`, whose `pieces` these are.
+    pub fn joined(&self, item: &Item, pieces: &[Piece]) -> String {
+        match self.scope {
+            Some(_) => pieces.iter().map(Piece::as_str).collect(),
+            None => item.text().unwrap_or_default().to_owned(),
         }
-    }
-
-    /// The values that templates can refer to.
-    pub fn surroundings(&self) -> Option<Surroundings<'s>>
-    where
-        'f: 's,
-    {
-        self.scope.map(|scope| Surroundings { file: self.file, variables: &scope.variables })
     }
 
     /// The string of `key`, in which ROS 2 evaluates no substitution.
     pub fn plain(&self, key: &str) -> Result<Option<String>, LaunchError> {
-        let Some(template) = self.template(key)? else { return Ok(None) };
-        let plain = template.as_plain().map(|plain| Some(plain.to_owned()));
-        plain.ok_or_else(|| {
-            self.refuse(self.line_of(key), format!("{key}: ROS 2 evaluates no substitution here"))
-        })
+        match self.pieces(key)? {
+            Some(pieces) if !is_plain(&pieces) => {
+                Err(self.refuse(self.line_of(key), format!("{key}: ROS 2 evaluates no substitution here")))
+            }
+            pieces => Ok(pieces.map(|pieces| pieces.iter().map(Piece::as_str).collect())),
+        }
     }
 
     /// The time `key` in seconds, in `[0, 1e9]`: a number with a decimal point. ROS 2 fails on a string in its place.
@@ -152,16 +144,25 @@ impl<'f, 's> Attributes<'f, 's> {
     }
 
     /// `item` as a scalar of one of the `allowed` types.
-    pub fn scalar(&self, key: &str, item: &Item, allowed: &[ScalarType]) -> Result<Template, LaunchError> {
+    pub fn scalar(&self, key: &str, item: &Item, allowed: &[ScalarType]) -> Result<Vec<Piece>, LaunchError> {
         match &item.content {
-            // Only a string can hold substitutions; whether their value fits is known when they are evaluated.
+            // Only a string can hold substitutions.
             Content::Scalar(text, ScalarType::String) => {
-                Template::parse(text).map_err(|e| self.refuse(item.line, format!("{key}: {e}")))
+                pieces(text, None).map_err(|e| self.refuse(item.line, format!("{key}: {e}")))?;
+                let around =
+                    self.scope.map(|scope| Surroundings { file: self.file, variables: &scope.variables });
+                pieces(text, around.as_ref())
+                    .map_err(|why| LaunchError::at(self.file, item.line, why.to_string()))
             }
-            Content::Scalar(text, kind) if allowed.contains(kind) => Ok(Template::plain(text)),
+            Content::Scalar(text, kind) if allowed.contains(kind) => Ok(vec![Piece::Text(text.clone())]),
             _ => Err(self.refuse(item.line, mismatch(key, item, allowed))),
         }
     }
+}
+
+/// Whether a text has no substitution.
+pub(crate) fn is_plain(pieces: &[Piece]) -> bool {
+    pieces.iter().all(|piece| matches!(piece, Piece::Text(_)))
 }
 
 fn mismatch(key: &str, item: &Item, allowed: &[ScalarType]) -> String {

@@ -7,7 +7,7 @@ use modulo_runtime::embedded::locate;
 use modulo_runtime::parameter::yaml_text::of_string;
 use modulo_runtime::yaml::{self, Content, Item, ScalarType};
 
-use crate::attributes::Attributes;
+use crate::attributes::{Attributes, is_plain};
 use crate::plan::NodeParameter;
 use crate::{LaunchError, listed};
 
@@ -100,12 +100,12 @@ fn value(
 ) -> Result<Result<ParameterText, String>, LaunchError> {
     // The text of a scalar and its type as it is written; `None` where a substitution decides on the type.
     let scalar = |item: &Item| -> Result<(String, Option<ScalarType>), LaunchError> {
-        let template = entry.scalar("value", item, &SCALARS)?;
+        let pieces = entry.scalar("value", item, &SCALARS)?;
         let written = match item.content {
-            Content::Scalar(_, kind) if template.as_plain().is_some() => Some(kind),
+            Content::Scalar(_, kind) if is_plain(&pieces) => Some(kind),
             _ => None,
         };
-        Ok((entry.evaluated(item, &template)?, written))
+        Ok((entry.joined(item, &pieces), written))
     };
     match &item.content {
         Content::List(items) if items.is_empty() => {

@@ -11,7 +11,7 @@ use crate::LaunchError;
 use crate::attributes::Attributes;
 use crate::package::SUITE;
 use crate::plan::{ExecutablePlan, NodePlan, ProcessPlan};
-use crate::substitution::{Part, SubstitutionError, Surroundings, Template};
+use crate::substitution::Piece;
 
 /// The keys of a node beside those of a process.
 pub(super) const NODE_KEYS: &[&str] = &["pkg", "exec", "namespace", "args", "ros_args", "param", "remap"];
@@ -74,9 +74,8 @@ fn arguments(a: &Attributes<'_, '_>, key: &str) -> Result<Vec<String>, LaunchErr
 }
 
 fn words(a: &Attributes<'_, '_>, key: &str) -> Result<Option<Vec<String>>, LaunchError> {
-    let Some(template) = a.template(key)? else { return Ok(None) };
-    let words = a.surroundings().map_or_else(|| Ok(Vec::new()), |around| split_words(&template, &around));
-    a.checked(key, words).map(Some)
+    let Some(pieces) = a.pieces(key)? else { return Ok(None) };
+    a.checked(key, split_words(&pieces)).map(Some)
 }
 
 fn process(a: &Attributes<'_, '_>, label: String) -> Result<ProcessPlan, LaunchError> {
@@ -112,16 +111,16 @@ fn process(a: &Attributes<'_, '_>, label: String) -> Result<ProcessPlan, LaunchE
 
 /// Splits a command line into words as a shell would, without running one: quotes group, a backslash makes the next
 /// character plain, and the value of a substitution is never split. As in ROS 2, no quote spans a substitution.
-fn split_words(template: &Template, around: &Surroundings<'_>) -> Result<Vec<String>, SubstitutionError> {
+fn split_words(pieces: &[Piece]) -> Result<Vec<String>, String> {
     let mut splitter = Splitter::default();
-    for part in &template.parts {
-        match part {
-            Part::Text(text) => splitter.text(text),
-            Part::Call(..) if splitter.quote.is_some() => {
+    for piece in pieces {
+        match piece {
+            Piece::Text(text) => splitter.text(text),
+            Piece::Value(_) if splitter.quote.is_some() => {
                 let why = "a quote spans a substitution; leave it out, the value is one word anyway";
-                return Err(SubstitutionError(why.to_owned()));
+                return Err(why.to_owned());
             }
-            Part::Call(..) => splitter.word.get_or_insert_default().push_str(&part.evaluate(around)?),
+            Piece::Value(value) => splitter.word.get_or_insert_default().push_str(value),
         }
     }
     splitter.finish()
@@ -157,9 +156,9 @@ impl Splitter {
         self.word.get_or_insert_default().push(c);
     }
 
-    fn finish(mut self) -> Result<Vec<String>, SubstitutionError> {
+    fn finish(mut self) -> Result<Vec<String>, String> {
         if let Some(quote) = self.quote {
-            return Err(SubstitutionError(format!("the quote {quote} does not end")));
+            return Err(format!("the quote {quote} does not end"));
         }
         self.words.extend(self.word);
         Ok(self.words)
@@ -169,12 +168,13 @@ impl Splitter {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::substitution::{Surroundings, pieces};
     use proptest::prelude::*;
 
-    fn split(text: &str) -> Result<Vec<String>, SubstitutionError> {
+    fn split(text: &str) -> Result<Vec<String>, String> {
         let variables = [("v".to_owned(), "a b".to_owned())].into();
-        let around = Surroundings { file: std::path::Path::new("f"), variables: &variables };
-        split_words(&Template::parse(text)?, &around)
+        let around = Surroundings { file: Path::new("f"), variables: &variables };
+        split_words(&pieces(text, Some(&around)).map_err(|why| why.to_string())?)
     }
 
     #[test]
