@@ -15,9 +15,9 @@ use tokio::task::spawn_blocking;
 use tokio::time::{MissedTickBehavior, interval, timeout};
 
 use crate::Viewer;
-use crate::feed::PLAYER;
+use crate::graph::PLAYER;
 use crate::protocol::{Event, GraphView, PageRequest, ParameterView, PlayerCall};
-use crate::watch::{Audience, LOOK, Watch};
+use crate::watch::{Audience, LOOK, Subscriptions, Watch};
 
 /// Time between two questions whether the browser is still there, which it answers by itself. One that leaves two of them unanswered
 /// makes room for another one; its page connects again when it goes on.
@@ -38,7 +38,7 @@ pub(crate) async fn serve(viewer: Arc<Viewer>, mut socket: WebSocket) {
     // After a pause of the viewer itself, the browser has the whole time again.
     question.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut unanswered = 0;
-    let (mut feed, mut graph) = (client.watch.feed(), GraphView::default());
+    let (subscribed, mut graph) = (Subscriptions::default(), GraphView::default());
     loop {
         let sent = tokio::select! {
             frame = socket.recv() => match frame.inspect(|_| unanswered = 0) {
@@ -56,8 +56,7 @@ pub(crate) async fn serve(viewer: Arc<Viewer>, mut socket: WebSocket) {
             Some(event) = answered.recv() => send(&mut socket, &event).await,
             () = client.watch.news.notified() => send_all(&mut socket, client.watch.notices()).await,
             _ = look.tick() => {
-                let (kept, seen, errors) = client.watch.look(feed).await;
-                feed = kept;
+                let (seen, errors) = client.watch.look(&subscribed).await;
                 let events = client.watch.events(&mut graph, seen);
                 send_all(&mut socket, events.into_iter().chain(errors.into_iter().map(Event::Error))).await
             }
