@@ -189,7 +189,7 @@ impl Detector {
         let now = model.as_ref().unwrap_or(&self.loaded);
         let again = |name, value: &str| Err(ParameterError::new(name, value, "was not loaded; set it again"));
         // Other parameters may have changed while a part of this change was loaded.
-        if !parameters.same_engine(&now.parameters) {
+        if !parameters.same_engine(&now.settings.parameters) {
             return again("model", &parameters.model);
         }
         if parameters.class_map != map.file {
@@ -200,7 +200,7 @@ impl Detector {
             if let Some(model) = model {
                 *loaded = model;
             }
-            (loaded.parameters, loaded.settings) = (parameters, settings);
+            loaded.settings = settings;
         });
         Ok(())
     }
@@ -208,8 +208,8 @@ impl Detector {
     /// Takes another model or other settings between two frames.
     fn change(&mut self, change: impl FnOnce(&mut Loaded)) {
         let labels = |loaded: &Loaded| {
-            let Settings { classes, score_threshold, .. } = &loaded.settings;
-            (loaded.model_file(), classes.labels(), *score_threshold)
+            let Settings { classes, parameters, .. } = &loaded.settings;
+            (loaded.model_file(), classes.labels(), parameters.score_threshold)
         };
         let (before, input) = (labels(&self.loaded), self.loaded.settings.input.clone());
         change(&mut self.loaded);
@@ -242,11 +242,11 @@ impl Detector {
             database_location: format!("{}/label_info", cx.node()),
             database_version: self.version,
         };
-        let Settings { classes, score_threshold: threshold, .. } = &self.loaded.settings;
+        let Settings { classes, parameters, .. } = &self.loaded.settings;
         let [vision_info, label_info] = outputs_at(self.cameras.len());
         cx.emit(vision_info, info);
         let (header, class_map) = (header.clone(), classes.labels());
-        cx.emit(label_info, LabelInfo { header, class_map, threshold: *threshold });
+        cx.emit(label_info, LabelInfo { header, class_map, threshold: parameters.score_threshold as f32 });
     }
 
     /// Finds the objects in an image of `stream` of the camera with this index.
@@ -295,7 +295,7 @@ impl Detector {
         (camera, stream): (usize, &str),
         image: &StampedFrame,
     ) -> Result<StreamScale, String> {
-        let (bits, camera) = (&self.loaded.settings.bits, &mut self.cameras[camera]);
+        let (bits, camera) = (&self.loaded.settings.parameters.bits, &mut self.cameras[camera]);
         let (kind, described) = camera.described.of(stream);
         let sensor = described.and_then(|described| described.nearest(image.header.stamp));
         let of = |bits| StreamScale::of(kind, image.frame.depth(), sensor, bits);
@@ -494,7 +494,7 @@ impl Node for Detector {
     }
 
     fn state(&self) -> Vec<(&'static str, String)> {
-        let Loaded { parameters, settings, engine, .. } = &self.loaded;
+        let Loaded { settings: Settings { parameters, .. }, engine, .. } = &self.loaded;
         let mut state = vec![
             ("engine", engine.name.to_owned()),
             ("engine_from", engine.note.clone()),
@@ -503,7 +503,7 @@ impl Node for Detector {
             ("model_path", parameters.model.clone()),
             ("input_size", self.shown_size()),
             ("threads", engine.threads.to_string()),
-            ("score_threshold", settings.score_threshold.to_string()),
+            ("score_threshold", parameters.score_threshold.to_string()),
             ("bits", self.of_cameras(|camera| Some(camera.bits.to_string()))),
             ("input", parameters.input.clone()),
         ];
