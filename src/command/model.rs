@@ -97,12 +97,11 @@ pub fn model(args: &Model) -> Result<Ended, Failure> {
 }
 
 fn fetch_official(args: &ModelFetch) -> Result<Ended, Failure> {
-    let model = official(&args.name).map_err(usage)?;
-    let (bytes, sha256) = model.pinned(args.sha256.as_deref()).map_err(usage)?;
-    let url = args.url.clone().unwrap_or_else(|| model.url());
-    let file = args.out.join(model.file_name());
-    note!("{}: the weights are licensed {LICENCE} by their authors, not as this program", model.name);
-    match download(&FetchRequest { url: &url, file: &file, sha256, bytes })? {
+    let (url, bytes, sha256) = official(&args.name, args.sha256.as_deref()).map_err(usage)?;
+    let url = args.url.as_ref().unwrap_or(&url);
+    let file = args.out.join(format!("{}.onnx", args.name));
+    note!("{}: the weights are licensed {LICENCE} by their authors, not as this program", args.name);
+    match download(&FetchRequest { url, file: &file, sha256, bytes })? {
         Fetched::Downloaded => say!("{}", file.display()),
         Fetched::AlreadyThere => say!("{} (was there already)", file.display()),
     }
