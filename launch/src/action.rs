@@ -9,19 +9,13 @@ use std::path::{Path, PathBuf};
 use modulo_runtime::input::{LARGEST_TEXT, read_text};
 use modulo_runtime::yaml::{self, Content, Item, ScalarType};
 
+use crate::LaunchError;
 use crate::attributes::Attributes;
 use crate::plan::{ExecutablePlan, NodePlan};
 use crate::scope::Scope;
 use crate::substitution::truth;
-use crate::{LaunchError, listed};
 
 pub use parameter::ParameterText;
-
-#[derive(Clone, Debug)]
-pub(crate) struct LaunchFile {
-    pub path: PathBuf,
-    pub actions: Vec<Item>,
-}
 
 /// An action with its values; those below it, or in an included file, are not read yet.
 pub(crate) enum Action<'f> {
@@ -74,8 +68,8 @@ const ACTIONS: [(&str, &[&[&str]]); 8] = [
     ("executable", &[&["cmd"], process::PROCESS_KEYS]),
 ];
 
-/// Reads the launch file at `path`. Its actions are not read yet.
-pub(crate) fn read_file(path: &Path) -> Result<LaunchFile, LaunchError> {
+/// Returns the actions of the launch file at `path`, which are not read yet.
+pub(crate) fn read_file(path: &Path) -> Result<Vec<Item>, LaunchError> {
     let text = read_text(path, LARGEST_TEXT).map_err(|e| LaunchError::file(path, e))?;
     if let Some(language) = other_language(path, &text) {
         let why = format!(
@@ -92,7 +86,7 @@ pub(crate) fn read_file(path: &Path) -> Result<LaunchFile, LaunchError> {
     if attributes.item("launch").is_none() {
         return Err(attributes.missing("launch"));
     }
-    Ok(LaunchFile { path: path.to_owned(), actions: attributes.list("launch")?.to_vec() })
+    Ok(attributes.list("launch")?.to_vec())
 }
 
 /// Returns the language of ROS 2 in which a launch file is written that is not YAML.
@@ -116,7 +110,7 @@ pub(crate) fn read<'f>(
         }
     };
     let Some((name, keys)) = ACTIONS.iter().find(|(name, _)| *name == key.name) else {
-        let known = listed(ACTIONS.iter().map(|(name, _)| name), "");
+        let known = ACTIONS.map(|(name, _)| name).join(", ");
         let message = format!(
             "action '{}' is not supported, supported are {known}; ros2 launch starts a file with other actions",
             key.name
@@ -171,7 +165,7 @@ fn argument(a: &Attributes<'_, '_>) -> Result<Argument, LaunchError> {
         .ok_or_else(|| format!("argument '{name}' has no value and no default, give {name}:=VALUE"));
     let value = a.checked("name", value)?;
     let is_possible = choices.is_empty() || choices.contains(&value);
-    let why = || format!("argument '{name}' = '{value}' must be one of {}", listed(&choices, ""));
+    let why = || format!("argument '{name}' = '{value}' must be one of {}", choices.join(", "));
     a.checked("name", is_possible.then_some(()).ok_or_else(why))?;
     let declared = DeclaredArgument { name, default, description: a.plain("description")?, choices };
     Ok(Argument { declared, value })

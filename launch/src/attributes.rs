@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use modulo_runtime::yaml::{Content, Item, Key, ScalarType};
 
+use crate::LaunchError;
 use crate::scope::Scope;
 use crate::substitution::{Piece, Surroundings, pieces};
-use crate::{LaunchError, listed};
 
 /// The attributes of one action or of one entry below it.
 #[derive(Clone, Copy, Debug)]
@@ -38,7 +38,7 @@ impl<'f, 's> Attributes<'f, 's> {
         };
         let line = pairs.first().map_or(item.line, |(key, _)| key.line);
         if let Some((key, _)) = pairs.iter().find(|(key, _)| !known.contains(&key.name.as_str())) {
-            let known = listed(known, "none");
+            let known = known.join(", ");
             let why = format!("{of}: key '{}' is not supported, supported are {known}", key.name);
             return Err(LaunchError::at(file, key.line, why));
         }

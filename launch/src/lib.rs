@@ -53,12 +53,6 @@ impl LaunchError {
     }
 }
 
-/// Joins `words` with commas. Without words the result is `none`.
-pub(crate) fn listed<S: AsRef<str>>(words: impl IntoIterator<Item = S>, none: &str) -> String {
-    let words: Vec<String> = words.into_iter().map(|w| w.as_ref().to_owned()).collect();
-    if words.is_empty() { none.to_owned() } else { words.join(", ") }
-}
-
 /// Returns the files in `folder` by their paths: a folder is listed in any order, and the same run must give the same results.
 pub(crate) fn files_in(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     let mut files: Vec<_> = std::fs::read_dir(folder)?.flatten().map(|entry| entry.path()).collect();

@@ -102,7 +102,7 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
         say!("{plan}");
         return Ok(Ended::Done);
     }
-    warn_of_demo(&known(&plan), None);
+    warn_of_demo(&known(&plan).map(|(_, parameters)| parameters).collect::<Vec<_>>(), None);
     // A result without a place would be known only when the whole run is over.
     places(args)?;
     // Lockstep runs the nodes as one process does, so the hint at the end is given for such files only.
@@ -124,14 +124,14 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
     failure.map_or_else(|| Ok(Ended::of(summary.lost(args.strict))), Err)
 }
 
-/// Returns the parameters of the nodes of the suite, without those that they ignore.
-fn known(plan: &Plan) -> Vec<Parameters> {
+/// Returns the names and the parameters of the nodes of the suite, without those that they ignore.
+fn known(plan: &Plan) -> impl Iterator<Item = (NodeName, Parameters)> {
     let known = |node: &NodePlan| {
-        let (_, declared, mut settings) = settings(node).ok()?;
+        let (node_name, declared, mut settings) = settings(node).ok()?;
         settings.retain(|(name, _)| declared.descriptor(name).is_some());
-        declared.with_text(&settings).ok()
+        Some((node_name, declared.with_text(&settings).ok()?))
     };
-    plan.nodes.iter().filter_map(known).collect()
+    plan.nodes.iter().filter(|node| node.package == modulo_launch::SUITE).filter_map(known)
 }
 
 /// Warns where the embedded model is to look at anything but rendered scenes: the sources of the cameras among nodes with these
@@ -241,15 +241,12 @@ pub(super) fn refuse(plan: &Plan) -> Result<(), Failure> {
 
 /// Refuses nodes of the suite that wait for each other, or for themselves: they would do so in silence, and then fail.
 fn circle(plan: &Plan) -> Option<String> {
-    let waits = |node: &NodePlan| {
-        let (node_name, declared, mut settings) = settings(node).ok()?;
-        settings.retain(|(name, _)| name == "wait_for");
-        let CommonParameters { wait_for, .. } = (&declared.with_text(&settings).ok()?).into();
+    let waits = known(plan).map(|(node_name, parameters)| {
+        let CommonParameters { wait_for, .. } = (&parameters).into();
         let others = wait_for.iter().filter_map(|name| node_name.resolve(name).ok());
-        Some((node_name.fully_qualified(), others.collect()))
-    };
-    let of_suite = plan.nodes.iter().filter(|node| node.package == modulo_launch::SUITE);
-    let waits = of_suite.filter_map(waits).collect();
+        (node_name.fully_qualified(), others.collect())
+    });
+    let waits = waits.collect();
     let circle = circle_of(&waits)?.join(" -> ");
     Some(format!(
         "wait_for goes in a circle ({circle}), so that none of these nodes would ever be ready: take one name out"

@@ -7,9 +7,9 @@ use modulo_runtime::embedded::locate;
 use modulo_runtime::parameter::yaml_text::of_string;
 use modulo_runtime::yaml::{self, Content, Item, ScalarType};
 
+use crate::LaunchError;
 use crate::attributes::{Attributes, is_plain};
 use crate::plan::NodeParameter;
-use crate::{LaunchError, listed};
 
 const KEYS: [&str; 4] = ["name", "value", "type", "from"];
 /// The types that the value of a parameter may have in the file.
@@ -51,7 +51,7 @@ fn existing(file: &str) -> Result<PathBuf, String> {
 fn kind(entry: &Attributes<'_, '_>) -> Result<Option<&'static str>, LaunchError> {
     let Some(given) = entry.plain("type")? else { return Ok(None) };
     let known = TYPES.iter().find(|kind| **kind == given).copied();
-    let why = || format!("type: unknown '{given}', known are {}", listed(TYPES, ""));
+    let why = || format!("type: unknown '{given}', known are {}", TYPES.join(", "));
     known.map(Some).ok_or_else(|| entry.refuse(entry.line_of("type"), why()))
 }
 

@@ -23,14 +23,14 @@ pub(super) fn declared(
     file: &Path,
     arguments: &[(String, String)],
 ) -> Result<Vec<DeclaredArgument>, LaunchError> {
-    let launch_file = action::read_file(file)?;
+    let actions = action::read_file(file)?;
     let mut collector = Collector {
         found: Vec::new(),
         fixed: Vec::new(),
         scope: Scope::new(arguments),
         open: vec![identity(file)],
     };
-    collector.all(&launch_file.path, &launch_file.actions)?;
+    collector.all(file, &actions)?;
     Ok(collector.found)
 }
 
@@ -99,8 +99,8 @@ impl Collector {
 
     fn include(&mut self, include: Include) {
         // A file that is not there, or has a mistake, counts only if it is really included.
-        let Ok(inner) = action::read_file(&include.file) else { return };
-        let identity = identity(&inner.path);
+        let Ok(actions) = action::read_file(&include.file) else { return };
+        let identity = identity(&include.file);
         // A file that includes itself is refused when the plan is made; here it would be read without end.
         if include.file.is_relative() || self.open.contains(&identity) {
             return;
@@ -112,7 +112,7 @@ impl Collector {
             self.fixed.push(name);
         }
         self.open.push(identity);
-        let _ = self.all(&inner.path, &inner.actions);
+        let _ = self.all(&include.file, &actions);
         self.open.pop();
         self.fixed.truncate(outer);
     }

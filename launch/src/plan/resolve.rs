@@ -8,7 +8,7 @@ use modulo_runtime::yaml::Item;
 use super::arguments::{self, absolute, identity};
 use super::{NodePlan, Plan};
 use crate::LaunchError;
-use crate::action::{self, Action, Include, LaunchFile};
+use crate::action::{self, Action, Include};
 use crate::package::SUITE;
 use crate::scope::Scope;
 
@@ -36,10 +36,10 @@ pub fn resolve(file: &Path, arguments: &[(String, String)]) -> Result<Plan, Laun
         let known = arguments::known(name, &declared);
         return Err(LaunchError::Other(format!("unknown launch argument '{name}'{known}")));
     }
-    let launch_file = action::read_file(file)?;
+    let actions = action::read_file(file)?;
     let mut resolver =
         Resolver { plan: Plan::default(), scope: Scope::new(arguments), open: vec![identity(file)] };
-    resolver.all(&launch_file.path, &launch_file.actions)?;
+    resolver.all(file, &actions)?;
     Ok(with_ends(resolver.plan))
 }
 
@@ -95,18 +95,18 @@ impl Resolver {
 
     /// As in ROS 2, an included file works in the scope of the including one.
     fn include(&mut self, file: &Path, line: usize, include: Include) -> Result<(), LaunchError> {
-        let launch_file = included(file, &include)?;
-        let identity = identity(&launch_file.path);
+        let actions = included(file, &include)?;
+        let (path, identity) = (&include.file, identity(&include.file));
         if self.open.contains(&identity) {
-            let why = format!("include: {} includes itself", launch_file.path.display());
+            let why = format!("include: {} includes itself", path.display());
             return Err(LaunchError::at(file, line, why));
         }
-        let declared = arguments::declared(&launch_file.path, &[])?;
+        let declared = arguments::declared(path, &[])?;
         for (line, name, value) in include.arguments {
             // ROS 2 takes any name here: a misspelt one would leave the default of the file in place.
             if declared.iter().all(|d| d.name != name) {
                 let known = arguments::known(&name, &declared);
-                let path = launch_file.path.display();
+                let path = path.display();
                 let why = format!("include: {path} declares no argument '{name}'{known}");
                 return Err(LaunchError::at(file, line, why));
             }
@@ -114,14 +114,14 @@ impl Resolver {
         }
         // The file counts as open only while it is read: to include it twice is no loop.
         self.open.push(identity);
-        self.all(&launch_file.path, &launch_file.actions)?;
+        self.all(path, &actions)?;
         self.open.pop();
         Ok(())
     }
 }
 
 /// Reads the included file. A relative path is refused, which ROS 2 would look for in the folder of the start.
-fn included(file: &Path, Include { line, file: path, .. }: &Include) -> Result<LaunchFile, LaunchError> {
+fn included(file: &Path, Include { line, file: path, .. }: &Include) -> Result<Vec<Item>, LaunchError> {
     let refuse = |why: String| LaunchError::at(file, *line, format!("include: {why}"));
     if path.is_relative() {
         let path = path.display();

@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::SubstitutionError;
-use crate::listed;
 use crate::package;
 
 /// A substitution: its name, the fewest and the most arguments, and the value for so many of them.
@@ -36,7 +35,7 @@ impl Function {
     /// The function called `name`, or an error with the supported names.
     pub fn named(name: &str) -> Result<&'static Self, SubstitutionError> {
         KNOWN.iter().find(|known| known.0 == name).ok_or_else(|| {
-            let known = listed(KNOWN.iter().map(|known| known.0), "");
+            let known = KNOWN.iter().map(|known| known.0).collect::<Vec<_>>().join(", ");
             SubstitutionError(format!("$({name}) is not supported, supported are {known}"))
         })
     }
@@ -82,7 +81,8 @@ fn folder_of(file: &Path) -> String {
 
 fn variable(name: &str, default: Option<&String>, around: &Surroundings<'_>) -> Value {
     around.variables.get(name).or(default).cloned().ok_or_else(|| {
-        let known = listed(around.variables.keys(), "none");
+        let known: Vec<&str> = around.variables.keys().map(String::as_str).collect();
+        let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
         SubstitutionError(format!("undefined variable '{name}', defined here are {known}"))
     })
 }

@@ -36,7 +36,7 @@ pub(super) struct Running {
     /// `None` once the process was reaped: from then on the group's number may be that of another process.
     group: Option<Group>,
     readers: Vec<JoinHandle<()>>,
-    say: Box<dyn Fn(&str) + Send + Sync>,
+    print: Print,
     last_line: Arc<Mutex<String>>,
 }
 
@@ -66,9 +66,8 @@ impl Running {
             shown(channel, line);
         });
         let err = child.stderr.take().map(|err| forward(err, Channel::Err, label, &note));
-        let (print, label) = (print.clone(), label.clone());
-        let say = Box::new(move |message: &str| print(Channel::Err, &format!("[{label}] {message}")));
-        Ok(Self { child, group: Some(group), readers: out.into_iter().chain(err).collect(), say, last_line })
+        let readers = out.into_iter().chain(err).collect();
+        Ok(Self { child, group: Some(group), readers, print: print.clone(), last_line })
     }
 
     /// Returns the number of the process; 0 once it was reaped.
@@ -121,7 +120,9 @@ impl Running {
                     break;
                 }
             }
-            (self.say)(&format!("still runs {} s after {signal}, sending {next}", waited.as_secs_f64()));
+            let (label, seconds) = (&process.label, waited.as_secs_f64());
+            let message = format!("[{label}] still runs {seconds} s after {signal}, sending {next}");
+            (self.print)(Channel::Err, &message);
         }
         self.kill();
         (self.wait().await, Some(computes))
