@@ -21,9 +21,7 @@ use tokio::task::{JoinHandle, spawn_blocking};
 use crate::cameras::{FirstStreams, namespace};
 use crate::expose::Captured;
 use crate::graph::{MessageOrigin, Session, Statuses, author, state_topic};
-use crate::protocol::{
-    BoxView, Event, ExposeRequest, GraphView, ImageHeader, MomentHeader, Notice, Step, moment_message,
-};
+use crate::protocol::{BoxView, Event, ExposeRequest, GraphView, ImageHeader, MomentHeader, Notice, Step};
 use crate::shown::ShownImage;
 use crate::streams::{NextImage, Streams};
 
@@ -87,7 +85,11 @@ impl Moment {
         let images = self.images.iter().map(|image| image.header.clone()).collect();
         let (together, camera) = (self.together, self.camera.clone());
         let header = MomentHeader { at_ms: self.at_ms, together, camera, images };
-        moment_message(&header, self.images.iter().map(|image| &*image.jpeg))
+        let header = serde_json::to_vec(&header).expect("strings and finite numbers are JSON");
+        let length = u32::try_from(header.len()).expect("a header is short");
+        let mut message = [&length.to_le_bytes()[..], &header].concat();
+        self.images.iter().for_each(|image| message.extend_from_slice(&image.jpeg));
+        message
     }
 }
 
