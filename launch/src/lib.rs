@@ -7,11 +7,8 @@
 //! to `ros2 launch`, and what is not supported is refused by name. What is wrong is a
 //! [`LaunchError`] of one line that names the place, the thing and the possible values.
 
-mod action;
-mod attributes;
 mod package;
 pub mod plan;
-mod scope;
 pub mod substitution;
 pub mod summary;
 pub mod supervisor;

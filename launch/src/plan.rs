@@ -1,9 +1,12 @@
 //! [`Plan`]: the processes that a launch file starts, with every value in place, as text, and as nodes of one process.
 //! Nothing is started here; the same file and arguments give the same plan.
 
+mod action;
 mod arguments;
+mod attributes;
 mod circle;
 mod resolve;
+mod scope;
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -15,7 +18,7 @@ use modulo_runtime::secret::without_secrets;
 use crate::LaunchError;
 use crate::package::SUITE;
 
-pub use crate::action::{DeclaredArgument, ParameterText};
+pub use action::{DeclaredArgument, ParameterText};
 pub use arguments::declared_arguments;
 pub use circle::circle_of;
 pub use resolve::resolve;
@@ -160,34 +163,26 @@ fn refuse(process: &str, why: &str) -> LaunchError {
 
 impl fmt::Display for Plan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.nodes.iter().try_for_each(|node| node.fmt(f))?;
-        self.executables.iter().try_for_each(|executable| executable.fmt(f))
-    }
-}
-
-impl fmt::Display for NodePlan {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = self.fully_qualified().unwrap_or_else(|| format!("{} (its own name)", self.namespace));
-        writeln!(f, "node {name}: {}/{}", self.package, self.executable)?;
         let shown = |value: &dyn fmt::Display| without_secrets(&value.to_string()).into_owned();
-        self.parameters.iter().try_for_each(|parameter| match parameter {
-            NodeParameter::File(file) => writeln!(f, "  params {}", file.display()),
-            NodeParameter::Value(name, value) => writeln!(f, "  {name} = {}", shown(value)),
-        })?;
-        self.remaps.iter().try_for_each(|(from, to)| writeln!(f, "  {from} -> {to}"))?;
-        for (what, arguments) in [("args", &self.args), ("ros_args", &self.ros_args)] {
-            if !arguments.is_empty() {
-                writeln!(f, "  {what} {}", shown(&arguments.join(" ")))?;
+        for node in &self.nodes {
+            let name = node.fully_qualified().unwrap_or_else(|| format!("{} (its own name)", node.namespace));
+            writeln!(f, "node {name}: {}/{}", node.package, node.executable)?;
+            node.parameters.iter().try_for_each(|parameter| match parameter {
+                NodeParameter::File(file) => writeln!(f, "  params {}", file.display()),
+                NodeParameter::Value(name, value) => writeln!(f, "  {name} = {}", shown(value)),
+            })?;
+            node.remaps.iter().try_for_each(|(from, to)| writeln!(f, "  {from} -> {to}"))?;
+            for (what, arguments) in [("args", &node.args), ("ros_args", &node.ros_args)] {
+                if !arguments.is_empty() {
+                    writeln!(f, "  {what} {}", shown(&arguments.join(" ")))?;
+                }
             }
+            node.process.fmt(f)?;
         }
-        self.process.fmt(f)
-    }
-}
-
-impl fmt::Display for ExecutablePlan {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "executable {}: {}", self.process.label, self.command.join(" "))?;
-        self.process.fmt(f)
+        self.executables.iter().try_for_each(|executable| {
+            writeln!(f, "executable {}: {}", executable.process.label, executable.command.join(" "))?;
+            executable.process.fmt(f)
+        })
     }
 }
 

@@ -10,9 +10,9 @@ use modulo_runtime::input::{LARGEST_TEXT, read_text};
 use modulo_runtime::yaml::{self, Content, Item, ScalarType};
 
 use crate::LaunchError;
-use crate::attributes::Attributes;
+use crate::plan::attributes::Attributes;
+use crate::plan::scope::Scope;
 use crate::plan::{ExecutablePlan, NodePlan};
-use crate::scope::Scope;
 use crate::substitution::truth;
 
 pub use parameter::ParameterText;

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use modulo_runtime::name::near_or_all;
 use modulo_runtime::yaml::Item;
 
+use super::action::{self, Action, DeclaredArgument, Include};
+use super::scope::Scope;
 use crate::LaunchError;
-use crate::action::{self, Action, DeclaredArgument, Include};
-use crate::scope::Scope;
 
 /// The arguments of the launch file `file`, in order, each once.
 ///

@@ -6,7 +6,7 @@ use std::time::Duration;
 use modulo_runtime::yaml::{Content, Item, Key, ScalarType};
 
 use crate::LaunchError;
-use crate::scope::Scope;
+use crate::plan::scope::Scope;
 use crate::substitution::{Piece, Surroundings, pieces};
 
 /// The attributes of one action or of one entry below it.

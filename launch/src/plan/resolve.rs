@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 
 use modulo_runtime::yaml::Item;
 
+use super::action::{self, Action, Include};
 use super::arguments::{self, absolute, identity};
+use super::scope::Scope;
 use super::{NodePlan, Plan};
 use crate::LaunchError;
-use crate::action::{self, Action, Include};
 use crate::package::SUITE;
-use crate::scope::Scope;
 
 const CAMERA: &str = "modulo_camera";
 /// The executable that ends with the frames of the camera in its namespace, and not when the camera crashes.

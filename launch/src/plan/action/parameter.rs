@@ -8,8 +8,8 @@ use modulo_runtime::parameter::yaml_text::of_string;
 use modulo_runtime::yaml::{self, Content, Item, ScalarType};
 
 use crate::LaunchError;
-use crate::attributes::{Attributes, is_plain};
 use crate::plan::NodeParameter;
+use crate::plan::attributes::{Attributes, is_plain};
 
 const KEYS: [&str; 4] = ["name", "value", "type", "from"];
 /// The types that the value of a parameter may have in the file.

@@ -8,8 +8,8 @@ use modulo_runtime::yaml::ScalarType;
 
 use super::parameter;
 use crate::LaunchError;
-use crate::attributes::Attributes;
 use crate::package::SUITE;
+use crate::plan::attributes::Attributes;
 use crate::plan::{ExecutablePlan, NodePlan, ProcessPlan};
 use crate::substitution::Piece;
 
