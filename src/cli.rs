@@ -120,8 +120,9 @@ const RARE: &str = "\
 /// Gives each option with a text of several sentences or clauses the first one for -h. --help has all of the text, and -h says where it has
 /// more options. The commands below the first ones have no command `help` beside the option.
 fn with_short_help(command: clap::Command) -> clap::Command {
+    let is_rare = |argument: &&clap::Arg| RARE.split(' ').any(|rare| rare == argument.get_id().as_str());
     let shorten = |argument: clap::Arg| {
-        let is_rare = RARE.split(' ').any(|rare| rare == argument.get_id().as_str());
+        let is_rare = is_rare(&&argument);
         let argument = argument.hide_short_help(is_rare);
         let full = argument.get_help().map(ToString::to_string).unwrap_or_default();
         let ends = [". ", "; ", ": ", " (", " ["].map(|mark| full.find(mark));
@@ -149,7 +150,6 @@ fn with_short_help(command: clap::Command) -> clap::Command {
                 .help("Print the most used help, and all of it with --help"),
         ),
     };
-    let is_rare = |argument: &&clap::Arg| RARE.split(' ').any(|rare| rare == argument.get_id().as_str());
     let command = match command.get_arguments().filter(is_rare).count() {
         0 => command,
         1 => command.after_help("--help has one more option.").after_long_help(""),

@@ -3,7 +3,7 @@
 use modulo_bags::source::{
     GroundTruth, LabelledSource, Source, SourceOptions, from_detections, to_detections,
 };
-use modulo_launch::substitution::Template;
+use modulo_launch::substitution::pieces;
 use modulo_launch::{NodeParameter, resolve, ros_arguments};
 use modulo_runtime::parameter::file;
 use modulo_runtime::ros_args::RosArgs;
@@ -13,7 +13,7 @@ use modulo_unwrap::UnwrapParameters;
 /// A launch file: what it plans can be started, and a text stays the text that it is.
 pub fn launch(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else { return };
-    let _ = Template::parse(text);
+    let _ = pieces(text, None);
     let folder = super::folder(&[("a.launch.yaml", data)]);
     let Ok(plan) = resolve(&folder.path().join("a.launch.yaml"), &[]) else { return };
     for node in &plan.nodes {

@@ -1,14 +1,12 @@
 //! ROS 2 YAML launch files: parser, plan and process supervisor.
 //!
-//! Data flows one way: a file is read into actions, the actions are evaluated
+//! Data flows one way: the actions of a file are evaluated one after the other
 //! into a [`Plan`], and a plan is run, printed, or translated for one process.
 //!
 //! The dialect is a subset of ROS 2's own: what is accepted here means the same
 //! to `ros2 launch`, and what is not supported is refused by name. What is wrong is a
 //! [`LaunchError`] of one line that names the place, the thing and the possible values.
 
-mod action;
-mod attributes;
 mod package;
 pub mod plan;
 pub mod substitution;
@@ -20,8 +18,7 @@ use std::path::{Path, PathBuf};
 
 pub use package::{FoundFile, SUITE, copy, launch_file, launch_files};
 pub use plan::{
-    ComposedNode, DeclaredArgument, NodeParameter, NodePlan, Plan, compose, declared_arguments, resolve,
-    ros_arguments,
+    DeclaredArgument, NodeParameter, NodePlan, Plan, compose, declared_arguments, resolve, ros_arguments,
 };
 pub use summary::{NodeReport, SUMMARY_BEGIN, Summary, reports_so_far};
 pub use supervisor::{Ending, Outcome, Supervision, run};
@@ -51,12 +48,6 @@ impl LaunchError {
     pub fn file(file: &Path, why: impl ToString) -> Self {
         Self::File(file.to_owned(), why.to_string())
     }
-}
-
-/// Joins `words` with commas. Without words the result is `none`.
-pub(crate) fn listed<S: AsRef<str>>(words: impl IntoIterator<Item = S>, none: &str) -> String {
-    let words: Vec<String> = words.into_iter().map(|w| w.as_ref().to_owned()).collect();
-    if words.is_empty() { none.to_owned() } else { words.join(", ") }
 }
 
 /// Returns the files in `folder` by their paths: a folder is listed in any order, and the same run must give the same results.

@@ -1,9 +1,10 @@
 //! [`Plan`]: the processes that a launch file starts, with every value in place, as text, and as nodes of one process.
 //! Nothing is started here; the same file and arguments give the same plan.
 
+mod action;
 mod arguments;
+mod attributes;
 mod circle;
-mod process;
 mod resolve;
 mod scope;
 
@@ -12,18 +13,15 @@ use std::fmt;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use modulo_runtime::NodeName;
-use modulo_runtime::parameter::file as parameter_file;
 use modulo_runtime::secret::without_secrets;
 
 use crate::LaunchError;
 use crate::package::SUITE;
 
-pub use crate::action::DeclaredArgument;
+pub use action::{DeclaredArgument, ParameterText};
 pub use arguments::declared_arguments;
 pub use circle::circle_of;
 pub use resolve::resolve;
-pub use scope::ParameterText;
 
 /// Everything that a launch file starts.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -96,17 +94,6 @@ pub struct ProcessPlan {
     pub sigkill_timeout: Duration,
 }
 
-/// A node of this suite to run beside others in one process.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ComposedNode {
-    /// Its executable: `modulo_camera`, `unwrap` or `detector`.
-    pub kind: String,
-    /// Its name, namespace and remaps.
-    pub node_name: NodeName,
-    /// (name, value as text) in order; a later one of the same name wins.
-    pub parameters: Vec<(String, String)>,
-}
-
 impl Plan {
     /// How every process is run, nodes first.
     pub fn processes(&self) -> impl Iterator<Item = &ProcessPlan> {
@@ -143,45 +130,31 @@ pub fn ros_arguments(node: &NodePlan) -> Vec<String> {
     all
 }
 
-/// Translates `plan` into nodes that run in one process. A setting that is not possible there is refused.
+/// Returns the nodes of `plan`, which can run in one process. A setting that is not possible there is refused.
 ///
 /// # Errors
 /// [`LaunchError::Other`] for executables, nodes of other packages, and settings that only a process of its own can have.
-pub fn compose(plan: &Plan) -> Result<Vec<ComposedNode>, LaunchError> {
+pub fn compose(plan: &Plan) -> Result<&[NodePlan], LaunchError> {
     if let Some(executable) = plan.executables.first() {
         return Err(refuse(&executable.process.label, "it is an executable, not a node of this suite"));
     }
-    plan.nodes.iter().map(composed).collect()
-}
-
-fn composed(node: &NodePlan) -> Result<ComposedNode, LaunchError> {
-    let label = &node.process.label;
-    if node.package != SUITE {
-        let why = format!("its package is '{}', only nodes of '{SUITE}' can", node.package);
-        return Err(refuse(label, &why));
-    }
-    // Each of these belongs to a whole process: in a shared one it would reach the other nodes as well.
-    let own = [
-        (!node.args.is_empty(), "args"),
-        (!node.ros_args.is_empty(), "ros_args"),
-        (!node.process.env.is_empty(), "env"),
-    ];
-    if let Some((_, setting)) = own.iter().find(|(used, _)| *used) {
-        return Err(refuse(label, &format!("it has {setting}, which needs a process of its own")));
-    }
-    let wrong = |why: String| refuse(label, &why);
-    let node_name =
-        NodeName::new(node.name.as_ref().unwrap_or(&node.executable), &node.namespace, &node.remaps);
-    let node_name = node_name.map_err(|why| wrong(why.to_string()))?;
-    let mut parameters = Vec::new();
-    for parameter in &node.parameters {
-        match parameter {
-            NodeParameter::File(file) => parameters
-                .extend(parameter_file::read(file, &node_name).map_err(|why| wrong(why.to_string()))?),
-            NodeParameter::Value(name, value) => parameters.push((name.clone(), value.text.clone())),
+    for node in &plan.nodes {
+        let label = &node.process.label;
+        if node.package != SUITE {
+            let why = format!("its package is '{}', only nodes of '{SUITE}' can", node.package);
+            return Err(refuse(label, &why));
+        }
+        // Each of these belongs to a whole process: in a shared one it would reach the other nodes as well.
+        let own = [
+            (!node.args.is_empty(), "args"),
+            (!node.ros_args.is_empty(), "ros_args"),
+            (!node.process.env.is_empty(), "env"),
+        ];
+        if let Some((_, setting)) = own.iter().find(|(used, _)| *used) {
+            return Err(refuse(label, &format!("it has {setting}, which needs a process of its own")));
         }
     }
-    Ok(ComposedNode { kind: node.executable.clone(), node_name, parameters })
+    Ok(&plan.nodes)
 }
 
 fn refuse(process: &str, why: &str) -> LaunchError {
@@ -190,34 +163,26 @@ fn refuse(process: &str, why: &str) -> LaunchError {
 
 impl fmt::Display for Plan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.nodes.iter().try_for_each(|node| node.fmt(f))?;
-        self.executables.iter().try_for_each(|executable| executable.fmt(f))
-    }
-}
-
-impl fmt::Display for NodePlan {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = self.fully_qualified().unwrap_or_else(|| format!("{} (its own name)", self.namespace));
-        writeln!(f, "node {name}: {}/{}", self.package, self.executable)?;
         let shown = |value: &dyn fmt::Display| without_secrets(&value.to_string()).into_owned();
-        self.parameters.iter().try_for_each(|parameter| match parameter {
-            NodeParameter::File(file) => writeln!(f, "  params {}", file.display()),
-            NodeParameter::Value(name, value) => writeln!(f, "  {name} = {}", shown(value)),
-        })?;
-        self.remaps.iter().try_for_each(|(from, to)| writeln!(f, "  {from} -> {to}"))?;
-        for (what, arguments) in [("args", &self.args), ("ros_args", &self.ros_args)] {
-            if !arguments.is_empty() {
-                writeln!(f, "  {what} {}", shown(&arguments.join(" ")))?;
+        for node in &self.nodes {
+            let name = node.fully_qualified().unwrap_or_else(|| format!("{} (its own name)", node.namespace));
+            writeln!(f, "node {name}: {}/{}", node.package, node.executable)?;
+            node.parameters.iter().try_for_each(|parameter| match parameter {
+                NodeParameter::File(file) => writeln!(f, "  params {}", file.display()),
+                NodeParameter::Value(name, value) => writeln!(f, "  {name} = {}", shown(value)),
+            })?;
+            node.remaps.iter().try_for_each(|(from, to)| writeln!(f, "  {from} -> {to}"))?;
+            for (what, arguments) in [("args", &node.args), ("ros_args", &node.ros_args)] {
+                if !arguments.is_empty() {
+                    writeln!(f, "  {what} {}", shown(&arguments.join(" ")))?;
+                }
             }
+            node.process.fmt(f)?;
         }
-        self.process.fmt(f)
-    }
-}
-
-impl fmt::Display for ExecutablePlan {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "executable {}: {}", self.process.label, self.command.join(" "))?;
-        self.process.fmt(f)
+        self.executables.iter().try_for_each(|executable| {
+            writeln!(f, "executable {}: {}", executable.process.label, executable.command.join(" "))?;
+            executable.process.fmt(f)
+        })
     }
 }
 

@@ -6,74 +6,45 @@
 
 mod function;
 
+use function::Function;
+pub use function::Surroundings;
 pub(crate) use function::truth;
-pub use function::{Function, Surroundings};
 
 /// No launch file nests substitutions deeper than this; keeps recursion bounded.
 const DEEPEST: usize = 32;
 
-/// A parsed text.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Template {
-    /// Its pieces, to be joined.
-    pub parts: Vec<Part>,
-}
-
 /// A piece of a text.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Part {
+pub enum Piece {
     /// Plain text.
     Text(String),
-    /// `$(function arguments)`.
-    Call(&'static Function, Vec<Template>),
+    /// The value of `$(function arguments)`; empty where it is not evaluated.
+    Value(String),
 }
 
-/// Why a text is not a valid template, or has no value.
+impl Piece {
+    pub(crate) fn as_str(&self) -> &str {
+        let (Self::Text(text) | Self::Value(text)) = self;
+        text
+    }
+}
+
+/// Why a text is not valid, or has no value: what is wrong and what is possible.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum SubstitutionError {
-    /// What is wrong and what is possible.
-    #[error("{0}")]
-    Invalid(String),
-    /// The name of a variable that nothing has set, and those that are set.
-    #[error("undefined variable '{0}', defined here are {1}")]
-    Undefined(String, String),
+#[error("{0}")]
+pub struct SubstitutionError(pub(crate) String);
+
+/// Parses `text`, and evaluates its substitutions where they are `around` something.
+///
+/// # Errors
+/// [`SubstitutionError`] for a substitution without an end, an unknown one, a wrong count, or one without a value.
+pub fn pieces(text: &str, around: Option<&Surroundings<'_>>) -> Result<Vec<Piece>, SubstitutionError> {
+    Parser { text, rest: text, around }.pieces(Position::Text, 0)
 }
 
-impl Template {
-    /// Parses `text`.
-    ///
-    /// # Errors
-    /// [`SubstitutionError`] for a substitution without an end, an unknown one, or a wrong count.
-    pub fn parse(text: &str) -> Result<Self, SubstitutionError> {
-        let mut parser = TemplateParser { text, rest: text };
-        parser.template(TemplatePosition::Text, 0)
-    }
-
-    /// A text without substitutions.
-    pub fn plain(text: impl Into<String>) -> Self {
-        Self { parts: vec![Part::Text(text.into())] }
-    }
-
-    /// The text, when there is no substitution in it.
-    pub fn as_plain(&self) -> Option<&str> {
-        match self.parts.as_slice() {
-            [] => Some(""),
-            [Part::Text(text)] => Some(text),
-            _ => None,
-        }
-    }
-
-    fn push(&mut self, c: char) {
-        match self.parts.last_mut() {
-            Some(Part::Text(text)) => text.push(c),
-            _ => self.parts.push(Part::Text(c.to_string())),
-        }
-    }
-}
-
-/// The position of a template, which tells where it ends.
+/// The position of a text, which tells where it ends.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum TemplatePosition {
+enum Position {
     /// A whole text; it ends with it.
     Text,
     /// An argument in quotes.
@@ -84,7 +55,7 @@ enum TemplatePosition {
     BareInQuotes,
 }
 
-impl TemplatePosition {
+impl Position {
     /// Returns the position of the arguments of a substitution that stands here.
     fn arguments(self) -> Self {
         match self {
@@ -98,12 +69,13 @@ impl TemplatePosition {
     }
 }
 
-struct TemplateParser<'a> {
+struct Parser<'a> {
     text: &'a str,
     rest: &'a str,
+    around: Option<&'a Surroundings<'a>>,
 }
 
-impl TemplateParser<'_> {
+impl Parser<'_> {
     fn take(&mut self) -> Option<char> {
         let c = self.rest.chars().next()?;
         self.rest = &self.rest[c.len_utf8()..];
@@ -111,39 +83,43 @@ impl TemplateParser<'_> {
     }
 
     fn refuse<T>(&self, why: &str) -> Result<T, SubstitutionError> {
-        Err(SubstitutionError::Invalid(format!("'{}': {why}", self.text)))
+        Err(SubstitutionError(format!("'{}': {why}", self.text)))
     }
 
-    fn template(&mut self, position: TemplatePosition, depth: usize) -> Result<Template, SubstitutionError> {
-        let mut template = Template::default();
+    fn pieces(&mut self, position: Position, depth: usize) -> Result<Vec<Piece>, SubstitutionError> {
+        let mut pieces = Vec::new();
         loop {
             // A substitution is looked for first: it can stand in a text, in quotes and in a bare argument.
             if self.rest.starts_with("$(") {
-                template.parts.push(self.call(position.arguments(), depth + 1)?);
+                pieces.push(Piece::Value(self.call(position.arguments(), depth + 1)?));
                 continue;
             }
             if position.is_bare() && self.rest.starts_with([' ', ')']) {
-                return Ok(template);
+                return Ok(pieces);
             }
-            match (self.take(), position) {
-                (None, TemplatePosition::Text) => return Ok(template),
-                (None, TemplatePosition::Quoted(quote)) => {
+            let c = match (self.take(), position) {
+                (None, Position::Text) => return Ok(pieces),
+                (None, Position::Quoted(quote)) => {
                     return self.refuse(&format!("the quote {quote} does not end"));
                 }
                 (None, _) => return self.refuse("a substitution does not end, ')' is missing"),
-                (Some('\\'), _) => template.push(self.escaped(position)?),
-                (Some(c), TemplatePosition::Quoted(quote)) if c == quote => return Ok(template),
+                (Some('\\'), _) => self.escaped(position)?,
+                (Some(c), Position::Quoted(quote)) if c == quote => return Ok(pieces),
                 (Some('$'), _) => return self.refuse("a dollar without '(', write \\$ for a plain one"),
                 (Some(c @ ('(' | '\'' | '"')), _) if position.is_bare() => {
                     return self.refuse(&format!("write \\{c} or quote the argument"));
                 }
-                (Some(c), _) => template.push(c),
+                (Some(c), _) => c,
+            };
+            match pieces.last_mut() {
+                Some(Piece::Text(text)) => text.push(c),
+                _ => pieces.push(Piece::Text(c.to_string())),
             }
         }
     }
 
     /// Reads the character behind a backslash.
-    fn escaped(&mut self, position: TemplatePosition) -> Result<char, SubstitutionError> {
+    fn escaped(&mut self, position: Position) -> Result<char, SubstitutionError> {
         match self.take() {
             Some(' ') if position.is_bare() => self.refuse("quote an argument that has a space in it"),
             Some('\n') => self.refuse("a backslash before a line break has no meaning"),
@@ -155,7 +131,7 @@ impl TemplateParser<'_> {
         }
     }
 
-    fn call(&mut self, position: TemplatePosition, depth: usize) -> Result<Part, SubstitutionError> {
+    fn call(&mut self, position: Position, depth: usize) -> Result<String, SubstitutionError> {
         if depth > DEEPEST {
             return self.refuse("substitutions are nested too deeply");
         }
@@ -167,14 +143,10 @@ impl TemplateParser<'_> {
         self.rest = rest;
         let arguments = self.arguments(position, depth)?;
         function.check_count(arguments.len())?;
-        Ok(Part::Call(function, arguments))
+        self.around.map_or_else(|| Ok(String::new()), |around| function.value(&arguments, around))
     }
 
-    fn arguments(
-        &mut self,
-        position: TemplatePosition,
-        depth: usize,
-    ) -> Result<Vec<Template>, SubstitutionError> {
+    fn arguments(&mut self, position: Position, depth: usize) -> Result<Vec<String>, SubstitutionError> {
         let mut arguments = Vec::new();
         loop {
             match self.take() {
@@ -184,15 +156,16 @@ impl TemplateParser<'_> {
                 None => return self.refuse("a substitution does not end, ')' is missing"),
                 Some(_) => return self.refuse("a space is missing before an argument"),
             }
-            match (self.rest.chars().next(), position) {
+            let argument = match (self.rest.chars().next(), position) {
                 (Some(' ' | ')'), _) => return self.refuse("one space, no more, goes before an argument"),
                 // Below a quoted argument a quote would end the outer one: only a bare argument may have one.
-                (Some(quote @ ('\'' | '"')), TemplatePosition::Bare) => {
+                (Some(quote @ ('\'' | '"')), Position::Bare) => {
                     self.take();
-                    arguments.push(self.template(TemplatePosition::Quoted(quote), depth)?);
+                    self.pieces(Position::Quoted(quote), depth)?
                 }
-                _ => arguments.push(self.template(position, depth)?),
-            }
+                _ => self.pieces(position, depth)?,
+            };
+            arguments.push(argument.iter().map(Piece::as_str).collect());
         }
     }
 }
@@ -202,17 +175,16 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn call(function: &str, arguments: Vec<Template>) -> Part {
-        Part::Call(Function::named(function).expect("known"), arguments)
+    /// The pieces of a text where the variable `y z` is `1`, and `x1` is `value`.
+    fn evaluated(text: &str) -> Result<Vec<Piece>, SubstitutionError> {
+        let variables = [("y z", "1"), ("x1", "value"), ("a b')", "quoted"), ("", "none")];
+        let variables = variables.map(|(name, value)| (name.to_owned(), value.to_owned())).into();
+        pieces(text, Some(&Surroundings { file: "f".as_ref(), variables: &variables }))
     }
 
-    /// The number of substitutions in a template.
-    fn calls(template: &Template) -> usize {
-        let call = |part: &Part| match part {
-            Part::Text(_) => 0,
-            Part::Call(_, arguments) => 1 + arguments.iter().map(calls).sum::<usize>(),
-        };
-        template.parts.iter().map(call).sum()
+    /// The number of substitutions in a text, without those in the arguments of others.
+    fn calls(pieces: &[Piece]) -> usize {
+        pieces.iter().filter(|piece| matches!(piece, Piece::Value(_))).count()
     }
 
     /// The number of `$(` in a text whose dollar no backslash makes plain.
@@ -223,11 +195,11 @@ mod tests {
 
     #[test]
     fn nests_and_joins() {
-        let template = Template::parse("a/$(var x$(var 'y z'))b").expect("valid");
-        let inner = call("var", vec![Template::plain("y z")]);
-        let name = Template { parts: vec![Part::Text("x".into()), inner] };
-        let outer = call("var", vec![name]);
-        assert_eq!(template.parts, [Part::Text("a/".into()), outer, Part::Text("b".into())]);
+        let (a, b) = (Piece::Text("a/".into()), Piece::Text("b".into()));
+        assert_eq!(
+            evaluated("a/$(var x$(var 'y z'))b").expect("valid"),
+            [a, Piece::Value("value".into()), b]
+        );
     }
 
     #[test]
@@ -240,20 +212,21 @@ mod tests {
             ("", ""),
             ("\\", "\\"),
         ] {
-            assert_eq!(Template::parse(text).expect("valid").as_plain(), Some(plain), "{text}");
+            let pieces = pieces(text, None).expect("valid");
+            assert_eq!(
+                (calls(&pieces), pieces.iter().map(Piece::as_str).collect()),
+                (0, plain.to_owned()),
+                "{text}"
+            );
         }
     }
 
     #[test]
     fn arguments_may_be_quoted_and_escaped() {
-        let expected = [call("env", vec![Template::plain("X"), Template::plain("a b')")])];
-        for text in [r#"$(env X "a b')")"#, r"$(env X 'a b\')')", r#"$(env X "a b\')")"#] {
-            assert_eq!(Template::parse(text).expect(text).parts, expected, "{text}");
+        for text in [r#"$(var "a b')")"#, r"$(var 'a b\')')", r#"$(var "a b\')")"#] {
+            assert_eq!(evaluated(text).expect(text), [Piece::Value("quoted".into())], "{text}");
         }
-        assert_eq!(
-            Template::parse("$(env X '')").expect("valid").parts,
-            [call("env", vec![Template::plain("X"), Template::default()])]
-        );
+        assert_eq!(evaluated("$(var '')").expect("valid"), [Piece::Value("none".into())]);
     }
 
     #[test]
@@ -276,10 +249,10 @@ mod tests {
             (r"$(env X a\ b)", "quote an argument that has a space"),
             ("$(var '$(var \"y\")')", "write \\\" or quote"),
         ] {
-            let error = Template::parse(text).expect_err(text).to_string();
+            let error = pieces(text, None).expect_err(text).to_string();
             assert!(error.contains(message), "{error}");
         }
-        assert!(Template::parse(&"$(var ".repeat(10_000)).is_err());
+        assert!(pieces(&"$(var ".repeat(10_000), None).is_err());
     }
 
     proptest! {
@@ -287,8 +260,9 @@ mod tests {
         fn each_substitution_of_a_text_is_parsed_or_the_text_is_refused(
             text in r#"(\$\((var|env|not)? |\)|[ a-z()$'"\\é]){0,12}"#,
         ) {
-            match Template::parse(&text) {
-                Ok(template) => prop_assert_eq!(calls(&template), openings(&text)),
+            match pieces(&text, None) {
+                // Those in the arguments of others are not counted.
+                Ok(pieces) => prop_assert!(calls(&pieces) <= openings(&text) && (calls(&pieces) > 0) == (openings(&text) > 0)),
                 Err(why) => {
                     prop_assert!(text.contains(['$', '\\']), "{why}");
                     prop_assert!(why.to_string().contains("$(") || why.to_string().contains(&text), "{why}");
@@ -300,9 +274,8 @@ mod tests {
         fn quoting_any_text_keeps_it(text in "\\PC{0,20}") {
             let escaped: String =
                 text.chars().filter(|c| *c != '\\').flat_map(|c| ['\\', c]).collect();
-            let parsed = Template::parse(&format!("$(var '{escaped}')")).expect("valid");
-            let Part::Call(_, arguments) = &parsed.parts[0] else { panic!("a call") };
-            prop_assert_eq!(arguments[0].as_plain().map(str::to_owned), Some(text.replace('\\', "")));
+            let value = format!("$(if 1 '{escaped}')");
+            prop_assert_eq!(evaluated(&value).expect("valid"), [Piece::Value(text.replace('\\', ""))]);
         }
     }
 }

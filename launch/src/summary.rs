@@ -190,27 +190,21 @@ fn percentiles(histogram: &Histogram) -> Option<Percentiles> {
     Percentiles::of(|q| quantile(histogram, q).map(|us| us as f64 / 1000.0))
 }
 
-/// The reports in `folder`, one for each life of a node. One that cannot be read is left out with a warning.
-pub(crate) fn read_reports(folder: &Path) -> Vec<NodeReport> {
-    let warn =
-        |(file, why): (PathBuf, String)| tracing::warn!("report {} is left out: {why}", file.display());
-    read_files(folder).filter_map(|report| report.map_err(warn).ok()).collect()
-}
-
 /// Returns the reports that nodes have written into `folder` so far, one for each life of a node. A report that a node
 /// is about to write for the first time is left out.
 pub fn reports_so_far(folder: &Path) -> Vec<NodeReport> {
-    read_files(folder).flatten().collect()
+    reports_in(folder, |_, _| ())
 }
 
-/// Reads each report in `folder`, in the order of their names. An error names the file.
-fn read_files(folder: &Path) -> impl Iterator<Item = Result<NodeReport, (PathBuf, String)>> {
+/// Returns the reports in `folder` in the order of their names. `unread` gets a file that cannot be read, and why.
+pub(crate) fn reports_in(folder: &Path, unread: impl Fn(&Path, String)) -> Vec<NodeReport> {
     let files = files_in(folder).unwrap_or_default().into_iter();
-    files.filter(|file| file.extension().is_some_and(|e| e == "json")).map(|file| {
+    let read = |file: PathBuf| {
         let text = std::fs::read_to_string(&file).map_err(|e| e.to_string());
-        text.and_then(|text| serde_json::from_str(&text).map_err(|e| e.to_string()))
-            .map_err(|why| (file, why))
-    })
+        let report = text.and_then(|text| serde_json::from_str(&text).map_err(|e| e.to_string()));
+        report.map_err(|why| unread(&file, why)).ok()
+    };
+    files.filter(|file| file.extension().is_some_and(|e| e == "json")).filter_map(read).collect()
 }
 
 const WIDTH: usize = 80;
@@ -405,7 +399,7 @@ mod tests {
         std::fs::write(folder.path().join("a.json"), &whole).expect("written");
         std::fs::write(folder.path().join("b.json"), &whole[..40]).expect("written");
         std::fs::write(folder.path().join("c.tmp"), &whole).expect("written");
-        assert_eq!(read_reports(folder.path()), [camera()]);
+        assert_eq!(reports_so_far(folder.path()), [camera()]);
     }
 
     #[test]

@@ -24,7 +24,7 @@ use tokio::task::JoinSet;
 
 use crate::LaunchError;
 use crate::plan::Plan;
-use crate::summary::{NodeReport, Summary, read_reports, reports_so_far};
+use crate::summary::{NodeReport, Summary, reports_in, reports_so_far};
 use crate::trace::{self, TraceCounts};
 
 use job::{Folders, Job};
@@ -242,7 +242,8 @@ pub async fn run_until(
         never = watch_reports(how.watch.as_ref(), folders.reports()) => match never {},
     };
     let trace = how.trace.as_ref().map(|file| trace::join(folders.traces(), file));
-    Ok(Outcome { ending, processes, reports: read_reports(folders.reports()), trace })
+    let warn = |file: &Path, why| tracing::warn!("report {} is left out: {why}", file.display());
+    Ok(Outcome { ending, processes, reports: reports_in(folders.reports(), warn), trace })
 }
 
 /// Passes the reports in `folder` on to `watch`, again and again.

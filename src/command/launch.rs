@@ -12,8 +12,8 @@ use modulo_detector::{DEMO, DEMO_LIMIT};
 use modulo_launch::plan::{NodeParameter, circle_of};
 use modulo_launch::supervisor::{MAX_RESTARTS, ProcessEnd, Watch};
 use modulo_launch::{
-    ComposedNode, Ending, NodePlan, Outcome, Plan, SUMMARY_BEGIN, Summary, Supervision, TRACE_BEGIN,
-    launch_file, launch_files, reports_so_far,
+    Ending, NodePlan, Outcome, Plan, SUMMARY_BEGIN, Summary, Supervision, TRACE_BEGIN, launch_file,
+    launch_files, reports_so_far,
 };
 use modulo_middleware::driver::CommonParameters;
 use modulo_middleware::driver::composed::{self, Member};
@@ -104,7 +104,7 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
     }
     // Each node would refuse a wrong one.
     domain()?;
-    warn_of_demo(&known(&plan), None);
+    warn_of_demo(&known(&plan).map(|(_, parameters)| parameters).collect::<Vec<_>>(), None);
     // A result without a place would be known only when the whole run is over.
     places(args)?;
     // Lockstep runs the nodes as one process does, so the hint at the end is given for such files only.
@@ -126,14 +126,14 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
     failure.map_or_else(|| Ok(Ended::of(summary.lost(args.strict))), Err)
 }
 
-/// Returns the parameters of the nodes of the suite, without those that they ignore.
-fn known(plan: &Plan) -> Vec<Parameters> {
+/// Returns the names and the parameters of the nodes of the suite, without those that they ignore.
+fn known(plan: &Plan) -> impl Iterator<Item = (NodeName, Parameters)> {
     let known = |node: &NodePlan| {
-        let (_, declared, mut settings) = settings(node).ok()?;
+        let (node_name, declared, mut settings) = settings(node).ok()?;
         settings.retain(|(name, _)| declared.descriptor(name).is_some());
-        declared.with_text(&settings).ok()
+        Some((node_name, declared.with_text(&settings).ok()?))
     };
-    plan.nodes.iter().filter_map(known).collect()
+    plan.nodes.iter().filter(|node| node.package == modulo_launch::SUITE).filter_map(known)
 }
 
 /// Warns where the embedded model is to look at anything but rendered scenes: the sources of the cameras among nodes with these
@@ -243,15 +243,12 @@ pub(super) fn refuse(plan: &Plan) -> Result<(), Failure> {
 
 /// Refuses nodes of the suite that wait for each other, or for themselves: they would do so in silence, and then fail.
 fn circle(plan: &Plan) -> Option<String> {
-    let waits = |node: &NodePlan| {
-        let (node_name, declared, mut settings) = settings(node).ok()?;
-        settings.retain(|(name, _)| name == "wait_for");
-        let CommonParameters { wait_for, .. } = (&declared.with_text(&settings).ok()?).into();
+    let waits = known(plan).map(|(node_name, parameters)| {
+        let CommonParameters { wait_for, .. } = (&parameters).into();
         let others = wait_for.iter().filter_map(|name| node_name.resolve(name).ok());
-        Some((node_name.fully_qualified(), others.collect()))
-    };
-    let of_suite = plan.nodes.iter().filter(|node| node.package == modulo_launch::SUITE);
-    let waits = of_suite.filter_map(waits).collect();
+        (node_name.fully_qualified(), others.collect())
+    });
+    let waits = waits.collect();
     let circle = circle_of(&waits)?.join(" -> ");
     Some(format!(
         "wait_for goes in a circle ({circle}), so that none of these nodes would ever be ready: take one name out"
@@ -261,13 +258,18 @@ fn circle(plan: &Plan) -> Option<String> {
 /// The parameters of a node that are set, with their values as text, in order.
 type SetParameters = Vec<(String, String)>;
 
-/// Returns the name of a node, its parameters as declared, and those that are set.
-fn settings(node: &NodePlan) -> anyhow::Result<(NodeName, Parameters, SetParameters)> {
+/// Returns the kind of a node, its name, its parameters as declared, and those that are set.
+fn named(node: &NodePlan) -> anyhow::Result<(&'static NodeKind, NodeName, Parameters, SetParameters)> {
     let kind = kind_of(&node.executable)?;
     let (ros, _) = RosArgs::parse(&modulo_launch::ros_arguments(node))?;
     let node_name = ros.node_name(kind.name)?;
-    let declared = kind.parameters_of(&node_name)?;
-    let settings = ros.parameters_for(&node_name)?;
+    let (declared, settings) = (kind.parameters_of(&node_name)?, ros.parameters_for(&node_name)?);
+    Ok((kind, node_name, declared, settings))
+}
+
+/// Returns the name of a node, its parameters as declared, and those that are set, without those that it ignores.
+fn settings(node: &NodePlan) -> anyhow::Result<(NodeName, Parameters, SetParameters)> {
+    let (_, node_name, declared, settings) = named(node)?;
     let ignored = ignored(node, &node_name, &declared)?;
     let settings = settings.into_iter().filter(|(name, _)| !ignored.contains(name)).collect();
     Ok((node_name, declared, settings))
@@ -399,20 +401,19 @@ fn run_members(mut members: Vec<Member>, stop: &Stop) -> Result<Vec<NodeReport>,
 
 fn members(plan: &Plan) -> Result<Vec<Member>, Failure> {
     let nodes = modulo_launch::compose(plan).map_err(usage)?;
-    let member = |(node, ends_all): (&ComposedNode, bool)| {
+    let member = |node: &NodePlan| {
         let (kind, node_name, parameters) = prepare(node)?;
         let step = (kind.make)(&parameters).with_context(|| node_name.fully_qualified())?;
         let setup = NodeSetup { node: step, parameters, node_name, saved: None, report_file: None };
-        Ok(Member { setup, ends_all })
+        Ok(Member { setup, ends_all: node.process.ends_all })
     };
-    let ends_all = plan.nodes.iter().map(|node| node.process.ends_all);
-    nodes.iter().zip(ends_all).map(member).collect::<anyhow::Result<_>>().map_err(usage)
+    nodes.iter().map(member).collect::<anyhow::Result<_>>().map_err(usage)
 }
 
-pub fn prepare(node: &ComposedNode) -> anyhow::Result<(&'static NodeKind, NodeName, Parameters)> {
-    let ComposedNode { kind, node_name, parameters } = node;
-    let (kind, named) = (kind_of(kind)?, node_name.fully_qualified());
-    let declared = kind.parameters_of(node_name)?;
-    let known = declared.known_of(parameters.clone(), &named);
-    Ok((kind, node_name.clone(), declared.with_text(&known).context(named)?))
+/// Returns the kind of a node, its name, and its parameters with the values that the plan sets.
+pub fn prepare(node: &NodePlan) -> anyhow::Result<(&'static NodeKind, NodeName, Parameters)> {
+    let (kind, node_name, declared, settings) = named(node)?;
+    let named = node_name.fully_qualified();
+    let known = declared.known_of(settings, &named);
+    Ok((kind, node_name, declared.with_text(&known).context(named)?))
 }

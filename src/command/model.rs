@@ -2,7 +2,6 @@
 //! this machine; it changes nothing, and ends with exit code 0, since a person judges the result, unless it cannot read a file that it is given.
 
 use std::net::TcpListener;
-use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
@@ -14,7 +13,7 @@ use modulo_core::unwrap::{Method, Options, WORK_OF_NOISE};
 use modulo_core::{Frame, Range, Recovered, ResetRamp, Resets};
 use modulo_detector::{
     CudnnSearch, EngineChoice, EngineDevice, EngineOptions, ModelInfo, Speed, describe, gpu_libraries, gpus,
-    measure, onnxruntime_library, onnxruntime_places,
+    onnxruntime_library, onnxruntime_places,
 };
 use modulo_eval::score::words;
 use modulo_middleware::transport::zenoh::meeting_port;
@@ -30,9 +29,6 @@ use super::progress::style;
 use super::{domain, start_log, this_program, usage};
 use crate::{Ended, Failure};
 
-/// Sizes (height, width) at which the speed is measured: those of the scenes and of KITTI, padded.
-const SIZES: [(usize, usize); 2] = [(192, 640), (384, 1248)];
-const RUNS: NonZeroUsize = NonZeroUsize::MIN.saturating_add(19);
 /// Class names that are shown.
 const SHOWN: usize = 8;
 
@@ -101,12 +97,11 @@ pub fn model(args: &Model) -> Result<Ended, Failure> {
 }
 
 fn fetch_official(args: &ModelFetch) -> Result<Ended, Failure> {
-    let model = official(&args.name).map_err(usage)?;
-    let (bytes, sha256) = model.pinned(args.sha256.as_deref()).map_err(usage)?;
-    let url = args.url.clone().unwrap_or_else(|| model.url());
-    let file = args.out.join(model.file_name());
-    note!("{}: the weights are licensed {LICENCE} by their authors, not as this program", model.name);
-    match download(&FetchRequest { url: &url, file: &file, sha256, bytes })? {
+    let (url, bytes, sha256) = official(&args.name, args.sha256.as_deref()).map_err(usage)?;
+    let url = args.url.as_ref().unwrap_or(&url);
+    let file = args.out.join(format!("{}.onnx", args.name));
+    note!("{}: the weights are licensed {LICENCE} by their authors, not as this program", args.name);
+    match download(&FetchRequest { url, file: &file, sha256, bytes })? {
         Fetched::Downloaded => say!("{}", file.display()),
         Fetched::AlreadyThere => say!("{} (was there already)", file.display()),
     }
@@ -157,13 +152,12 @@ fn check(args: &ModelCheck) -> Result<Ended, Failure> {
         cudnn_search: CudnnSearch::Heuristic,
         threads: 0,
     };
-    let info = describe(&args.file, options).map_err(usage)?;
-    let measured = || measure(&args.file, options, &SIZES, RUNS, &SystemClock::default());
+    let mut info = describe(&args.file, options).map_err(usage)?;
     let ms = |speed: &Speed| speed.median_ns as f64 / 1e6;
     if args.json {
         let speed =
             |speed: &Speed| json!({"height": speed.height, "width": speed.width, "median_ms": ms(speed)});
-        let speeds: Vec<_> = measured()?.iter().map(speed).collect();
+        let speeds: Vec<_> = info.measure(&SystemClock::default())?.iter().map(speed).collect();
         say!(
             "{}",
             json!({
@@ -174,8 +168,9 @@ fn check(args: &ModelCheck) -> Result<Ended, Failure> {
         return Ok(Ended::Done);
     }
     print_info(&args.file, &info);
-    for speed in measured()? {
-        say!("speed    {:.1} ms at {}x{}, median of {RUNS} runs", ms(&speed), speed.width, speed.height);
+    for speed in info.measure(&SystemClock::default())? {
+        let (ms, runs) = (ms(&speed), ModelInfo::RUNS);
+        say!("speed    {ms:.1} ms at {}x{}, median of {runs} runs", speed.width, speed.height);
     }
     Ok(Ended::Done)
 }

@@ -11,6 +11,8 @@ pub enum Anchor {
     Start,
     Middle,
     End,
+    /// The middle of a text that is written upwards.
+    Upwards,
 }
 
 /// A touch gives the focus to a mark, whose text is shown then.
@@ -82,27 +84,14 @@ impl Canvas {
         ));
     }
 
-    /// Adds a horizontal text whose baseline is at `position`.
-    pub fn text(&mut self, position: Position, text: &str, size: f32, colour: Colour, anchor: Anchor) {
-        self.turned(position, text, size, colour, (anchor, false));
-    }
-
-    /// Adds a text whose baseline is at `position`, upwards or horizontal.
-    pub fn turned(
-        &mut self,
-        (x, y): Position,
-        text: &str,
-        size: f32,
-        colour: Colour,
-        (anchor, is_upwards): (Anchor, bool),
-    ) {
-        let anchor = match anchor {
-            Anchor::Start => "start",
-            Anchor::Middle => "middle",
-            Anchor::End => "end",
+    /// Adds a text whose baseline is at the position.
+    pub fn text(&mut self, (x, y): Position, text: &str, size: f32, colour: Colour, anchor: Anchor) {
+        let (anchor, rotation) = match anchor {
+            Anchor::Start => ("start", String::new()),
+            Anchor::Middle => ("middle", String::new()),
+            Anchor::End => ("end", String::new()),
+            Anchor::Upwards => ("middle", format!(" transform=\"rotate(-90 {x:.1} {y:.1})\"")),
         };
-        let rotation =
-            if is_upwards { format!(" transform=\"rotate(-90 {x:.1} {y:.1})\"") } else { String::new() };
         let (colour, width, text) = (hex(colour), self.font.width(text, size), escaped(text));
         // `textLength` makes the browser stretch the text to the width that the layout assumed. Without it, another
         // font than DejaVu Sans would make labels cover each other.

@@ -36,10 +36,6 @@ const MARGIN: f32 = 24.0;
 impl Chart {
     /// The chart as SVG 1.1.
     pub fn svg(&self, page: PageWidth) -> String {
-        self.canvas(page).document(&self.title)
-    }
-
-    fn canvas(&self, page: PageWidth) -> Canvas {
         let mut canvas = Canvas::new(f32::from(page as u16), Font::new());
         let mut y = canvas.paragraph((MARGIN, MARGIN + 18.0), &self.title, 20.0, INK);
         y = canvas.paragraph((MARGIN, y - 7.0), &self.subtitle, 12.5, GREY);
@@ -49,7 +45,7 @@ impl Chart {
         y = canvas.paragraph((MARGIN, y + 8.0), &self.footer, 11.0, GREY);
         // The height is known only now, since the wrapped texts depend on the width of the page.
         canvas.height = (y + MARGIN / 2.0).ceil();
-        canvas
+        canvas.document(&self.title)
     }
 
     /// The entries of the legend in the order of first appearance. A series that is in several panels has one.

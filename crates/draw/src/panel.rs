@@ -179,5 +179,5 @@ fn grid(canvas: &mut Canvas, (left, top, right, bottom): Area, x: &FittedAxis, y
 fn titles(canvas: &mut Canvas, panel: &ChartPanel, (left, top, right, bottom): Area, edge: f32) {
     let (middle, height) = ((left + right) / 2.0, (top + bottom) / 2.0);
     canvas.text((middle, bottom + 38.0), &panel.x.label, 12.5, INK, Anchor::Middle);
-    canvas.turned((edge + 12.0, height), &panel.y.label, 12.5, INK, (Anchor::Middle, true));
+    canvas.text((edge + 12.0, height), &panel.y.label, 12.5, INK, Anchor::Upwards);
 }

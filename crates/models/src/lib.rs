@@ -18,74 +18,39 @@ pub const LICENCE: &str = "AGPL-3.0";
 
 const RELEASE: &str = "https://github.com/THU-MIG/yolov10/releases/download/v1.1";
 
-/// An official export (Wang et al., YOLOv10, NeurIPS 2024; 80 COCO classes, 640 x 640, rows `[1, 300, 6]`).
-#[derive(Debug, PartialEq, Eq)]
-pub struct Official {
-    /// Name of the model, such as `yolov10n`.
-    pub name: &'static str,
-    /// Length of the file in bytes and its sha256 as 64 hexadecimal digits, if they are known.
-    pub known: Option<(u64, &'static str)>,
-}
-
-impl Official {
-    /// Name of the released file.
-    pub fn file_name(&self) -> String {
-        format!("{}.onnx", self.name)
-    }
-
-    /// URL of the released file.
-    pub fn url(&self) -> String {
-        format!("{RELEASE}/{}", self.file_name())
-    }
-
-    /// Length and sha256 that a download must have. If the user gives a sha256, it belongs to another file, whose length
-    /// is not known.
-    ///
-    /// # Errors
-    /// [`OfficialError`] when no sha256 is known.
-    pub fn pinned<'a>(&self, given: Option<&'a str>) -> Result<(Option<u64>, &'a str), OfficialError> {
-        match (given, self.known) {
-            (Some(given), _) => Ok((None, given)),
-            (None, Some((bytes, sha256))) => Ok((Some(bytes), sha256)),
-            (None, None) => Err(OfficialError(self.name.to_owned(), UNPINNED.to_owned())),
-        }
-    }
-}
-
-/// All official exports, from small to large.
-pub const OFFICIAL: &[Official] = &[
-    Official {
-        name: "yolov10n",
-        known: Some((9_309_375, "aeab0bcae6d55b6dd1907c14620e79f21a487e55a0e04f5051c365ebb780b059")),
-    },
-    Official { name: "yolov10s", known: None },
-    Official {
-        name: "yolov10m",
-        known: Some((61_659_339, "89b526498a6d55f869a6ab52e3a2eb20ad45b3711c1f7de3dd9ca0b399dfd6d7")),
-    },
-    Official { name: "yolov10b", known: None },
-    Official { name: "yolov10l", known: None },
-    Official { name: "yolov10x", known: None },
+/// The official exports (Wang et al., YOLOv10, NeurIPS 2024; 80 COCO classes, 640 x 640, rows `[1, 300, 6]`), from small to large: the name,
+/// and the length of the file in bytes and its sha256 as 64 hexadecimal digits, if they are known.
+const OFFICIAL: [(&str, Option<(u64, &str)>); 6] = [
+    ("yolov10n", Some((9_309_375, "aeab0bcae6d55b6dd1907c14620e79f21a487e55a0e04f5051c365ebb780b059"))),
+    ("yolov10s", None),
+    ("yolov10m", Some((61_659_339, "89b526498a6d55f869a6ab52e3a2eb20ad45b3711c1f7de3dd9ca0b399dfd6d7"))),
+    ("yolov10b", None),
+    ("yolov10l", None),
+    ("yolov10x", None),
 ];
-
-/// Error of an official export that is not fetched: no export has its name, or its sha256 is not known.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("model '{0}': {1}")]
-pub struct OfficialError(String, String);
 
 const UNPINNED: &str = "its sha256 is not known to this program, so a damaged or exchanged file could not be told from the right one; \
                         give --sha256 HEX of a copy that you trust";
 
-/// Finds the export with the name `name`.
+/// Returns the URL of the official export `name`, and the length and the sha256 that a download must have. If the user has `given` a sha256,
+/// it belongs to another file, whose length is not known.
 ///
 /// # Errors
-/// [`OfficialError`] with all names, if there is no such export.
-pub fn official(name: &str) -> Result<&'static Official, OfficialError> {
-    let found = OFFICIAL.iter().find(|model| model.name == name);
-    found.ok_or_else(|| {
-        let names: Vec<_> = OFFICIAL.iter().map(|model| model.name).collect();
-        OfficialError(name.to_owned(), format!("must be one of {}", names.join(", ")))
-    })
+/// [`FetchError`] with all names, if there is no such export, or when no sha256 is known.
+pub fn official<'a>(
+    name: &str,
+    given: Option<&'a str>,
+) -> Result<(String, Option<u64>, &'a str), FetchError> {
+    let Some((_, known)) = OFFICIAL.iter().find(|(other, _)| *other == name) else {
+        let names = OFFICIAL.map(|(name, _)| name).join(", ");
+        return Err(FetchError(format!("model '{name}': must be one of {names}")));
+    };
+    let (bytes, sha256) = match (given, *known) {
+        (Some(given), _) => (None, given),
+        (None, Some((bytes, sha256))) => (Some(bytes), sha256),
+        (None, None) => return Err(FetchError(format!("model '{name}': {UNPINNED}"))),
+    };
+    Ok((format!("{RELEASE}/{name}.onnx"), bytes, sha256))
 }
 
 #[cfg(test)]
@@ -94,28 +59,28 @@ mod tests {
 
     #[test]
     fn a_known_hash_is_64_hex_digits() {
-        assert!(OFFICIAL[0].known.is_some());
-        for (_, digits) in OFFICIAL.iter().filter_map(|model| model.known) {
+        assert!(OFFICIAL[0].1.is_some());
+        for (_, digits) in OFFICIAL.iter().filter_map(|(_, known)| *known) {
             assert!(digits.len() == 64 && digits.bytes().all(|digit| digit.is_ascii_hexdigit()));
         }
     }
 
     #[test]
     fn names_lead_to_files_of_the_release() {
-        let url = official("yolov10n").expect("known").url();
+        let url = official("yolov10n", None).expect("known").0;
         assert_eq!(url, "https://github.com/THU-MIG/yolov10/releases/download/v1.1/yolov10n.onnx");
-        let why = official("yolov8n").expect_err("unknown").to_string();
+        let why = official("yolov8n", None).expect_err("unknown").to_string();
         assert!(why.contains("'yolov8n'") && why.contains("yolov10n, yolov10s"), "{why}");
     }
 
     #[test]
     fn an_unknown_hash_must_be_given() {
-        let small = official("yolov10s").expect("listed");
-        let why = small.pinned(None).expect_err("no hash").to_string();
+        let pinned = |name, given| official(name, given).map(|(_, bytes, sha256)| (bytes, sha256));
+        let why = pinned("yolov10s", None).expect_err("no hash").to_string();
         assert!(why.contains("yolov10s") && why.contains("--sha256"), "{why}");
-        assert_eq!(small.pinned(Some("ab")), Ok((None, "ab")));
-        let nano = official("yolov10n").expect("listed");
-        assert_eq!(nano.pinned(Some("ab")), Ok((None, "ab")), "the user's word counts");
-        assert_eq!(nano.pinned(None).map(|(bytes, _)| bytes), Ok(Some(9_309_375)));
+        for name in ["yolov10s", "yolov10n"] {
+            assert_eq!(pinned(name, Some("ab")).expect("given"), (None, "ab"), "the user's word counts");
+        }
+        assert_eq!(pinned("yolov10n", None).expect("known").0, Some(9_309_375));
     }
 }

@@ -2,11 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use super::scope::{Scope, argument_value, included};
 use modulo_runtime::name::near_or_all;
+use modulo_runtime::yaml::Item;
 
+use super::action::{self, Action, DeclaredArgument, Include};
+use super::scope::Scope;
 use crate::LaunchError;
-use crate::action::{self, Action, ActionKind, DeclaredArgument};
 
 /// The arguments of the launch file `file`, in order, each once.
 ///
@@ -16,19 +17,20 @@ pub fn declared_arguments(file: &Path) -> Result<Vec<DeclaredArgument>, LaunchEr
     declared(&absolute(file), &[])
 }
 
-/// Returns the declared arguments when `arguments` are given: the path of an included file may depend on them.
+/// Checks each action of the file, whether it will be done or not. Returns the declared arguments when `arguments` are given: the path of an
+/// included file may depend on them.
 pub(super) fn declared(
     file: &Path,
     arguments: &[(String, String)],
 ) -> Result<Vec<DeclaredArgument>, LaunchError> {
-    let launch_file = action::read_file(file)?;
+    let actions = action::read_file(file)?;
     let mut collector = Collector {
         found: Vec::new(),
         fixed: Vec::new(),
         scope: Scope::new(arguments),
         open: vec![identity(file)],
     };
-    collector.all(&launch_file.path, &launch_file.actions);
+    collector.all(file, &actions)?;
     Ok(collector.found)
 }
 
@@ -61,46 +63,56 @@ struct Collector {
 }
 
 impl Collector {
-    fn all(&mut self, file: &Path, actions: &[Action]) {
-        for action in actions {
-            match &action.kind {
-                ActionKind::Argument(argument) => self.declare(file, argument),
-                ActionKind::Group(children) => self.all(file, children),
-                ActionKind::Include(include) => self.include(file, include),
+    fn all(&mut self, file: &Path, actions: &[Item]) -> Result<(), LaunchError> {
+        for item in actions {
+            let Some((_, checked)) = action::read(file, item, None)? else { continue };
+            // A text that has no value yet is no error here: it may never be needed.
+            let known = |scope| action::read(file, item, Some(scope)).ok().flatten();
+            match checked {
+                Action::Group(children) => self.all(file, children)?,
+                Action::Argument(argument) => {
+                    let value = match known(&self.scope) {
+                        Some((_, Action::Argument(known))) => known.value,
+                        _ => String::new(),
+                    };
+                    self.declare(argument.declared, value);
+                }
+                Action::Include(Include { arguments, .. }) => {
+                    arguments.into_iter().try_for_each(|(.., value)| value.map(drop))?;
+                    if let Some((_, Action::Include(include))) = known(&self.scope) {
+                        self.include(include);
+                    }
+                }
                 _ => {}
             }
         }
+        Ok(())
     }
 
-    fn declare(&mut self, file: &Path, argument: &action::Argument) {
-        let declared = &argument.declared;
-        // A default that has no value yet is no error here: it may never be needed.
-        if let Ok((name, value)) = argument_value(argument, self.scope.at(file)) {
-            self.scope.variables.insert(name, value);
-        }
+    fn declare(&mut self, declared: DeclaredArgument, value: String) {
+        self.scope.variables.insert(declared.name.clone(), value);
         // A value from outside for an argument that an include gives would be ignored, so that it is not offered.
         let known =
             self.fixed.contains(&declared.name) || self.found.iter().any(|other| other.name == declared.name);
-        self.found.extend((!known).then(|| declared.clone()));
+        self.found.extend((!known).then_some(declared));
     }
 
-    fn include(&mut self, file: &Path, include: &action::Include) {
-        let view = self.scope.at(file);
-        // A file that is not there counts only if it is really included.
-        let Ok(inner) = included(include, view) else { return };
-        let identity = identity(&inner.path);
+    fn include(&mut self, include: Include) {
+        // A file that is not there, or has a mistake, counts only if it is really included.
+        let Ok(actions) = action::read_file(&include.file) else { return };
+        let identity = identity(&include.file);
         // A file that includes itself is refused when the plan is made; here it would be read without end.
-        if self.open.contains(&identity) {
+        if include.file.is_relative() || self.open.contains(&identity) {
             return;
         }
-        let names: Vec<String> = include.arguments.iter().flat_map(|(name, _)| view.string(name)).collect();
-        let values = view.pairs(&include.arguments).unwrap_or_default();
-        // The path of a further include may depend on these values.
-        self.scope.variables.extend(values);
         let outer = self.fixed.len();
-        self.fixed.extend(names);
+        for (_, name, value) in include.arguments {
+            // The path of a further include may depend on these values.
+            self.scope.variables.extend(value.ok().map(|value| (name.clone(), value)));
+            self.fixed.push(name);
+        }
         self.open.push(identity);
-        self.all(&inner.path, &inner.actions);
+        let _ = self.all(&include.file, &actions);
         self.open.pop();
         self.fixed.truncate(outer);
     }

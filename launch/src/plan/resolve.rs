@@ -3,14 +3,14 @@
 
 use std::path::{Path, PathBuf};
 
+use modulo_runtime::yaml::Item;
+
+use super::action::{self, Action, Include};
 use super::arguments::{self, absolute, identity};
-use super::scope::{Scope, View, argument_value, included};
-use super::{NodePlan, Plan, process};
+use super::scope::Scope;
+use super::{NodePlan, Plan};
 use crate::LaunchError;
-use crate::action::{self, Action, ActionKind, Include};
-use crate::attributes::Text;
 use crate::package::SUITE;
-use crate::substitution::truth;
 
 const CAMERA: &str = "modulo_camera";
 /// The executable that ends with the frames of the camera in its namespace, and not when the camera crashes.
@@ -36,10 +36,10 @@ pub fn resolve(file: &Path, arguments: &[(String, String)]) -> Result<Plan, Laun
         let known = arguments::known(name, &declared);
         return Err(LaunchError::Other(format!("unknown launch argument '{name}'{known}")));
     }
-    let launch_file = action::read_file(file)?;
+    let actions = action::read_file(file)?;
     let mut resolver =
         Resolver { plan: Plan::default(), scope: Scope::new(arguments), open: vec![identity(file)] };
-    resolver.all(&launch_file.path, &launch_file.actions)?;
+    resolver.all(file, &actions)?;
     Ok(with_ends(resolver.plan))
 }
 
@@ -65,82 +65,74 @@ struct Resolver {
 }
 
 impl Resolver {
-    fn all(&mut self, file: &Path, actions: &[Action]) -> Result<(), LaunchError> {
-        actions.iter().try_for_each(|action| {
-            let applies = applies(action.condition.as_ref(), self.scope.at(file))?;
-            if applies { self.apply(file, action) } else { Ok(()) }
-        })
-    }
-
-    fn apply(&mut self, file: &Path, action: &Action) -> Result<(), LaunchError> {
-        let view = self.scope.at(file);
-        match &action.kind {
-            ActionKind::Argument(argument) => {
-                let (name, value) = argument_value(argument, view)?;
-                self.scope.variables.insert(name, value);
-            }
-            ActionKind::PushNamespace(namespace) => {
-                self.scope.namespace = self.scope.joined(&view.string(namespace)?);
-            }
-            ActionKind::SetRemap(from, to) => {
-                self.scope.remaps.push((view.string(from)?, view.string(to)?));
-            }
-            ActionKind::Group(children) => self.group(file, children)?,
-            ActionKind::Include(include) => self.include(file, action.line, include)?,
-            ActionKind::Node(node) => {
-                self.plan.nodes.push(process::node(node, &self.site(file, action.line))?);
-            }
-            ActionKind::Executable(executable) => {
-                let site = self.site(file, action.line);
-                self.plan.executables.push(process::executable(executable, &site)?);
+    fn all(&mut self, file: &Path, actions: &[Item]) -> Result<(), LaunchError> {
+        for item in actions {
+            if let Some((line, action)) = action::read(file, item, Some(&self.scope))? {
+                self.apply(file, line, action)?;
             }
         }
         Ok(())
     }
 
-    fn site<'a>(&'a self, file: &'a Path, line: usize) -> process::DeclarationSite<'a> {
-        process::DeclarationSite { file, line, view: self.scope.at(file), scope: &self.scope }
-    }
-
-    fn group(&mut self, file: &Path, children: &[Action]) -> Result<(), LaunchError> {
-        let outer = self.scope.clone();
-        self.all(file, children)?;
-        self.scope = outer;
+    fn apply(&mut self, file: &Path, line: usize, action: Action<'_>) -> Result<(), LaunchError> {
+        match action {
+            Action::Argument(argument) => {
+                self.scope.variables.insert(argument.declared.name, argument.value);
+            }
+            Action::PushNamespace(namespace) => self.scope.namespace = self.scope.joined(&namespace),
+            Action::SetRemap(from, to) => self.scope.remaps.push((from, to)),
+            Action::Group(children) => {
+                let outer = self.scope.clone();
+                self.all(file, children)?;
+                self.scope = outer;
+            }
+            Action::Include(include) => self.include(file, line, include)?,
+            Action::Node(node) => self.plan.nodes.push(*node),
+            Action::Executable(executable) => self.plan.executables.push(*executable),
+        }
         Ok(())
     }
 
     /// As in ROS 2, an included file works in the scope of the including one.
-    fn include(&mut self, file: &Path, line: usize, include: &Include) -> Result<(), LaunchError> {
-        let view = self.scope.at(file);
-        let launch_file = included(include, view)?;
-        let arguments = view.pairs(&include.arguments)?;
-        let identity = identity(&launch_file.path);
+    fn include(&mut self, file: &Path, line: usize, include: Include) -> Result<(), LaunchError> {
+        let actions = included(file, &include)?;
+        let (path, identity) = (&include.file, identity(&include.file));
         if self.open.contains(&identity) {
-            let why = format!("include: {} includes itself", launch_file.path.display());
+            let why = format!("include: {} includes itself", path.display());
             return Err(LaunchError::at(file, line, why));
         }
-        // ROS 2 takes any name here: a misspelt one would leave the default of the file in place.
-        let declared = arguments::declared(&launch_file.path, &[])?;
-        for ((name, _), (text, _)) in arguments.iter().zip(&include.arguments) {
-            if declared.iter().all(|d| d.name != *name) {
-                let known = arguments::known(name, &declared);
-                let path = launch_file.path.display();
+        let declared = arguments::declared(path, &[])?;
+        for (line, name, value) in include.arguments {
+            // ROS 2 takes any name here: a misspelt one would leave the default of the file in place.
+            if declared.iter().all(|d| d.name != name) {
+                let known = arguments::known(&name, &declared);
+                let path = path.display();
                 let why = format!("include: {path} declares no argument '{name}'{known}");
-                return Err(view.refuse(text, why));
+                return Err(LaunchError::at(file, line, why));
             }
+            self.scope.variables.insert(name, value?);
         }
-        self.scope.variables.extend(arguments);
         // The file counts as open only while it is read: to include it twice is no loop.
         self.open.push(identity);
-        self.all(&launch_file.path, &launch_file.actions)?;
+        self.all(path, &actions)?;
         self.open.pop();
         Ok(())
     }
 }
 
-fn applies(condition: Option<&(Text, bool)>, view: View<'_>) -> Result<bool, LaunchError> {
-    let Some((text, wanted)) = condition else { return Ok(true) };
-    let key = if *wanted { "if" } else { "unless" };
-    let holds = truth(&view.string(text)?).map_err(|e| view.refuse(text, format!("{key}: {e}")))?;
-    Ok(holds == *wanted)
+/// Reads the included file. A relative path is refused, which ROS 2 would look for in the folder of the start.
+fn included(file: &Path, Include { line, file: path, .. }: &Include) -> Result<Vec<Item>, LaunchError> {
+    let refuse = |why: String| LaunchError::at(file, *line, format!("include: {why}"));
+    if path.is_relative() {
+        let path = path.display();
+        return Err(refuse(format!("'{path}' starts at any working folder, write $(dirname)/{path}")));
+    }
+    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+    if !name.ends_with(".yaml") && !name.ends_with(".yml") {
+        return Err(refuse(format!("'{name}' is not YAML, only .launch.yaml files can be included")));
+    }
+    action::read_file(path).map_err(|mistake| match mistake {
+        LaunchError::File(file, why) => refuse(format!("{}: {why}", file.display())),
+        mistake => mistake,
+    })
 }

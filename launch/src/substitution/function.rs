@@ -4,23 +4,13 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::{Part, SubstitutionError, Template};
-use crate::listed;
+use super::SubstitutionError;
 use crate::package;
 
-/// A substitution that can be evaluated: its name, the fewest and the most arguments, and the value for so many of them.
-#[derive(Debug)]
-pub struct Function(&'static str, [usize; 2], fn(&[String], &Surroundings<'_>) -> Value);
+/// A substitution: its name, the fewest and the most arguments, and the value for so many of them.
+pub(super) struct Function(&'static str, [usize; 2], fn(&[String], &Surroundings<'_>) -> Value);
 
 type Value = Result<String, SubstitutionError>;
-
-impl PartialEq for Function {
-    fn eq(&self, other: &Self) -> bool {
-        self.0 == other.0
-    }
-}
-
-impl Eq for Function {}
 
 static KNOWN: [Function; 6] = [
     // `$(var name [default])`: a launch argument.
@@ -32,7 +22,7 @@ static KNOWN: [Function; 6] = [
     // `<prefix>/share/<package>`.
     Function("find-pkg-share", [1, 1], |given, around| {
         let folder = package::share(&given[0], around.file);
-        folder.map(|folder| folder.display().to_string()).map_err(SubstitutionError::Invalid)
+        folder.map(|folder| folder.display().to_string()).map_err(SubstitutionError)
     }),
     Function("not", [1, 1], |given, _| Ok((!truth(&given[0])?).to_string())),
     // `$(if condition then [else])`.
@@ -42,18 +32,15 @@ static KNOWN: [Function; 6] = [
 ];
 
 impl Function {
-    /// The function called `name`.
-    ///
-    /// # Errors
-    /// [`SubstitutionError`] with the supported names.
+    /// The function called `name`, or an error with the supported names.
     pub fn named(name: &str) -> Result<&'static Self, SubstitutionError> {
         KNOWN.iter().find(|known| known.0 == name).ok_or_else(|| {
-            let known = listed(KNOWN.iter().map(|known| known.0), "");
-            SubstitutionError::Invalid(format!("$({name}) is not supported, supported are {known}"))
+            let known = KNOWN.iter().map(|known| known.0).collect::<Vec<_>>().join(", ");
+            SubstitutionError(format!("$({name}) is not supported, supported are {known}"))
         })
     }
 
-    pub(super) fn check_count(&self, given: usize) -> Result<(), SubstitutionError> {
+    pub fn check_count(&self, given: usize) -> Result<(), SubstitutionError> {
         let Self(name, [fewest, most], _) = *self;
         let takes = match (fewest, most) {
             _ if (fewest..=most).contains(&given) => return Ok(()),
@@ -62,42 +49,26 @@ impl Function {
             (a, b) if a == b => format!("{a} arguments"),
             (a, b) => format!("{a} or {b} arguments"),
         };
-        Err(SubstitutionError::Invalid(format!("$({name}) takes {takes}, not {given}")))
+        Err(SubstitutionError(format!("$({name}) takes {takes}, not {given}")))
+    }
+
+    pub fn value(&self, arguments: &[String], around: &Surroundings<'_>) -> Value {
+        (self.2)(arguments, around)
     }
 }
 
-/// The values that a template can refer to.
+/// The values that a text can refer to.
 #[derive(Clone, Copy, Debug)]
 pub struct Surroundings<'a> {
-    /// The launch file in which the template stands.
+    /// The launch file in which the text stands.
     pub file: &'a Path,
     /// The values of the launch arguments.
     pub variables: &'a BTreeMap<String, String>,
 }
 
-impl Template {
-    /// The text with every substitution replaced by its value.
-    pub fn evaluate(&self, around: &Surroundings<'_>) -> Value {
-        self.parts.iter().map(|part| part.evaluate(around)).collect()
-    }
-}
-
-impl Part {
-    /// The value of this piece.
-    pub fn evaluate(&self, around: &Surroundings<'_>) -> Value {
-        match self {
-            Self::Text(text) => Ok(text.clone()),
-            Self::Call(function, arguments) => {
-                let values: Result<Vec<String>, _> = arguments.iter().map(|a| a.evaluate(around)).collect();
-                (function.2)(&values?, around)
-            }
-        }
-    }
-}
-
 fn environment_variable(name: &str, default: Option<&String>) -> Value {
     std::env::var(name).ok().or_else(|| default.cloned()).ok_or_else(|| {
-        SubstitutionError::Invalid(format!(
+        SubstitutionError(format!(
             "environment variable {name} is not set, $(env {name} DEFAULT) gives it a default"
         ))
     })
@@ -110,8 +81,9 @@ fn folder_of(file: &Path) -> String {
 
 fn variable(name: &str, default: Option<&String>, around: &Surroundings<'_>) -> Value {
     around.variables.get(name).or(default).cloned().ok_or_else(|| {
-        let known = listed(around.variables.keys(), "none");
-        SubstitutionError::Undefined(name.to_owned(), known)
+        let known: Vec<&str> = around.variables.keys().map(String::as_str).collect();
+        let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+        SubstitutionError(format!("undefined variable '{name}', defined here are {known}"))
     })
 }
 
@@ -120,12 +92,13 @@ pub(crate) fn truth(text: &str) -> Result<bool, SubstitutionError> {
     match text.trim().to_ascii_lowercase().as_str() {
         "true" | "1" => Ok(true),
         "false" | "0" => Ok(false),
-        _ => Err(SubstitutionError::Invalid(format!("'{text}' is not a condition; use true, false, 1 or 0"))),
+        _ => Err(SubstitutionError(format!("'{text}' is not a condition; use true, false, 1 or 0"))),
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::{Piece, pieces};
     use super::*;
 
     fn value(text: &str) -> Result<String, String> {
@@ -133,7 +106,8 @@ mod tests {
         let variables = [("x", "4.0"), ("name", "x"), ("on", "True")].map(pair).into();
         let file = Path::new("/opt/pkg/launch/a.launch.yaml");
         let around = Surroundings { file, variables: &variables };
-        Template::parse(text).and_then(|t| t.evaluate(&around)).map_err(|e| e.to_string())
+        let pieces = pieces(text, Some(&around)).map_err(|e| e.to_string())?;
+        Ok(pieces.iter().map(Piece::as_str).collect())
     }
 
     #[test]

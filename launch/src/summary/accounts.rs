@@ -120,7 +120,8 @@ impl Account {
         if crashed {
             self.sent += unmade;
             let is_swapped = reader.iter().any(|life| life.swapped);
-            *self.part(if is_swapped { Part::Elsewhere } else { Part::Down }) += unmade;
+            let part = if is_swapped { ELSEWHERE } else { DOWN };
+            *part(&mut self) += unmade;
         }
         // A topic of which no node of the launch keeps an account comes from outside by intention.
         if !streams.is_empty() {
@@ -156,24 +157,24 @@ impl Account {
             let hole = u64::try_from(reading.first - 1 - last).unwrap_or(0);
             let part = match before {
                 None => self.part_of_begin(reader, (life, reading), stream),
-                Some((_, Reading { lasted: true, .. })) => Part::Down,
-                Some(_) => Part::Elsewhere,
+                Some((_, Reading { lasted: true, .. })) => DOWN,
+                Some(_) => ELSEWHERE,
             };
-            *self.part(part) += hole;
+            *part(self) += hole;
             self.received += reading.received;
             self.lost += reading.missing;
             (last, before) = (reading.last.max(last), Some((life, reading)));
         }
         let rest = u64::try_from(stream.sent - last).unwrap_or(0);
         let part = match before {
-            None if reader.iter().any(|life| life.swapped) => Part::Elsewhere,
-            None if stream.crashed || reader.iter().any(|life| life.running) => Part::Down,
-            None => Part::Before,
-            Some((_, reading)) if !reading.lasted => Part::Elsewhere,
-            Some((life, _)) if stream.crashed || reader[life].running => Part::Down,
-            Some(_) => Part::After,
+            None if reader.iter().any(|life| life.swapped) => ELSEWHERE,
+            None if stream.crashed || reader.iter().any(|life| life.running) => DOWN,
+            None => BEFORE,
+            Some((_, reading)) if !reading.lasted => ELSEWHERE,
+            Some((life, _)) if stream.crashed || reader[life].running => DOWN,
+            Some(_) => AFTER,
         };
-        *self.part(part) += rest;
+        *part(self) += rest;
         self.sent += u64::try_from(stream.sent.max(last)).unwrap_or(0);
     }
 
@@ -190,33 +191,23 @@ impl Account {
             |other: &(usize, &Reading)| other.0 == life && other.1.subscription == first.subscription;
         let was_there = others.iter().any(is_same);
         match life {
-            _ if was_there && stream.is_again => Part::Down,
-            0 => Part::Before,
-            _ if was_there => Part::Before,
+            _ if was_there && stream.is_again => DOWN,
+            0 => BEFORE,
+            _ if was_there => BEFORE,
             // A life that goes on with the input of the one before, and one that has chosen it later.
-            _ if others.iter().any(|(other, reading)| other + 1 == life && reading.lasted) => Part::Down,
-            _ if reader.iter().any(|life| life.swapped) => Part::Elsewhere,
-            _ => Part::Down,
-        }
-    }
-
-    fn part(&mut self, part: Part) -> &mut u64 {
-        match part {
-            Part::Before => &mut self.before,
-            Part::Down => &mut self.down,
-            Part::Elsewhere => &mut self.elsewhere,
-            Part::After => &mut self.after,
+            _ if others.iter().any(|(other, reading)| other + 1 == life && reading.lasted) => DOWN,
+            _ if reader.iter().any(|life| life.swapped) => ELSEWHERE,
+            _ => DOWN,
         }
     }
 }
 
-/// The reason why messages did not come, apart from losses on the way.
-enum Part {
-    Before,
-    Down,
-    Elsewhere,
-    After,
-}
+/// The count of the messages that did not come for a reason, apart from losses on the way.
+type Part = fn(&mut Account) -> &mut u64;
+const BEFORE: Part = |account| &mut account.before;
+const DOWN: Part = |account| &mut account.down;
+const ELSEWHERE: Part = |account| &mut account.elsewhere;
+const AFTER: Part = |account| &mut account.after;
 
 /// Returns what each life of `reader` has heard of `topic`, with the number of the life.
 fn readings<'a>(reader: &[&'a NodeReport], topic: &str) -> Vec<(usize, &'a Reading)> {

@@ -15,7 +15,7 @@ use tempfile::TempDir;
 use tokio::sync::watch;
 
 use super::activity::{Activity, LONG_STEP};
-use super::running::{CommandLine, Killed, Running};
+use super::running::{CommandLine, Running};
 use super::{Channel, Ending, Print, ProcessEnd, ProcessOutcome, Supervision, start_error};
 use crate::LaunchError;
 use crate::package::{SUITE, prefixes};
@@ -209,49 +209,36 @@ fn installed(node: &NodePlan) -> Result<PathBuf, LaunchError> {
 }
 
 impl Job {
-    /// Runs the process until it has ended for good. `told` has the reason when all are to end.
+    /// Runs the process until it has ended for good. `end_signal` has the reason when all are to end.
     pub async fn keep(self, mut end_signal: watch::Receiver<Option<Ending>>, print: Print) -> ProcessOutcome {
         let mut restarts = Restarts::default();
-        let done = |restarts: &Restarts, end| {
-            let label = self.process.label.clone();
-            ProcessOutcome { label, restarts: restarts.count, end }
-        };
-        loop {
+        let end = loop {
             let start = Instant::now();
             let running = match Running::start(&self.command, &self.process, &print) {
                 Ok(running) => running,
                 Err(error) => {
                     self.say(&print, &error.to_string());
-                    return done(&restarts, ProcessEnd::NotStarted(error.to_string()));
+                    break ProcessEnd::NotStarted(error.to_string());
                 }
             };
-            // The last lines of this life are shown before the first ones of the next.
-            let (end, last_line) = self.live(running, &mut end_signal, restarts.count, &print).await;
-            let end = match end {
-                Ok(end) => end,
-                Err((status, killed)) => {
-                    return done(&restarts, after_shutdown(self.origin, &status, killed, last_line));
-                }
-            };
-            let delay = match self.after_end(&end, &last_line, start.elapsed(), &mut restarts, &print) {
-                Ok(delay) => delay,
-                Err(end) => return done(&restarts, end),
-            };
-            if !pause(delay, &mut end_signal).await {
-                return done(&restarts, end);
+            let (life, last_line) = self.live(running, &mut end_signal, restarts.count, &print).await;
+            match life.and_then(|end| self.after_end(end, &last_line, start.elapsed(), &mut restarts, &print))
+            {
+                Ok((delay, _)) if pause(delay, &mut end_signal).await => {}
+                Ok((_, end)) | Err(end) => break end,
             }
-        }
+        };
+        ProcessOutcome { label: self.process.label.clone(), restarts: restarts.count, end }
     }
 
-    /// Returns how a life ended, and the last line of standard error. `Err` has the status of a process that was told to end, and
-    /// whether it took SIGKILL.
+    /// Returns how a life ended, and the last line of standard error. `Err` is the end of a process that was told to end.
     async fn live(
         &self,
         mut running: Running,
         end_signal: &mut watch::Receiver<Option<Ending>>,
         restarts: u32,
         print: &Print,
-    ) -> (Result<ProcessEnd, (io::Result<ExitStatus>, Option<Killed>)>, String) {
+    ) -> (Result<ProcessEnd, ProcessEnd>, String) {
         let id = running.id();
         // A process that ends at the same moment is not called shut down: this branch comes first.
         let life = tokio::select! {
@@ -270,23 +257,28 @@ impl Job {
                 Err(running.shut_down(&self.process, is_patient).await)
             }
         };
+        // The last lines of this life are shown before the first ones of the next.
         let last_line = running.finish().await;
-        (life.map(|status| self.ended(status, restarts, &last_line)), last_line)
+        let end = match life {
+            Ok(status) => Ok(self.ended(status, restarts, &last_line)),
+            Err((status, killed)) => Err(after_shutdown(self.origin, &status, killed, &last_line)),
+        };
+        (end, last_line)
     }
 
-    /// Returns the pause before the next start after a life of `lived`; or how the process ended for good.
+    /// Returns the pause before the next start after a life of `lived` with this end; or how the process ended for good.
     fn after_end(
         &self,
-        end: &ProcessEnd,
+        end: ProcessEnd,
         last_line: &str,
         lived: Duration,
         restarts: &mut Restarts,
         print: &Print,
-    ) -> Result<Duration, ProcessEnd> {
-        let ProcessEnd::Crashed(status) = end else { return Err(end.clone()) };
+    ) -> Result<(Duration, ProcessEnd), ProcessEnd> {
+        let ProcessEnd::Crashed(status) = &end else { return Err(end) };
         let Some(delay) = self.process.respawn else {
             self.say(print, &format!("ended with {status}"));
-            return Err(end.clone());
+            return Err(end);
         };
         let now = Instant::now();
         if let Some(crashes) = restarts.exceed(self.max_restarts, now) {
@@ -297,7 +289,7 @@ impl Job {
         let delay = delay.max(restarts.next(lived, now));
         let (count, ms) = (restarts.count, delay.as_millis());
         self.say(print, &format!("ended with {status}, restart {count} in {ms} ms"));
-        Ok(delay)
+        Ok((delay, end))
     }
 
     /// A program of the suite that refuses its arguments at its first start will always do so. At a restart it has accepted them
@@ -331,17 +323,17 @@ fn is_with_loss(origin: Origin, status: &ExitStatus) -> bool {
 fn after_shutdown(
     origin: Origin,
     status: &io::Result<ExitStatus>,
-    killed: Option<Killed>,
-    last_line: String,
+    killed: Option<bool>,
+    last_line: &str,
 ) -> ProcessEnd {
     let asked = [Signal::SIGINT as i32, Signal::SIGTERM as i32];
     match (origin, status) {
         (Origin::Suite, Ok(status))
-            if killed.is_some() && status.signal() == Some(Signal::SIGKILL as i32) =>
+            if status.signal() == Some(Signal::SIGKILL as i32) && killed.is_some() =>
         {
-            ProcessEnd::Killed { computed: killed == Some(Killed::Busy) }
+            ProcessEnd::Killed { computed: killed == Some(true) }
         }
-        (_, Ok(status)) if is_with_loss(origin, status) => ProcessEnd::WithLoss(last_line),
+        (_, Ok(status)) if is_with_loss(origin, status) => ProcessEnd::WithLoss(last_line.to_owned()),
         (Origin::Suite, Ok(status))
             if !status.success() && !status.signal().is_some_and(|s| asked.contains(&s)) =>
         {
@@ -449,7 +441,7 @@ mod tests {
     #[test]
     fn a_node_that_is_ended_while_it_starts_has_not_crashed() {
         let after = |origin, wait_status, killed| {
-            after_shutdown(origin, &Ok(ExitStatus::from_raw(wait_status)), killed, "why".to_owned())
+            after_shutdown(origin, &Ok(ExitStatus::from_raw(wait_status)), killed, "why")
         };
         let end = |origin, wait_status| after(origin, wait_status, None);
         for signal in [Signal::SIGINT, Signal::SIGTERM] {
@@ -460,11 +452,11 @@ mod tests {
             assert!(matches!(end(Origin::Suite, status), ProcessEnd::Crashed(_)), "{status}");
         }
         let sigkill = Signal::SIGKILL as i32;
-        for (killed, computed) in [(Killed::Busy, true), (Killed::Idle, false)] {
-            let end = after(Origin::Suite, sigkill, Some(killed));
+        for computed in [true, false] {
+            let end = after(Origin::Suite, sigkill, Some(computed));
             assert_eq!((&end, end.is_failure()), (&ProcessEnd::Killed { computed }, false));
         }
-        assert_eq!(after(Origin::Foreign, sigkill, Some(Killed::Busy)), ProcessEnd::ShutDown);
+        assert_eq!(after(Origin::Foreign, sigkill, Some(true)), ProcessEnd::ShutDown);
         assert_eq!(end(Origin::Foreign, exit_code_1), ProcessEnd::ShutDown);
         let exit_code_3 = 3 << 8;
         assert_eq!(end(Origin::Foreign, exit_code_3), ProcessEnd::ShutDown);

@@ -36,17 +36,8 @@ pub(super) struct Running {
     /// `None` once the process was reaped: from then on the group's number may be that of another process.
     group: Option<Group>,
     readers: Vec<JoinHandle<()>>,
-    say: Box<dyn Fn(&str) + Send + Sync>,
+    print: Print,
     last_line: Arc<Mutex<String>>,
-}
-
-/// What a process did that was told to end and did not, so that it was ended by SIGKILL.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Killed {
-    /// It computed.
-    Busy,
-    /// It did nothing.
-    Idle,
 }
 
 /// A process group; killed when let go.
@@ -75,9 +66,8 @@ impl Running {
             shown(channel, line);
         });
         let err = child.stderr.take().map(|err| forward(err, Channel::Err, label, &note));
-        let (print, label) = (print.clone(), label.clone());
-        let say = Box::new(move |message: &str| print(Channel::Err, &format!("[{label}] {message}")));
-        Ok(Self { child, group: Some(group), readers: out.into_iter().chain(err).collect(), say, last_line })
+        let readers = out.into_iter().chain(err).collect();
+        Ok(Self { child, group: Some(group), readers, print: print.clone(), last_line })
     }
 
     /// Returns the number of the process; 0 once it was reaped.
@@ -103,19 +93,20 @@ impl Running {
     }
 
     /// Asks the process to end with SIGINT, then with SIGTERM, and ends it with SIGKILL. While `is_patient`, a process that computes
-    /// gets up to [`LONG_STEP`] times as long before the next signal: it works on its last frames. Also returns whether it took SIGKILL.
+    /// gets up to [`LONG_STEP`] times as long before the next signal: it works on its last frames. Where it took SIGKILL, also
+    /// returns whether it computed then.
     pub async fn shut_down(
         &mut self,
         process: &ProcessPlan,
         is_patient: impl Fn() -> bool,
-    ) -> (io::Result<ExitStatus>, Option<Killed>) {
+    ) -> (io::Result<ExitStatus>, Option<bool>) {
         // The order of ROS 2: SIGINT lets a node finish what is on its way, SIGTERM is for programs that
         // ignore it, and SIGKILL cannot be ignored.
         let steps = [
             (Signal::SIGINT, process.sigterm_timeout, Signal::SIGTERM),
             (Signal::SIGTERM, process.sigkill_timeout, Signal::SIGKILL),
         ];
-        let mut killed = Killed::Idle;
+        let mut computes = false;
         for (signal, patience, next) in steps {
             self.signal(signal);
             let (mut activity, mut waited) = (Activity::of(self.id()), Duration::ZERO);
@@ -124,15 +115,17 @@ impl Running {
                     return (status, None);
                 }
                 waited += patience;
-                killed = if activity.was_busy(patience) { Killed::Busy } else { Killed::Idle };
-                if !is_patient() || killed == Killed::Idle || waited >= patience * LONG_STEP {
+                computes = activity.was_busy(patience);
+                if !is_patient() || !computes || waited >= patience * LONG_STEP {
                     break;
                 }
             }
-            (self.say)(&format!("still runs {} s after {signal}, sending {next}", waited.as_secs_f64()));
+            let (label, seconds) = (&process.label, waited.as_secs_f64());
+            let message = format!("[{label}] still runs {seconds} s after {signal}, sending {next}");
+            (self.print)(Channel::Err, &message);
         }
         self.kill();
-        (self.wait().await, Some(killed))
+        (self.wait().await, Some(computes))
     }
 
     /// Kills the process and its group. Also a stopped process ends then.

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use modulo_launch::{NodeParameter, NodePlan, Plan, compose, declared_arguments, resolve, ros_arguments};
+use modulo_runtime::ros_args::RosArgs;
 
 use crate::{Files, owned};
 
@@ -153,9 +154,9 @@ launch:
 fn only_nodes_of_the_suite_can_share_a_process() {
     let suite =
         "launch:\n  - node: { pkg: modulo, exec: unwrap, param: [{ name: m, value: '1', type: str }] }\n";
-    let nodes = compose(&plan(suite, &[])).expect("composable");
-    assert_eq!((nodes[0].kind.as_str(), nodes[0].node_name.name.as_str()), ("unwrap", "unwrap"));
-    assert_eq!(nodes[0].parameters, [("m".to_owned(), "1".to_owned())]);
+    let plan_of_suite = plan(suite, &[]);
+    let nodes = compose(&plan_of_suite).expect("composable");
+    assert_eq!((nodes.len(), nodes[0].executable.as_str()), (1, "unwrap"));
     for (more, why) in [
         ("  - executable: { cmd: a }\n", "a cannot run in one process: it is an executable"),
         ("  - node: { pkg: p, exec: e }\n", "e cannot run in one process: its package is 'p'"),
@@ -184,7 +185,9 @@ fn the_last_value_of_a_parameter_wins_wherever_it_comes_from() {
     let arguments = ros_arguments(&plan.nodes[0]).join(" ");
     assert!(arguments.ends_with(&format!("-p a:=1 --params-file {} -p b:=3", path.display())), "{arguments}");
     let pairs = [("a", "1"), ("a", "2"), ("b", "2"), ("b", "3")].map(|(n, v)| (n.to_owned(), v.to_owned()));
-    assert_eq!(compose(&plan).expect("composable")[0].parameters, pairs);
+    let (ros, _) = RosArgs::parse(&ros_arguments(&plan.nodes[0])).expect("arguments");
+    let node_name = ros.node_name("unwrap").expect("a name");
+    assert_eq!(ros.parameters_for(&node_name).expect("readable"), pairs);
 }
 
 #[test]

@@ -20,7 +20,6 @@ const MAX_MAP: u64 = 1 << 20;
 pub struct Classes {
     names: ClassNames,
     pub map: ClassMap,
-    published: Vec<String>,
     wanted: Vec<String>,
 }
 
@@ -49,18 +48,20 @@ impl ClassMap {
 impl Classes {
     /// `wanted` names the classes to keep as they are called after the `map`, empty = all.
     pub fn new(names: &ClassNames, map: ClassMap, wanted: &[String]) -> Result<Self, ParameterError> {
-        let names = names.clone();
-        let mut classes = Self { names, map, published: Vec::new(), wanted: Vec::new() };
-        for index in 0..classes.names.all().len() {
-            if let Some(name) = classes.publish(index).filter(|name| !classes.published.contains(name)) {
-                classes.published.push(name);
+        let mut classes = Self { names: names.clone(), map, wanted: Vec::new() };
+        let mut published = Vec::new();
+        for VisionClass { class_name, .. } in classes.labels() {
+            if !published.contains(&class_name) {
+                published.push(class_name);
             }
         }
-        for name in wanted {
-            if !classes.possible(name) {
-                let why = format!("no such class, known are {}", some(&classes.published));
-                return Err(ParameterError::new("classes", name, why));
-            }
+        // The classes of a model without names are called by their numbers.
+        let is_unnamed = names.count() == 0 && classes.map.names.is_none();
+        let is_number = |name: &str| name.parse().is_ok_and(|index: u16| names.name(index.into()) == name);
+        let is_possible = |name: &String| published.contains(name) || (is_unnamed && is_number(name));
+        if let Some(name) = wanted.iter().find(|name| !is_possible(name)) {
+            let why = format!("no such class, known are {}", some(&published));
+            return Err(ParameterError::new("classes", name, why));
         }
         classes.wanted = wanted.to_vec();
         Ok(classes)
@@ -97,13 +98,6 @@ impl Classes {
             Some(VisionClass { class_id, class_name })
         };
         (0..self.names.all().len()).filter_map(label).collect()
-    }
-
-    /// Returns whether `name` can be published. The classes of a model without names are called by their numbers.
-    fn possible(&self, name: &str) -> bool {
-        let is_unnamed = self.names.all().is_empty() && self.map.names.is_none();
-        let by_number = || name.parse().is_ok_and(|index: u16| self.names.name(index.into()) == name);
-        self.published.iter().any(|known| known == name) || (is_unnamed && by_number())
     }
 }
 

@@ -39,7 +39,7 @@ pub use engine::{
     onnxruntime_library, onnxruntime_places,
 };
 pub use export::ClassNumbers;
-pub use measure::{ModelInfo, Speed, describe, measure};
+pub use measure::{ModelInfo, Speed, describe};
 pub use model::{DEMO, DEMO_LIMIT, embedded};
 pub use node::{Detector, TRUSTED, outputs, topics};
 pub use parameter::DetectorParameters;

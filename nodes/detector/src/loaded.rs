@@ -22,7 +22,6 @@ const MOST_SIZES: usize = 8;
 
 /// A model that has run with these parameters.
 pub struct Loaded {
-    pub parameters: DetectorParameters,
     pub settings: Settings,
     pub engine: OpenedEngine,
     /// The form of the output of the model.
@@ -57,8 +56,8 @@ impl Loaded {
         if parameters.model == DEMO {
             tracing::info!("{DEMO_LIMIT}");
         }
-        let (parameters, sizes) = (parameters.clone(), settings.input_size.tensors(images));
-        Ok(Self { parameters, settings, engine, head, boxes_checked: false, sizes, asked: Vec::new() })
+        let sizes = settings.input_size.tensors(images);
+        Ok(Self { settings, engine, head, boxes_checked: false, sizes, asked: Vec::new() })
     }
 
     /// Runs the model for images of these sizes (height, width) where it has not run at the size of their input yet.
@@ -111,7 +110,7 @@ impl Loaded {
     fn beside(&self, images: &[(usize, usize)]) -> Job {
         let last = self.sizes.iter().rev().take(MOST_SIZES).rev();
         let images: Vec<_> = last.chain(images).copied().collect();
-        let parameters = self.parameters.clone();
+        let parameters = self.settings.parameters.clone();
         Box::new(move || {
             let failed = |why: DetectorError| {
                 ParameterError::new("input_size", &parameters.input_size, why.to_string())
@@ -140,7 +139,7 @@ impl Loaded {
             self.boxes_checked = true;
             if are_shares(&found, letterbox) {
                 let why = "no box is larger than one pixel: its boxes seem to be shares of its input, and pixels are needed";
-                warn_once(format!("model '{}': {why}; {EXPORT}", self.parameters.model));
+                warn_once(format!("model '{}': {why}; {EXPORT}", self.settings.parameters.model));
             }
         }
         found
@@ -164,7 +163,7 @@ impl Loaded {
     }
 
     pub fn model_file(&self) -> String {
-        let model = Path::new(&self.parameters.model);
+        let model = Path::new(&self.settings.parameters.model);
         model.file_name().unwrap_or(model.as_os_str()).to_string_lossy().into_owned()
     }
 }

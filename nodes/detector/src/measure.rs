@@ -1,17 +1,14 @@
-//! The figures of a model that `modulo model` shows: its description, and the time of its inference ([`measure`]).
+//! [`ModelInfo`]: the figures of a model that `modulo model` shows, its description and the time of its inference.
 
-use std::num::NonZeroUsize;
 use std::path::Path;
 
 use modulo_runtime::Clock;
 use ndarray::Array4;
 
 use crate::DetectorError;
-use crate::engine::{Engine, EngineError, EngineOptions, OpenedEngine, open};
-use crate::model::ModelLayout;
+use crate::engine::{Engine, EngineOptions, OpenedEngine, SharedEngine, open};
 
-/// A description of a model for people.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// A model that is loaded, with its description for people.
 pub struct ModelInfo {
     /// The engine that loaded it, `ort`, `openvino` or `rten`.
     pub engine: &'static str,
@@ -29,6 +26,8 @@ pub struct ModelInfo {
     pub classes: Vec<String>,
     /// Threads that one inference uses.
     pub threads: usize,
+    session: SharedEngine,
+    stride: usize,
 }
 
 /// (height, width) of the image of a first run where the model fixes none.
@@ -41,9 +40,11 @@ pub const FIRST_RUN: (usize, usize) = (640, 640);
 pub fn describe(model: &Path, options: EngineOptions) -> Result<ModelInfo, DetectorError> {
     let mut opened = open(model, options)?;
     let form = opened.first_run(model, opened.layout.size.unwrap_or(FIRST_RUN))?.to_string();
-    let OpenedEngine { name, threads, layout, note, .. } = opened;
+    let OpenedEngine { engine: session, name, threads, layout, note, .. } = opened;
     Ok(ModelInfo {
         form,
+        session,
+        stride: layout.stride,
         engine: name,
         note,
         input: layout.input,
@@ -54,6 +55,8 @@ pub fn describe(model: &Path, options: EngineOptions) -> Result<ModelInfo, Detec
     })
 }
 
+/// Sizes (height, width) at which the speed is measured: those of the scenes and of KITTI, padded.
+const SIZES: [(usize, usize); 2] = [(192, 640), (384, 1248)];
 /// Runs before the first timed one: buffers grow and caches fill in them.
 const WARM_UP: usize = 3;
 
@@ -68,45 +71,32 @@ pub struct Speed {
     pub median_ns: u64,
 }
 
-/// Times `runs` inferences of `model` on a grey image at each of `sizes` (height, width), enlarged to multiples of its stride. A model that
-/// fixes its size is timed at that size only.
-///
-/// # Errors
-/// [`DetectorError::Engine`] when the model does not load or not run.
-pub fn measure(
-    model: &Path,
-    options: EngineOptions,
-    sizes: &[(usize, usize)],
-    runs: NonZeroUsize,
-    clock: &dyn Clock,
-) -> Result<Vec<Speed>, DetectorError> {
-    let OpenedEngine { mut engine, layout: ModelLayout { size: fixed, stride, .. }, .. } =
-        open(model, options)?;
-    let (sizes, stride) = fixed.as_ref().map_or((sizes, stride), |fixed| (std::slice::from_ref(fixed), 1));
-    let speed = |&(height, width): &(usize, usize)| {
-        let [height, width] = [height, width].map(|side| side.next_multiple_of(stride));
-        let median_ns = median_ns(&mut engine, (height, width), runs, clock)?;
-        Ok(Speed { height, width, median_ns })
-    };
-    sizes.iter().map(speed).collect()
-}
+impl ModelInfo {
+    /// Number of the inferences that are timed at each size.
+    pub const RUNS: usize = 20;
 
-fn median_ns(
-    engine: &mut dyn Engine,
-    (height, width): (usize, usize),
-    runs: NonZeroUsize,
-    clock: &dyn Clock,
-) -> Result<u64, EngineError> {
-    let grey = Array4::from_elem((1, 3, height, width), 0.5);
-    for _ in 0..WARM_UP {
-        engine.run(grey.view())?;
+    /// Times [`ModelInfo::RUNS`] inferences on a grey image at each of several sizes, enlarged to multiples of the stride. A model that
+    /// fixes its size is timed at that size only.
+    ///
+    /// # Errors
+    /// [`DetectorError::Engine`] when the model does not run.
+    pub fn measure(&mut self, clock: &dyn Clock) -> Result<Vec<Speed>, DetectorError> {
+        let (sizes, stride) =
+            self.size.as_ref().map_or((&SIZES[..], self.stride), |fixed| (std::slice::from_ref(fixed), 1));
+        let mut speeds = Vec::new();
+        for size in sizes {
+            let [height, width] = [size.0, size.1].map(|side| side.next_multiple_of(stride));
+            let grey = Array4::from_elem((1, 3, height, width), 0.5);
+            let mut durations = Vec::new();
+            for _ in 0..WARM_UP + Self::RUNS {
+                let start = clock.ticks_ns();
+                self.session.run(grey.view())?;
+                durations.push(clock.ticks_ns().saturating_sub(start));
+            }
+            let timed = &mut durations[WARM_UP..];
+            timed.sort_unstable();
+            speeds.push(Speed { height, width, median_ns: timed[Self::RUNS / 2] });
+        }
+        Ok(speeds)
     }
-    let mut durations = Vec::with_capacity(runs.get());
-    for _ in 0..runs.get() {
-        let start = clock.ticks_ns();
-        engine.run(grey.view())?;
-        durations.push(clock.ticks_ns().saturating_sub(start));
-    }
-    durations.sort_unstable();
-    Ok(durations[durations.len() / 2])
 }

@@ -1,8 +1,7 @@
 //! The required inputs and outputs of a model, and the form of its output.
 //!
-//! No engine is named here: engines bring a [`Signature`], this judges it.
+//! No engine is named here: engines bring the inputs, outputs and properties of a model, this judges them.
 
-use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
 
@@ -55,59 +54,36 @@ impl fmt::Display for TensorSpec {
     }
 }
 
-/// The inputs, outputs and metadata of a model, as an engine reads them.
-pub struct Signature {
-    /// Inputs without the initialisers.
-    pub inputs: Vec<TensorSpec>,
-    /// Outputs in the file's order.
-    pub outputs: Vec<TensorSpec>,
-    pub metadata: Metadata,
+/// The value of a property of a model, such as ultralytics writes them, as an engine reads it.
+type Property<'a> = &'a dyn Fn(&str) -> Option<String>;
+
+/// Returns what the model is where that is no YOLO for detection.
+fn other_model(property: Property<'_>) -> Option<String> {
+    let task = property("task").filter(|task| !task.is_empty() && task != "detect");
+    let task = task.map(|task| match &*task {
+        "segment" => "a model for segmentation".to_owned(),
+        "pose" => "a model for poses".to_owned(),
+        "obb" => "a model for oriented boxes (OBB)".to_owned(),
+        "classify" => "a model for classification".to_owned(),
+        other => format!("a model for the task {other}"),
+    });
+    let is_rt_detr = property("head").is_some_and(|head| head.starts_with("RTDETR"));
+    task.or_else(|| is_rt_detr.then(|| "an RT-DETR".to_owned()))
 }
 
-/// The properties of a model that ultralytics writes and this node reads.
-#[derive(Default)]
-pub struct Metadata(BTreeMap<&'static str, String>);
+/// Returns the stride, of which the sides of the input are multiples.
+fn stride(property: Property<'_>) -> usize {
+    let told = property("stride").and_then(|stride| stride.parse().ok());
+    told.filter(|stride| [64, 128].contains(stride)).unwrap_or(STRIDE)
+}
 
-impl Metadata {
-    const PROPERTIES: [&str; 6] = ["names", "task", "head", "end2end", "args", "stride"];
-
-    /// Reads the properties by `property`, which gives the value of a key.
-    pub fn read(property: impl Fn(&str) -> Option<String>) -> Self {
-        Self(Self::PROPERTIES.into_iter().filter_map(|key| Some((key, property(key)?))).collect())
+/// Returns whether the model says that it removes overlapping boxes itself, if it says anything about that.
+fn is_end_to_end(property: Property<'_>) -> Option<bool> {
+    let args = property("args").unwrap_or_default().to_lowercase().replace([' ', '\'', '"'], "");
+    if args.split(['{', ',', '}']).any(|pair| pair == "nms:true") {
+        return Some(true);
     }
-
-    fn get(&self, key: &str) -> Option<&str> {
-        self.0.get(key).map(|value| value.trim())
-    }
-
-    /// Returns what the model is where that is no YOLO for detection.
-    fn other_model(&self) -> Option<String> {
-        let task = self.get("task").filter(|task| !task.is_empty() && *task != "detect");
-        let task = task.map(|task| match task {
-            "segment" => "a model for segmentation".to_owned(),
-            "pose" => "a model for poses".to_owned(),
-            "obb" => "a model for oriented boxes (OBB)".to_owned(),
-            "classify" => "a model for classification".to_owned(),
-            other => format!("a model for the task {other}"),
-        });
-        let is_rt_detr = self.get("head").is_some_and(|head| head.starts_with("RTDETR"));
-        task.or_else(|| is_rt_detr.then(|| "an RT-DETR".to_owned()))
-    }
-
-    /// Returns the stride, of which the sides of the input are multiples.
-    fn stride(&self) -> usize {
-        let told = self.get("stride").and_then(|stride| stride.parse().ok());
-        told.filter(|stride| [64, 128].contains(stride)).unwrap_or(STRIDE)
-    }
-
-    /// Returns whether the model says that it removes overlapping boxes itself, if it says anything about that.
-    fn is_end_to_end(&self) -> Option<bool> {
-        let args = self.get("args").unwrap_or_default().to_lowercase().replace([' ', '\'', '"'], "");
-        if args.split(['{', ',', '}']).any(|pair| pair == "nms:true") {
-            return Some(true);
-        }
-        self.get("end2end").and_then(|value| value.to_lowercase().parse().ok())
-    }
+    property("end2end").and_then(|value| value.to_lowercase().parse().ok())
 }
 
 /// Names and sizes of a model that this node can read.
@@ -127,14 +103,18 @@ pub struct ModelLayout {
 }
 
 impl ModelLayout {
-    /// Judges `signature`, and reads the names: from the metadata, else from a file `<model>.names`, else there are no
-    /// names.
-    pub fn of(model: &Path, signature: &Signature) -> Result<Self, EngineError> {
-        let Signature { inputs, outputs, metadata } = signature;
+    /// Judges the inputs, without the initialisers, and the outputs in the order of the file. Reads the names: from the metadata, else from
+    /// a file `<model>.names`, else there are no names.
+    pub fn of(
+        model: &Path,
+        (inputs, outputs): (&[TensorSpec], &[TensorSpec]),
+        property: Property<'_>,
+    ) -> Result<Self, EngineError> {
+        let property = &|key: &str| property(key).map(|value| value.trim().to_owned());
         let refuse = |found: String, needed| {
             EngineError(format!("model '{}': {found}, needed is {needed}", model.display()))
         };
-        if let Some(other) = metadata.other_model() {
+        if let Some(other) = other_model(property) {
             return Err(refuse(format!("is {other}"), TASK));
         }
         let (input, size) =
@@ -144,10 +124,10 @@ impl ModelLayout {
             input: input.to_owned(),
             output: output.name.clone(),
             size,
-            stride: metadata.stride(),
-            names: ClassNames::of(model, metadata.get("names"))
+            stride: stride(property),
+            names: ClassNames::of(model, property("names").as_deref())
                 .map_err(|why| refuse(format!("file of class names {why}"), NAMES))?,
-            end_to_end: metadata.is_end_to_end(),
+            end_to_end: is_end_to_end(property),
         })
     }
 }
@@ -198,9 +178,9 @@ mod tests {
         let property = |key: &str| {
             properties.iter().find(|(known, _)| *known == key).map(|(_, value)| (*value).to_owned())
         };
-        let inputs = vec![port("images", &[1, 3, 0, 0])];
-        let signature = Signature { inputs, outputs, metadata: Metadata::read(property) };
-        ModelLayout::of(Path::new("model.onnx"), &signature).map_err(|why| why.to_string())
+        let inputs = [port("images", &[1, 3, 0, 0])];
+        ModelLayout::of(Path::new("model.onnx"), (&inputs, &outputs), &property)
+            .map_err(|why| why.to_string())
     }
 
     #[test]

@@ -77,6 +77,9 @@ pub struct Detector {
     labels_due: bool,
 }
 
+/// A topic that is read: the index of the camera, the role of the topic, and the topic.
+type Input = (usize, Role, Topic);
+
 #[derive(Default)]
 struct Camera {
     /// Its namespace, such as /front; `None` for that of the node.
@@ -178,18 +181,21 @@ impl Detector {
         ClassNumbers::of(&self.loaded.settings.classes)
     }
 
-    /// Takes the parameters with another model, if there is one, and the class `map` that they name.
-    fn take(
-        &mut self,
-        parameters: &Parameters,
-        model: Option<Loaded>,
-        map: ClassMap,
-    ) -> Result<(), ParameterError> {
+    /// Takes the parameters with the `part` that was made for them, another model or class map.
+    fn take(&mut self, parameters: &Parameters, part: Option<Part>) -> Result<(), ParameterError> {
         let parameters = DetectorParameters::from(parameters);
+        let (model, map) = match part.map(|part| part.downcast::<Loaded>()) {
+            None => (None, None),
+            Some(Ok(model)) => (Some(*model), None),
+            Some(Err(part)) => {
+                (None, Some(*part.downcast().expect("a part of this node is a model or a class map")))
+            }
+        };
         let now = model.as_ref().unwrap_or(&self.loaded);
+        let map: ClassMap = map.unwrap_or_else(|| now.settings.classes.map.clone());
         let again = |name, value: &str| Err(ParameterError::new(name, value, "was not loaded; set it again"));
         // Other parameters may have changed while a part of this change was loaded.
-        if !parameters.same_engine(&now.parameters) {
+        if !parameters.same_engine(&now.settings.parameters) {
             return again("model", &parameters.model);
         }
         if parameters.class_map != map.file {
@@ -200,7 +206,7 @@ impl Detector {
             if let Some(model) = model {
                 *loaded = model;
             }
-            (loaded.parameters, loaded.settings) = (parameters, settings);
+            loaded.settings = settings;
         });
         Ok(())
     }
@@ -208,8 +214,8 @@ impl Detector {
     /// Takes another model or other settings between two frames.
     fn change(&mut self, change: impl FnOnce(&mut Loaded)) {
         let labels = |loaded: &Loaded| {
-            let Settings { classes, score_threshold, .. } = &loaded.settings;
-            (loaded.model_file(), classes.labels(), *score_threshold)
+            let Settings { classes, parameters, .. } = &loaded.settings;
+            (loaded.model_file(), classes.labels(), parameters.score_threshold)
         };
         let (before, input) = (labels(&self.loaded), self.loaded.settings.input.clone());
         change(&mut self.loaded);
@@ -224,12 +230,9 @@ impl Detector {
         self.contradiction_reported = false;
     }
 
-    fn source(&self, input: usize) -> Option<(usize, Role)> {
-        let choice = &self.loaded.settings.input;
-        let sources = self.cameras.iter().enumerate().flat_map(|(at, camera)| {
-            camera.inputs(choice, camera.stream(choice)).map(move |(role, _)| (at, role))
-        });
-        { sources }.nth(input)
+    /// Returns the topics that are read now.
+    fn reads(&self) -> impl Iterator<Item = Input> {
+        reads(&self.cameras, &self.loaded.settings.input, None)
     }
 
     fn publish_labels(&mut self, header: &Header, cx: &mut Context<'_>) {
@@ -242,11 +245,11 @@ impl Detector {
             database_location: format!("{}/label_info", cx.node()),
             database_version: self.version,
         };
-        let Settings { classes, score_threshold: threshold, .. } = &self.loaded.settings;
+        let Settings { classes, parameters, .. } = &self.loaded.settings;
         let [vision_info, label_info] = outputs_at(self.cameras.len());
         cx.emit(vision_info, info);
         let (header, class_map) = (header.clone(), classes.labels());
-        cx.emit(label_info, LabelInfo { header, class_map, threshold: *threshold });
+        cx.emit(label_info, LabelInfo { header, class_map, threshold: parameters.score_threshold as f32 });
     }
 
     /// Finds the objects in an image of `stream` of the camera with this index.
@@ -295,7 +298,7 @@ impl Detector {
         (camera, stream): (usize, &str),
         image: &StampedFrame,
     ) -> Result<StreamScale, String> {
-        let (bits, camera) = (&self.loaded.settings.bits, &mut self.cameras[camera]);
+        let (bits, camera) = (&self.loaded.settings.parameters.bits, &mut self.cameras[camera]);
         let (kind, described) = camera.described.of(stream);
         let sensor = described.and_then(|described| described.nearest(image.header.stamp));
         let of = |bits| StreamScale::of(kind, image.frame.depth(), sensor, bits);
@@ -370,6 +373,23 @@ fn line(stamp: Time, found: &[Detection]) -> String {
     format!("{}.{:09} {} boxes: {boxes}", stamp.sec, stamp.nanosec, found.len())
 }
 
+/// Returns the topics to read where the parameters ask for `input`: of `stream`, or of that which each camera has chosen.
+fn reads<'a>(
+    cameras: &'a [Camera],
+    input: &'a StreamChoice,
+    stream: Option<&'a str>,
+) -> impl Iterator<Item = Input> {
+    cameras.iter().enumerate().flat_map(move |(at, camera)| {
+        let inputs = camera.inputs(input, stream.unwrap_or_else(|| camera.stream(input)));
+        inputs.map(move |(role, topic)| (at, role, topic))
+    })
+}
+
+/// Returns the topics of inputs.
+fn topics_of(inputs: impl Iterator<Item = Input>) -> Vec<Topic> {
+    inputs.map(|(.., topic)| topic).collect()
+}
+
 fn cameras(parameters: &DetectorParameters) -> Vec<Camera> {
     if parameters.cameras.is_empty() {
         return vec![Camera::default()];
@@ -385,8 +405,7 @@ fn cameras(parameters: &DetectorParameters) -> Vec<Camera> {
 pub fn topics(parameters: &DetectorParameters) -> Result<(Vec<Topic>, Vec<Topic>), ParameterError> {
     let (input, _) = parameters.streams()?;
     let cameras = cameras(parameters);
-    let read = cameras.iter().flat_map(|camera| camera.inputs(&input, camera.stream(&input)));
-    Ok((read.map(|(_, topic)| topic).collect(), outputs_of(&cameras)))
+    Ok((topics_of(reads(&cameras, &input, None)), outputs_of(&cameras)))
 }
 
 /// Returns the topics that a detector of one camera publishes.
@@ -407,17 +426,12 @@ fn outputs_of(cameras: &[Camera]) -> Vec<Topic> {
 
 impl Node for Detector {
     fn inputs(&self) -> Vec<Topic> {
-        let input = &self.loaded.settings.input;
-        let inputs = self.cameras.iter().flat_map(|camera| camera.inputs(input, camera.stream(input)));
-        inputs.map(|(_, topic)| topic).collect()
+        topics_of(self.reads())
     }
 
     fn inputs_with(&self, next: &Parameters) -> Result<PlannedInputs, ParameterError> {
         let (input, fallback) = DetectorParameters::from(next).streams()?;
-        let all = |stream: &str| {
-            let inputs = self.cameras.iter().flat_map(|camera| camera.inputs(&input, stream));
-            inputs.map(|(_, topic)| topic).collect::<Vec<_>>()
-        };
+        let all = |stream: &str| topics_of(reads(&self.cameras, &input, Some(stream)));
         let first = match &input {
             same if *same == self.loaded.settings.input => self.inputs(),
             StreamChoice::Stream(stream) => all(stream),
@@ -434,20 +448,17 @@ impl Node for Detector {
         let images = self.images();
         self.loaded.warm_up(&images);
         let Settings { input, input_size, .. } = &self.loaded.settings;
-        let mut untold = Vec::new();
         // A fixed size was run when the model was loaded.
         let follows = matches!(input_size, InputSize::Auto(_));
-        let is_told = |camera: &Camera| camera.described.of(&camera.image_topic(input)).1.is_some();
-        for camera in self.cameras.iter().filter(|camera| follows && !is_told(camera)) {
-            let inputs = camera.inputs(input, camera.stream(input));
-            untold.extend(inputs.filter(|(role, _)| *role == Role::Sensor).map(|(_, topic)| topic));
-        }
-        untold
+        let is_untold = |(camera, role, _): &Input| {
+            let camera = &self.cameras[*camera];
+            *role == Role::Sensor && camera.described.of(&camera.image_topic(input)).1.is_none()
+        };
+        topics_of(self.reads().filter(|input| follows && is_untold(input)))
     }
 
     fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError> {
-        let map = self.loaded.settings.classes.map.clone();
-        self.take(parameters, None, map)
+        self.take(parameters, None)
     }
 
     fn prepare(&self, now: &Parameters, next: &Parameters) -> Option<Job> {
@@ -462,31 +473,22 @@ impl Node for Detector {
     }
 
     fn exchange(&mut self, parameters: &Parameters, part: Part) -> Result<(), ParameterError> {
-        match part.downcast::<Loaded>() {
-            Ok(loaded) => {
-                let map = loaded.settings.classes.map.clone();
-                self.take(parameters, Some(*loaded), map)
-            }
-            Err(part) => {
-                let map = part.downcast::<ClassMap>().expect("a part of this node is a model or a class map");
-                self.take(parameters, None, *map)
-            }
-        }
+        self.take(parameters, Some(part))
     }
 
     fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
         let stream = cx.stream().map(str::to_owned).or_else(|| stream_of(self, &trigger)).unwrap_or_default();
         let (source, message) = match trigger {
-            Trigger::Message { input, message } => (self.source(input), Some(message)),
+            Trigger::Message { input, message } => (self.reads().nth(input), Some(message)),
             Trigger::Tick => (None, None),
         };
         match (source, message) {
-            (Some((camera, Role::Image)), Some(Message::Image(image))) => {
+            (Some((camera, Role::Image, _)), Some(Message::Image(image))) => {
                 self.detect((camera, &stream), &image, cx).map_err(StepError::Skip)?;
                 self.publish_labels(&image.header, cx);
                 Ok(Flow::Continue)
             }
-            (Some((camera, role)), Some(Message::Diagnostics(info))) => {
+            (Some((camera, role, _)), Some(Message::Diagnostics(info))) => {
                 self.note((camera, role, stream), &info, cx.now_ns()).map_err(StepError::Skip)
             }
             _ => Err(StepError::Skip("the detector only answers images".to_owned())),
@@ -494,7 +496,7 @@ impl Node for Detector {
     }
 
     fn state(&self) -> Vec<(&'static str, String)> {
-        let Loaded { parameters, settings, engine, .. } = &self.loaded;
+        let Loaded { settings: Settings { parameters, .. }, engine, .. } = &self.loaded;
         let mut state = vec![
             ("engine", engine.name.to_owned()),
             ("engine_from", engine.note.clone()),
@@ -503,7 +505,7 @@ impl Node for Detector {
             ("model_path", parameters.model.clone()),
             ("input_size", self.shown_size()),
             ("threads", engine.threads.to_string()),
-            ("score_threshold", settings.score_threshold.to_string()),
+            ("score_threshold", parameters.score_threshold.to_string()),
             ("bits", self.of_cameras(|camera| Some(camera.bits.to_string()))),
             ("input", parameters.input.clone()),
         ];

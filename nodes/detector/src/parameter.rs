@@ -123,20 +123,13 @@ pub enum StreamChoice {
     Auto(Option<String>),
 }
 
-/// The settings that may change between two frames.
+/// The parameters that may change between two frames, and what follows from them for a model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
+    pub parameters: DetectorParameters,
     pub input: StreamChoice,
-    /// Smallest score, in [0, 1].
-    pub score_threshold: f32,
-    /// Largest number of detections of a frame, at least 1.
-    pub max_det: usize,
-    /// Largest intersection over union of two boxes of a class, in [0, 1].
-    pub nms_iou: f32,
     pub input_size: InputSize,
     pub classes: Classes,
-    /// Bits of the codes, 0 = those of the sensor, else of the encoding.
-    pub bits: u8,
 }
 
 impl Settings {
@@ -151,13 +144,10 @@ impl Settings {
         let size = &parameters.input_size;
         Ok(Self {
             input: parameters.streams()?.0,
-            score_threshold: parameters.score_threshold as f32,
-            max_det: parameters.max_det,
-            nms_iou: parameters.nms_iou as f32,
             input_size: InputSize::parse(size, layout.size, layout.stride)
                 .map_err(|why| ParameterError::new("input_size", size, why))?,
             classes: Classes::new(&layout.names, map, &parameters.classes)?,
-            bits: parameters.bits,
+            parameters: parameters.clone(),
         })
     }
 }

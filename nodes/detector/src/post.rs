@@ -7,7 +7,7 @@ use modulo_core::{BBox, Detection, Letterbox};
 use ndarray::Array2;
 
 use crate::head::Head;
-use crate::parameter::Settings;
+use crate::parameter::{DetectorParameters, Settings};
 
 /// Returns the boxes of an `output` of the form `head` that are worth publishing: score of at least the threshold, a class that is published,
 /// an area inside the image, and no better box of the same class in the same place; best first, at most `max_det`.
@@ -17,16 +17,17 @@ pub fn detections(
     letterbox: &Letterbox,
     settings: &Settings,
 ) -> Vec<Detection> {
-    let mut candidates = head.candidates(output, settings.score_threshold);
+    let &DetectorParameters { score_threshold, max_det, nms_iou, .. } = &settings.parameters;
+    let mut candidates = head.candidates(output, score_threshold as f32);
     if let Some(classes) = head.classes_to_suppress() {
         let is_published: Vec<_> =
             (0..classes).map(|class| settings.classes.publish(class).is_some()).collect();
         candidates.retain(|one| is_published[one.class]);
-        candidates = suppress(candidates, settings.nms_iou, settings.max_det);
+        candidates = suppress(candidates, nms_iou as f32, max_det);
     }
     let mut found: Vec<_> = candidates.iter().filter_map(|one| detection(one, letterbox, settings)).collect();
     found.sort_by(|a, b| b.score.total_cmp(&a.score));
-    found.truncate(settings.max_det);
+    found.truncate(max_det);
     found
 }
 
@@ -59,7 +60,6 @@ mod tests {
     use crate::input_size::STRIDE;
     use crate::model::ModelLayout;
     use crate::names::ClassNames;
-    use crate::parameter::DetectorParameters;
 
     fn settings(changes: &[(&str, &str)]) -> Settings {
         let names = Some("{0: 'person', 1: 'bicycle', 2: 'car'}");

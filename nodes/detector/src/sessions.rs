@@ -45,7 +45,7 @@ impl Sessions {
         let (first, others) = sizes.split_first().expect("a model runs at one size at least");
         let head = opened.first_run(&key.0, *first)?;
         others.iter().try_for_each(|size| opened.warm_up(*size).map(drop))?;
-        opened.engine.remember(self.remembered);
+        opened.engine.remembered = self.remembered;
         open.push((key, opened.clone(), head));
         Ok((opened, head))
     }

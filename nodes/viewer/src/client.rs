@@ -15,9 +15,9 @@ use tokio::task::spawn_blocking;
 use tokio::time::{MissedTickBehavior, interval, timeout};
 
 use crate::Viewer;
-use crate::feed::PLAYER;
+use crate::graph::PLAYER;
 use crate::protocol::{Event, GraphView, PageRequest, ParameterView, PlayerCall};
-use crate::watch::{Audience, LOOK, Watch};
+use crate::watch::{Audience, LOOK, Subscriptions, Watch};
 
 /// Time between two questions whether the browser is still there, which it answers by itself. One that leaves two of them unanswered
 /// makes room for another one; its page connects again when it goes on.
@@ -38,11 +38,11 @@ pub(crate) async fn serve(viewer: Arc<Viewer>, mut socket: WebSocket) {
     // After a pause of the viewer itself, the browser has the whole time again.
     question.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut unanswered = 0;
-    let (mut feed, mut graph) = (client.watch.feed(), GraphView::default());
+    let (subscribed, mut graph) = (Subscriptions::default(), GraphView::default());
     loop {
         let sent = tokio::select! {
             frame = socket.recv() => match frame.inspect(|_| unanswered = 0) {
-                Some(Ok(Frame::Text(text))) => client.take(&text, &requests, &mut socket).await,
+                Some(Ok(Frame::Text(text))) => send_all(&mut socket, client.take(&text, &requests)).await,
                 Some(Ok(Frame::Close(_)) | Err(_)) | None => return,
                 Some(Ok(_)) => Ok(()),
             },
@@ -53,11 +53,10 @@ pub(crate) async fn serve(viewer: Arc<Viewer>, mut socket: WebSocket) {
                 unanswered += 1;
                 put(&mut socket, Frame::Ping(Bytes::new())).await
             }
-            Some(event) = answered.recv() => send(&mut socket, &event).await,
+            Some(event) = answered.recv() => send_all(&mut socket, [event]).await,
             () = client.watch.news.notified() => send_all(&mut socket, client.watch.notices()).await,
             _ = look.tick() => {
-                let (kept, seen, errors) = client.watch.look(feed).await;
-                feed = kept;
+                let (seen, errors) = client.watch.look(&subscribed).await;
                 let events = client.watch.events(&mut graph, seen);
                 send_all(&mut socket, events.into_iter().chain(errors.into_iter().map(Event::Error))).await
             }
@@ -66,11 +65,6 @@ pub(crate) async fn serve(viewer: Arc<Viewer>, mut socket: WebSocket) {
             return;
         }
     }
-}
-
-async fn send(socket: &mut WebSocket, event: &Event) -> Result<(), axum::Error> {
-    let text = serde_json::to_string(event).expect("strings and numbers are JSON");
-    put(socket, Frame::Text(text.into())).await
 }
 
 /// Sends `frame`. It is an error when the browser does not take it for as long as it may stand still.
@@ -84,7 +78,8 @@ async fn send_all(
     events: impl IntoIterator<Item = Event>,
 ) -> Result<(), axum::Error> {
     for event in events {
-        send(socket, &event).await?;
+        let text = serde_json::to_string(&event).expect("strings and numbers are JSON");
+        put(socket, Frame::Text(text.into())).await?;
     }
     Ok(())
 }
@@ -95,36 +90,26 @@ struct Client {
 }
 
 impl Client {
-    /// Takes a message of the page. What needs a node waits in `requests`.
-    async fn take(
-        &self,
-        text: &str,
-        requests: &mpsc::Sender<PageRequest>,
-        socket: &mut WebSocket,
-    ) -> Result<(), axum::Error> {
+    /// Takes a message of the page. What needs a node waits in `requests`. Returns the answer that is there already, if any.
+    fn take(&self, text: &str, requests: &mpsc::Sender<PageRequest>) -> Option<Event> {
         let request = match serde_json::from_str(text) {
             Ok(request) => request,
-            Err(why) => return send(socket, &Event::Error(format!("unreadable request: {why}"))).await,
+            Err(why) => return Some(Event::Error(format!("unreadable request: {why}"))),
         };
+        let mut inbox = self.watch.inbox();
         match request {
-            PageRequest::Watch(topics) => self.watch.inbox().streams.watch(&topics),
-            PageRequest::Drawn(topics) => {
-                let mut inbox = self.watch.inbox();
-                topics.iter().for_each(|topic| inbox.streams.drawn(topic));
-            }
-            PageRequest::Together(together) => self.watch.inbox().together = together,
+            PageRequest::Watch(topics) => inbox.streams.watch(&topics),
+            PageRequest::Drawn(topics) => topics.iter().for_each(|topic| inbox.streams.drawn(topic)),
+            PageRequest::Together(together) => inbox.together = together,
             PageRequest::Pixel { u, v, images } => {
-                let samples = self.watch.inbox().streams.pixel(u, v, images);
-                return send(socket, &Event::Pixel { u, v, samples }).await;
+                return Some(Event::Pixel { u, v, samples: inbox.streams.pixel(u, v, images) });
             }
             other => {
-                if requests.try_send(other).is_err() {
-                    let why = "too many requests wait for their nodes; this one was left out, try again";
-                    return send(socket, &Event::Error(why.to_owned())).await;
-                }
+                let why = "too many requests wait for their nodes; this one was left out, try again";
+                return requests.try_send(other).is_err().then(|| Event::Error(why.to_owned()));
             }
         }
-        Ok(())
+        None
     }
 
     async fn send_images(&self, graph: &GraphView, socket: &mut WebSocket) -> Result<(), axum::Error> {

@@ -20,9 +20,9 @@ use modulo_runtime::parameter::ros::from_ros;
 use tokio::sync::Semaphore;
 use tokio::task::spawn_blocking;
 
-use crate::feed::Session;
+use crate::graph::Session;
 use crate::protocol::{BoxView, GraphView};
-use crate::watch::{Audience, JpegImage, LOOK, Watch};
+use crate::watch::{Audience, JpegImage, LOOK, Subscriptions, Watch};
 
 /// Messages that wait for a client; the oldest one is dropped when there are more.
 const BACKLOG: usize = 32;
@@ -81,15 +81,15 @@ impl FoxgloveServer {
     /// Sends what clients have subscribed to, without an end.
     pub async fn serve(self) {
         let watch = Watch::new(self.parameters.session.clone(), Audience::Foxglove);
-        let (mut feed, mut graph) = (watch.feed(), GraphView::default());
-        let (mut channels, mut look) = (StreamChannels::default(), tokio::time::interval(LOOK));
+        let (mut graph, mut channels) = (GraphView::default(), StreamChannels::default());
+        let (subscribed, mut look) = (Subscriptions::default(), tokio::time::interval(LOOK));
         loop {
             tokio::select! {
                 () = watch.news.notified() => {}
                 _ = look.tick() => {
                     watch.inbox().streams.watch(&channels.watched(&graph));
-                    let (kept, seen, errors) = watch.look(feed).await;
-                    (feed, graph) = (kept, seen);
+                    let (seen, errors) = watch.look(&subscribed).await;
+                    graph = seen;
                     channels.follow(&self.context, &graph);
                     errors.iter().for_each(|why| tracing::warn!("{why}"));
                 }

@@ -15,8 +15,8 @@
 mod cameras;
 mod client;
 mod expose;
-mod feed;
 mod foxglove;
+mod graph;
 mod http;
 mod page;
 mod protocol;
@@ -49,7 +49,7 @@ use tokio::sync::{Notify, Semaphore};
 
 use crate::expose::Exposer;
 pub use crate::expose::FindBoxes;
-use crate::feed::Session;
+use crate::graph::Session;
 use crate::page::PageFile;
 pub use crate::page::RECORDING_BEGIN;
 use crate::record::Recording;

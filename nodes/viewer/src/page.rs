@@ -36,28 +36,21 @@ pub(crate) fn with_recording(recording: &str) -> String {
     let of_kind = |kind: &'static str| FILES.iter().filter(move |file| file.kind.starts_with(kind));
     let styles: String = of_kind("text/css").map(|file| file.text).collect();
     let modules: String = of_kind("text/javascript").map(|file| without_imports(file.text)).collect();
-    let mut page = String::new();
-    for line in DOCUMENT.lines() {
-        match line.trim() {
-            "<!doctype html>" => page.push_str(RECORDING_BEGIN.trim_end()),
-            "<meta charset=\"utf-8\">" => {
-                let policy = format!("<meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">");
-                page.extend([line, "\n", &policy, "\n<style>\n", &styles, "</style>"]);
-            }
-            link if link.starts_with("<link rel=\"stylesheet\"") => continue,
-            script if script.starts_with("<script type=\"module\"") => {
-                page.extend([
-                    "<script type=\"application/json\" id=\"recording\">",
-                    &recording,
-                    "</script>\n",
-                ]);
-                page.extend(["<script type=\"module\">\n", &modules, "</script>"]);
-            }
-            _ => page.push_str(line),
-        }
-        page.push('\n');
-    }
-    page
+    let charset = "<meta charset=\"utf-8\">";
+    let head = format!(
+        "{charset}\n<meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n<style>\n{styles}</style>"
+    );
+    let scripts = format!(
+        "<script type=\"application/json\" id=\"recording\">{recording}</script>\n<script type=\"module\">\n{modules}</script>"
+    );
+    let lines = DOCUMENT.lines().filter(|line| !line.starts_with("<link rel=\"stylesheet\""));
+    let lines = lines.map(|line| match line {
+        "<!doctype html>" => RECORDING_BEGIN.trim_end(),
+        line if line == charset => &head,
+        line if line.starts_with("<script type=\"module\"") => &scripts,
+        line => line,
+    });
+    lines.flat_map(|line| [line, "\n"]).collect()
 }
 
 /// Returns a module as a part of one script that holds all of them.

@@ -290,12 +290,3 @@ impl From<Detection> for BoxView {
         Self { edges: [bbox.x1, bbox.y1, bbox.x2, bbox.y2], class, score }
     }
 }
-
-/// Returns the binary message of a moment with the `files` of its images.
-pub fn moment_message<'a>(header: &MomentHeader, files: impl Iterator<Item = &'a [u8]>) -> Vec<u8> {
-    let header = serde_json::to_vec(header).expect("strings and finite numbers are JSON");
-    let length = u32::try_from(header.len()).expect("a header is short");
-    let mut message = [&length.to_le_bytes()[..], &header].concat();
-    files.for_each(|file| message.extend_from_slice(file));
-    message
-}

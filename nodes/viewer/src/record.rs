@@ -8,10 +8,10 @@ use base64::engine::general_purpose::STANDARD;
 use modulo_middleware::parameter::client::ParameterClient;
 use tokio::task::spawn_blocking;
 
-use crate::feed::{NAMES, Session, has_room};
+use crate::graph::{NAMES, Session, has_room};
 use crate::page;
 use crate::protocol::{Event, GraphView, ParameterView};
-use crate::watch::{Audience, LOOK, Watch, done};
+use crate::watch::{Audience, LOOK, Subscriptions, Watch, done};
 
 const KEPT_MS: f64 = 60_000.0;
 /// Bytes that are kept: fewer seconds of large images.
@@ -82,7 +82,7 @@ impl Recording {
 /// Records without an end. Images are taken twice a second.
 pub(crate) async fn record(session: Arc<Session>, recording: Arc<Mutex<Recording>>) {
     let watch = Watch::new(session.clone(), Audience::Page);
-    let (mut feed, mut graph) = (watch.feed(), GraphView::default());
+    let (subscribed, mut graph) = (Subscriptions::default(), GraphView::default());
     let mut look = tokio::time::interval(LOOK);
     let now_ms = || session.clock.now_ns() as f64 / 1e6;
     let lock = || recording.lock().unwrap_or_else(PoisonError::into_inner);
@@ -91,8 +91,7 @@ pub(crate) async fn record(session: Arc<Session>, recording: Arc<Mutex<Recording
         tokio::select! {
             () = watch.news.notified() => note(watch.notices()),
             _ = look.tick() => {
-                let (kept, seen, _) = watch.look(feed).await;
-                feed = kept;
+                let (seen, _) = watch.look(&subscribed).await;
                 let joined: Vec<String> =
                     seen.nodes.iter().filter(|node| !graph.nodes.contains(node)).cloned().collect();
                 note(watch.events(&mut graph, seen));

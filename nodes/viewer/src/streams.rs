@@ -11,7 +11,7 @@ use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::{StampedFrame, StreamScale};
 
 use crate::cameras::namespace;
-use crate::feed::{MessageOrigin, has_room, input_topic};
+use crate::graph::{MessageOrigin, has_room, input_topic};
 use crate::protocol::{DetectorView, GraphView, PixelView};
 use crate::sent::SentImages;
 

@@ -5,22 +5,23 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use modulo_images::FileFormat;
+use modulo_middleware::transport::{Guard, RawSample, TransportError};
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
+use modulo_msgs::ros_name;
 use modulo_msgs::std_msgs::Time;
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::sensor::recovery::Recovery;
 use modulo_runtime::sensor_info::{self, Descriptions};
 use modulo_runtime::topic::RECOVERY_TOPIC;
+use modulo_runtime::wire::keys::{Endpoint, EntityKind};
 use modulo_runtime::{Message, MessageKind, SensorModel, StampedFrame, StreamKind, StreamScale};
 use tokio::sync::Notify;
 use tokio::task::{JoinHandle, spawn_blocking};
 
 use crate::cameras::{FirstStreams, namespace};
 use crate::expose::Captured;
-use crate::feed::{Feed, Heard, MessageOrigin, Session, Statuses, state_topic};
-use crate::protocol::{
-    BoxView, Event, ExposeRequest, GraphView, ImageHeader, MomentHeader, Notice, Step, moment_message,
-};
+use crate::graph::{MessageOrigin, Session, Statuses, author, state_topic};
+use crate::protocol::{BoxView, Event, ExposeRequest, GraphView, ImageHeader, MomentHeader, Notice, Step};
 use crate::shown::ShownImage;
 use crate::streams::{NextImage, Streams};
 
@@ -37,6 +38,9 @@ pub(crate) enum Audience {
     /// Foxglove, which shows images as they are.
     Foxglove,
 }
+
+/// The subscriptions of one client, by topic. They belong to its task: the last callback that fills its [`Watch`] must not end itself.
+pub(crate) type Subscriptions = Arc<Mutex<BTreeMap<String, Guard>>>;
 
 /// The messages that wait for one client; the callbacks of the transport fill it.
 pub(crate) struct Watch {
@@ -69,7 +73,7 @@ pub(crate) struct JpegImage {
 /// The images that can be sent now, and why others of them cannot be shown.
 pub(crate) struct Moment {
     pub at_ms: f64,
-    pub together: bool,
+    together: bool,
     camera: String,
     pub images: Vec<JpegImage>,
     pub errors: Vec<String>,
@@ -81,49 +85,87 @@ impl Moment {
         let images = self.images.iter().map(|image| image.header.clone()).collect();
         let (together, camera) = (self.together, self.camera.clone());
         let header = MomentHeader { at_ms: self.at_ms, together, camera, images };
-        moment_message(&header, self.images.iter().map(|image| &*image.jpeg))
+        let header = serde_json::to_vec(&header).expect("strings and finite numbers are JSON");
+        let length = u32::try_from(header.len()).expect("a header is short");
+        let mut message = [&length.to_le_bytes()[..], &header].concat();
+        self.images.iter().for_each(|image| message.extend_from_slice(&image.jpeg));
+        message
     }
 }
 
 impl Watch {
     pub fn new(session: Arc<Session>, audience: Audience) -> Arc<Self> {
         let inbox = Inbox { together: audience == Audience::Page, ..Inbox::default() };
-        Arc::new(Self { session, audience, inbox: Mutex::new(inbox), news: Notify::new() })
+        let inbox = Mutex::new(inbox);
+        Arc::new(Self { session, audience, inbox, news: Notify::new() })
     }
 
     pub fn inbox(&self) -> MutexGuard<'_, Inbox> {
         self.inbox.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub fn feed(self: &Arc<Self>) -> Feed {
-        let watch = Arc::downgrade(self);
-        Feed::new(self.session.clone(), move |origin, heard| {
-            let Some(watch) = watch.upgrade() else { return };
-            watch.inbox().hear(origin, heard, &watch);
-            watch.news.notify_one();
-        })
+    /// Looks at the graph, and subscribes to exactly what the client is shown. Returns the graph and what failed.
+    pub async fn look(self: &Arc<Self>, subscribed: &Subscriptions) -> (GraphView, Vec<String>) {
+        let (watch, subscribed) = (self.clone(), subscribed.clone());
+        done(spawn_blocking(move || watch.follow_graph(&subscribed))).await
     }
 
-    /// Looks at the graph, and subscribes `feed` to what the client is shown. Returns the feed, the graph and what failed.
-    pub async fn look(&self, mut feed: Feed) -> (Feed, GraphView, Vec<String>) {
+    fn follow_graph(self: &Arc<Self>, subscribed: &Subscriptions) -> (GraphView, Vec<String>) {
+        let graph = self.session.transport.graph();
+        let mut view = GraphView::of(&self.session, &graph);
+        let wanted = self.wanted(&view);
+        let mut guards = subscribed.lock().unwrap_or_else(PoisonError::into_inner);
+        guards.retain(|topic, _| wanted.contains(topic));
+        let mut errors = Vec::new();
+        for topic in wanted {
+            let publisher = graph.endpoints(EntityKind::Publisher, &topic).next();
+            let publisher = publisher.and_then(|token| Some((token.node_name(), token.endpoint.as_ref()?)));
+            // A topic without a publisher has no type yet; it is looked at again.
+            let (Some((node, endpoint)), false) = (publisher, guards.contains_key(&topic)) else { continue };
+            match self.subscribe(author(node, &topic, &view.statuses), endpoint) {
+                Ok(guard) => drop(guards.insert(topic, guard)),
+                Err(why) => errors.push(why.to_string()),
+            }
+        }
+        view.first = self.inbox().first.of(&view);
+        (view, errors)
+    }
+
+    /// Returns the topics that the client is shown, and those that say what belongs to them.
+    fn wanted(&self, graph: &GraphView) -> BTreeSet<String> {
         let watched: BTreeSet<String> = self.inbox().streams.watched().cloned().collect();
         let all = self.audience == Audience::Page;
-        let wanted = move |graph: &GraphView| {
-            let reads = |input| watched.contains(input);
-            let detectors = graph.detectors.iter().filter(|d| all || d.inputs.iter().any(reads));
-            let topics = detectors.flat_map(|detector| [detector.topic.clone(), state_topic(&detector.node)]);
-            let labels = graph.truths.iter().filter(|_| all).cloned();
-            let is_needed = |topic: &&String| all || sensor_info::is_topic(topic);
-            let statuses = graph.statuses.iter().filter(is_needed).cloned();
-            topics.chain(labels).chain(statuses).chain(watched.iter().cloned()).collect()
+        let reads = |input| watched.contains(input);
+        let detectors = graph.detectors.iter().filter(|d| all || d.inputs.iter().any(reads));
+        let topics = detectors.flat_map(|detector| [detector.topic.clone(), state_topic(&detector.node)]);
+        let labels = graph.truths.iter().filter(|_| all).cloned();
+        let is_needed = |topic: &&String| all || sensor_info::is_topic(topic);
+        let statuses = graph.statuses.iter().filter(is_needed).cloned();
+        topics.chain(labels).chain(statuses).chain(watched.iter().cloned()).collect()
+    }
+
+    /// Subscribes to what `node` has made. A message is heard in a thread of the transport, which must not wait.
+    fn subscribe(self: &Arc<Self>, node: String, endpoint: &Endpoint) -> Result<Guard, TransportError> {
+        // The subscription belongs to the watch, and does not keep it.
+        let (watch, kind) =
+            (Arc::downgrade(self), MessageKind::from_type_name(&ros_name(&endpoint.dds_type)));
+        let origin = MessageOrigin { node, topic: endpoint.topic.clone() };
+        let hear = move |sample: RawSample| {
+            let (Some(watch), Some(kind)) = (watch.upgrade(), kind) else { return };
+            let now_ns = watch.session.clock.ticks_ns();
+            if kind == MessageKind::Image {
+                watch.inbox().streams.image(&origin.topic, sample.payload, now_ns);
+            } else {
+                // One that cannot be read is left out: its reader in the suite counts it.
+                match Message::decode(kind, &sample.payload) {
+                    Ok(Message::Detections(boxes)) => watch.inbox().hear_boxes(&origin, boxes, &watch),
+                    Ok(Message::Diagnostics(array)) => watch.inbox().hear_statuses(&origin, &array, &watch),
+                    _ => return,
+                }
+            }
+            watch.news.notify_one();
         };
-        let looked = spawn_blocking(move || {
-            let (graph, errors) = feed.look(wanted);
-            (feed, graph, errors)
-        });
-        let (feed, mut graph, errors) = done(looked).await;
-        graph.first = self.inbox().first.of(&graph);
-        (feed, graph, errors)
+        self.session.transport.subscribe_raw(&self.session.node_name, endpoint, hear)
     }
 
     /// Returns what is new for the page: the graph if it is no longer `known`, the statuses and the notices.
@@ -213,16 +255,9 @@ pub(crate) async fn done<T>(work: JoinHandle<T>) -> T {
 }
 
 impl Inbox {
-    fn hear(&mut self, origin: &MessageOrigin, heard: Heard, watch: &Watch) {
-        let now_ns = watch.session.clock.ticks_ns();
-        match heard {
-            Heard::Image(payload) => self.streams.image(&origin.topic, payload, now_ns),
-            Heard::Boxes(boxes) => {
-                self.note(watch, origin, boxes.header.stamp, Step::Detected { classes: classes(&boxes) });
-                self.streams.boxes(origin, boxes, now_ns);
-            }
-            Heard::Statuses(array) => self.hear_statuses(origin, &array, watch),
-        }
+    fn hear_boxes(&mut self, origin: &MessageOrigin, boxes: Arc<Detection2DArray>, watch: &Watch) {
+        self.note(watch, origin, boxes.header.stamp, Step::Detected { classes: classes(&boxes) });
+        self.streams.boxes(origin, boxes, watch.session.clock.ticks_ns());
     }
 
     fn hear_statuses(&mut self, origin: &MessageOrigin, array: &DiagnosticArray, watch: &Watch) {

@@ -21,7 +21,7 @@ use ort::value::{Outlet, TensorElementType, TensorRef, ValueType};
 use super::weights::ModelFile;
 use super::{CudnnSearch, Engine, EngineChoice, EngineDevice, EngineError, EngineOptions, nvidia};
 use crate::head::FORMS;
-use crate::model::{self, FLOAT16, FLOAT32, Metadata, ModelLayout, Signature, TensorSpec};
+use crate::model::{self, FLOAT16, FLOAT32, ModelLayout, TensorSpec};
 
 /// The word for this engine.
 pub const NAME: &str = "ort";
@@ -108,9 +108,11 @@ impl OnnxRuntime {
             ModelFile { whole, .. } => builder.commit_from_memory(&whole),
         };
         let session = session.map_err(failed)?;
-        let signature = signature(&session);
-        let layout = ModelLayout::of(model, &signature)?;
-        let halves = signature.inputs.iter().any(|input| input.element == FLOAT16).then(Vec::new);
+        let [inputs, outputs] =
+            [session.inputs(), session.outputs()].map(|outlets| outlets.iter().map(port).collect::<Vec<_>>());
+        let property = |key: &str| session.metadata().ok()?.custom(key);
+        let layout = ModelLayout::of(model, (&inputs, &outputs), &property)?;
+        let halves = inputs.iter().any(|input| input.element == FLOAT16).then(Vec::new);
         Ok((Self { session, engine: engine.word(), output: layout.output.clone(), halves }, layout))
     }
 }
@@ -206,16 +208,6 @@ pub fn uses_bf16(engine: EngineChoice) -> bool {
     #[cfg(not(target_arch = "x86_64"))]
     let multiplies = false;
     engine == EngineChoice::OpenVino && multiplies
-}
-
-fn signature(session: &Session) -> Signature {
-    Signature {
-        inputs: session.inputs().iter().map(port).collect(),
-        outputs: session.outputs().iter().map(port).collect(),
-        metadata: session
-            .metadata()
-            .map_or_else(|_| Metadata::default(), |metadata| Metadata::read(|key| metadata.custom(key))),
-    }
 }
 
 fn port(outlet: &Outlet) -> TensorSpec {

@@ -10,7 +10,7 @@ use rten::{DataType, Dimension, Model, NodeId, RunOptions, ThreadPool, ValueType
 use super::weights::ModelFile;
 use super::{Engine, EngineError};
 use crate::head::FORMS;
-use crate::model::{FLOAT32, Metadata, ModelLayout, Signature, TensorSpec};
+use crate::model::{FLOAT32, ModelLayout, TensorSpec};
 
 /// The word for this engine.
 pub const NAME: &str = "rten";
@@ -31,21 +31,15 @@ impl Rten {
     ) -> Result<(Self, ModelLayout), EngineError> {
         let failed = |why: String| EngineError::load(path, NAME, why);
         let model = Model::load(file.whole).map_err(|error| failed(error.to_string()))?;
-        let layout = ModelLayout::of(path, &signature(&model))?;
+        let [inputs, outputs] = [model.input_ids(), model.output_ids()]
+            .map(|ids| ids.iter().map(|&id| port(&model, id)).collect::<Vec<_>>());
+        let property = |key: &str| model.metadata().get(key).map(str::to_owned);
+        let layout = ModelLayout::of(path, (&inputs, &outputs), &property)?;
         let input = model.node_id(&layout.input).map_err(|error| failed(error.to_string()))?;
         let output = model.node_id(&layout.output).map_err(|error| failed(error.to_string()))?;
         let pool = Arc::new(ThreadPool::with_num_threads(threads.get()));
         let options = RunOptions::default().with_thread_pool(Some(pool));
         Ok((Self { model, input, output, options }, layout))
-    }
-}
-
-fn signature(model: &Model) -> Signature {
-    let ports = |ids: &[NodeId]| ids.iter().map(|&id| port(model, id)).collect();
-    Signature {
-        inputs: ports(model.input_ids()),
-        outputs: ports(model.output_ids()),
-        metadata: Metadata::read(|key| model.metadata().get(key).map(str::to_owned)),
     }
 }
 

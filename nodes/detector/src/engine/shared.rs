@@ -12,7 +12,8 @@ use super::{Engine, EngineError};
 #[derive(Clone)]
 pub struct SharedEngine {
     session: Arc<Mutex<Session>>,
-    remembered: usize,
+    /// Number of the last inputs whose outputs are remembered, also by the clones that are made of it.
+    pub remembered: usize,
 }
 
 struct Session {
@@ -26,11 +27,6 @@ impl SharedEngine {
     pub fn new(engine: impl Engine + 'static) -> Self {
         let session = Session { engine: Box::new(engine), recent: VecDeque::new() };
         Self { session: Arc::new(Mutex::new(session)), remembered: 0 }
-    }
-
-    /// Remembers the outputs of this number of last inputs from now on, as do the clones that are made of it.
-    pub fn remember(&mut self, inputs: usize) {
-        self.remembered = inputs;
     }
 }
 

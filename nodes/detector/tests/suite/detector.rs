@@ -6,7 +6,7 @@ use std::sync::Arc;
 use modulo_core::Frame;
 use modulo_detector::{
     CudnnSearch, Detector, DetectorError, DetectorParameters, EngineChoice, EngineDevice, EngineOptions,
-    describe, measure,
+    describe,
 };
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
@@ -573,14 +573,14 @@ impl modulo_runtime::Clock for Slower {
 
 #[test]
 fn speed_is_the_median_run_at_each_size() {
-    let runs = std::num::NonZeroUsize::new(3).expect("not zero");
-    let timed = |file: &str, sizes: &[(usize, usize)]| {
-        let speeds = measure(&data(file), RTEN, sizes, runs, &Slower::default()).expect("runs");
+    let timed = |file: &str| {
+        let mut model = describe(&data(file), RTEN).expect("a model");
+        let speeds = model.measure(&Slower::default()).expect("runs");
         speeds.iter().map(|speed| (speed.height, speed.width, speed.median_ns)).collect::<Vec<_>>()
     };
-    // Looks 0 to 5 are at 0, 1, 4, 9, 16, 25: the runs take 1, 5, 9; then 13, 17, 21.
-    assert_eq!(timed("rows.onnx", &[(64, 96), (128, 128)]), [(64, 96, 5), (128, 128, 17)]);
-    assert_eq!(timed("static_96x64.onnx", &[(192, 640), (384, 1248)]), [(64, 96, 5)], "it takes no other");
+    // Looks are at 0, 1, 4, 9, 16, ...: run n takes 4 n + 1. Of 23 runs at each size the first three are not counted.
+    assert_eq!(timed("rows.onnx"), [(192, 640, 4 * 13 + 1), (384, 1248, 4 * 36 + 1)]);
+    assert_eq!(timed("static_96x64.onnx"), [(64, 96, 4 * 13 + 1)], "it takes no other");
 }
 
 /// Returns the streams that 30 frames are answered from, the frames 10 to 19 of which are not trusted.

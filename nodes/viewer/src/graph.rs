@@ -1,17 +1,15 @@
-//! [`Feed`]: the subscriptions of one view of a running suite, and [`GraphView`], the part of the ROS graph that is shown.
+//! [`GraphView`]: the part of the ROS graph that is shown, and [`Statuses`].
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use modulo_middleware::graph::Graph;
 use modulo_middleware::transport::zenoh::ZenohTransport;
-use modulo_middleware::transport::{Guard, Payload, RawSample, TransportError};
-use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus};
+use modulo_msgs::diagnostic_msgs::DiagnosticStatus;
 use modulo_msgs::ros_name;
-use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::topic::{Durability, Profile, Reliability};
 use modulo_runtime::wire::keys::{Endpoint, EntityKind, Token};
-use modulo_runtime::{Clock, Message, MessageKind, NodeName, StreamKind};
+use modulo_runtime::{Clock, MessageKind, NodeName, StreamKind};
 
 use crate::cameras;
 use crate::protocol::{DetectorView, GraphView, LinkView};
@@ -34,81 +32,9 @@ pub(crate) struct Session {
     pub clock: Arc<dyn Clock>,
 }
 
-pub(crate) enum Heard {
-    /// An image, as CDR.
-    Image(Payload),
-    Boxes(Arc<Detection2DArray>),
-    Statuses(Arc<DiagnosticArray>),
-}
-
 pub(crate) struct MessageOrigin {
     pub node: String,
     pub topic: String,
-}
-
-type Take = dyn Fn(&MessageOrigin, Heard) + Send + Sync;
-
-pub(crate) struct Feed {
-    session: Arc<Session>,
-    take: Arc<Take>,
-    guards: BTreeMap<String, Guard>,
-}
-
-impl Feed {
-    /// Creates a feed without a subscription. `take` gets each message, in a thread of the transport, and must not wait.
-    pub fn new(session: Arc<Session>, take: impl Fn(&MessageOrigin, Heard) + Send + Sync + 'static) -> Self {
-        Self { session, take: Arc::new(take), guards: BTreeMap::new() }
-    }
-
-    /// Looks at the graph, and subscribes to exactly the topics that `wanted` chooses. Returns the graph and what failed.
-    pub fn look(&mut self, wanted: impl FnOnce(&GraphView) -> BTreeSet<String>) -> (GraphView, Vec<String>) {
-        let graph = self.session.transport.graph();
-        let mut view = GraphView::of(&graph, &self.session.node_name.fully_qualified());
-        view.domain = self.session.transport.domain();
-        view.warnings = warnings(&self.session.transport);
-        let wanted = wanted(&view);
-        self.guards.retain(|topic, _| wanted.contains(topic));
-        let mut errors = Vec::new();
-        for topic in wanted {
-            let publisher = graph.endpoints(EntityKind::Publisher, &topic).next();
-            let publisher = publisher.and_then(|token| Some((token.node_name(), token.endpoint.as_ref()?)));
-            // A topic without a publisher has no type yet; it is looked at again.
-            let (Some((node, endpoint)), false) = (publisher, self.guards.contains_key(&topic)) else {
-                continue;
-            };
-            match self.subscribe(author(node, &topic, &view.statuses), endpoint) {
-                Ok(guard) => drop(self.guards.insert(topic, guard)),
-                Err(why) => errors.push(why.to_string()),
-            }
-        }
-        (view, errors)
-    }
-
-    fn subscribe(&self, node: String, endpoint: &Endpoint) -> Result<Guard, TransportError> {
-        let (take, type_name) = (self.take.clone(), ros_name(&endpoint.dds_type));
-        let origin = MessageOrigin { node, topic: endpoint.topic.clone() };
-        let hear = move |sample: RawSample| {
-            if let Some(heard) = Heard::read(&type_name, sample) {
-                take(&origin, heard);
-            }
-        };
-        self.session.transport.subscribe_raw(&self.session.node_name, endpoint, hear)
-    }
-}
-
-impl Heard {
-    /// Reads a message. One that cannot be read is left out: its reader in the suite counts it.
-    fn read(type_name: &str, sample: RawSample) -> Option<Self> {
-        let kind = MessageKind::from_type_name(type_name)?;
-        if kind == MessageKind::Image {
-            return Some(Self::Image(sample.payload));
-        }
-        match Message::decode(kind, &sample.payload).ok()? {
-            Message::Detections(boxes) => Some(Self::Boxes(boxes)),
-            Message::Diagnostics(array) => Some(Self::Statuses(array)),
-            _ => None,
-        }
-    }
 }
 
 #[derive(Default)]
@@ -143,8 +69,9 @@ impl Statuses {
 }
 
 impl GraphView {
-    /// Returns the view of `graph` without the node `own`.
-    fn of(graph: &Graph, own: &str) -> Self {
+    /// Returns the view of `graph` as the node of `session` shows it, without that node.
+    pub fn of(session: &Session, graph: &Graph) -> Self {
+        let own = &session.node_name.fully_qualified();
         let of = |kind, message: MessageKind| {
             graph.tokens().filter(move |token| token.kind == kind).filter_map(move |token| {
                 let endpoint = token.endpoint.as_ref()?;
@@ -164,7 +91,7 @@ impl GraphView {
         let mut nodes = graph.nodes_with_parameters();
         nodes.remove(own);
         Self {
-            domain: 0,
+            domain: session.transport.domain(),
             detectors,
             truths,
             links: links(graph, own),
@@ -174,7 +101,7 @@ impl GraphView {
             images,
             first: Vec::new(),
             makers: published_images.into_iter().map(|(node, topic)| (topic, node)).collect(),
-            warnings: Vec::new(),
+            warnings: warnings(&session.transport),
             cameras,
         }
     }
@@ -239,7 +166,7 @@ fn qos_text(Profile { reliability, durability, depth }: Profile) -> String {
 
 /// Returns the node that has made the messages on `topic`: their `publisher` or, where that is the player of a bag, the recorded node, which the
 /// topic of its values names.
-fn author(publisher: String, topic: &str, statuses: &[String]) -> String {
+pub(crate) fn author(publisher: String, topic: &str, statuses: &[String]) -> String {
     let recorded = |state: &String| {
         let node = state.strip_suffix("/state")?;
         topic.strip_prefix(node)?.starts_with('/').then(|| node.to_owned())
