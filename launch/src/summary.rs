@@ -232,7 +232,8 @@ impl fmt::Display for Summary {
             let mut counts: Vec<(&String, &u64)> = classes.iter().collect();
             counts.sort_by_key(|(class, n)| (std::cmp::Reverse(**n), class.as_str()));
             let counts: Vec<String> = counts.iter().map(|(class, n)| format!("{n} {class}")).collect();
-            write_list(f, &format!("detected on {stream}:"), &counts)?;
+            let nothing = if counts.is_empty() { " nothing" } else { "" };
+            write_list(f, &format!("detected on {stream}:{nothing}"), &counts)?;
         }
         let live = self.live.iter().map(|(node, live)| format!("{node} live: {live}"));
         let used = self.unwrapped.iter().map(|(node, methods)| format!("{node} used {methods}"));
@@ -427,8 +428,10 @@ mod tests {
     #[test]
     fn the_most_frequent_class_comes_first() {
         let classes = [("car".to_owned(), 2), ("person".to_owned(), 31)].into();
-        let summary =
-            Summary { detections: [("recovered".to_owned(), classes)].into(), ..Summary::default() };
-        assert_eq!(summary.to_string(), "frames 0, engine none\ndetected on recovered: 31 person, 2 car\n");
+        let detections = [("modulo".to_owned(), [].into()), ("recovered".to_owned(), classes)].into();
+        let summary = Summary { detections, ..Summary::default() };
+        let expected =
+            "frames 0, engine none\ndetected on modulo: nothing\ndetected on recovered: 31 person, 2 car\n";
+        assert_eq!(summary.to_string(), expected);
     }
 }
