@@ -7,39 +7,8 @@ use std::collections::BTreeMap;
 use crate::definition::{DefinitionError, full_name, parse_fields};
 use crate::type_description_interfaces::{Field, FieldType, IndividualTypeDescription, TypeSource};
 
-/// (name, text) of each definition, listed by package and by `msg` or `srv`.
-macro_rules! definitions {
-    ($($package:literal / $kind:literal: $($name:literal)+;)+) => {
-        &[$($((
-            concat!($package, "/", $kind, "/", $name),
-            include_str!(concat!("../interfaces/", $package, "/", $kind, "/", $name, ".", $kind)),
-        ),)+)+]
-    };
-}
-
-/// (name, text) of every message and service.
-static DEFINITIONS: &[(&str, &str)] = definitions! {
-    "builtin_interfaces" / "msg": "Duration" "Time";
-    "diagnostic_msgs" / "msg": "DiagnosticArray" "DiagnosticStatus" "KeyValue";
-    "geometry_msgs" / "msg": "Point" "Pose" "PoseWithCovariance" "Quaternion";
-    "rcl_interfaces" / "msg": "FloatingPointRange" "IntegerRange" "ListParametersResult" "Log" "LoggerLevel" "Parameter"
-        "ParameterDescriptor" "ParameterEvent" "ParameterType" "ParameterValue" "SetLoggerLevelsResult"
-        "SetParametersResult";
-    "rcl_interfaces" / "srv": "DescribeParameters" "GetLoggerLevels" "GetParameterTypes" "GetParameters"
-        "ListParameters" "SetLoggerLevels" "SetParameters" "SetParametersAtomically";
-    "rosbag2_interfaces" / "srv": "Burst" "GetRate" "IsPaused" "Pause" "Play" "PlayNext" "Resume" "Seek" "SetRate"
-        "Stop" "TogglePaused";
-    "rosgraph_msgs" / "msg": "Clock";
-    "sensor_msgs" / "msg": "CameraInfo" "CompressedImage" "Image" "RegionOfInterest";
-    "service_msgs" / "msg": "ServiceEventInfo";
-    "std_msgs" / "msg": "Header" "String";
-    "std_srvs" / "srv": "Empty" "SetBool" "Trigger";
-    "type_description_interfaces" / "msg": "Field" "FieldType" "IndividualTypeDescription" "KeyValue"
-        "TypeDescription" "TypeSource";
-    "type_description_interfaces" / "srv": "GetTypeDescription";
-    "vision_msgs" / "msg": "BoundingBox2D" "Detection2D" "Detection2DArray" "LabelInfo" "ObjectHypothesis"
-        "ObjectHypothesisWithPose" "Point2D" "Pose2D" "VisionClass" "VisionInfo";
-};
+/// (name, text) of every message and service, without comments.
+static DEFINITIONS: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/definitions.rs"));
 
 /// Returns the `.msg` or `.srv` text of a message or service of the suite, such as `sensor_msgs/msg/Image` or
 /// `std_srvs/srv/SetBool`.

@@ -14,7 +14,7 @@ use modulo_middleware::transport::{
     Guard, Incoming, ParameterAnswer, ParameterPort, ParameterRequest, Publisher as _, Transport,
     TransportError,
 };
-use modulo_msgs::builtin::Time;
+use modulo_msgs::builtin_interfaces::Time;
 use modulo_msgs::cdr::CdrError;
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::Header;

@@ -284,7 +284,7 @@ mod tests {
             &GetParametersRequest { names: vec!["angle".into(), "nix".into()] },
         )
         .values;
-        assert_eq!((values[0].double_value, values[1].r#type), (4.0, ParameterType::NOT_SET));
+        assert_eq!((values[0].double_value, values[1].r#type), (4.0, ParameterType::PARAMETER_NOT_SET));
 
         let described = call::<_, DescribeParametersResponse>(
             &port,
