@@ -1,7 +1,5 @@
 //! Swaps of inputs: no frame is lost and none is answered twice.
 
-use std::sync::Arc;
-
 use proptest::prelude::*;
 
 use super::*;
@@ -11,7 +9,7 @@ use modulo_runtime::{ManualClock, MessageKind, Qos};
 const S: u64 = 1_000_000_000;
 
 struct Bench {
-    queue: EventQueue,
+    queue: Arc<EventQueue>,
     slot: Slot,
 }
 
@@ -19,20 +17,21 @@ fn address(topic: &str) -> Address {
     Address { topic: topic.into(), kind: MessageKind::Image, qos: Qos::Images, profile: None }
 }
 
-fn open(queue: &EventQueue, topic: &str) -> SlotInput {
+fn open(queue: &Arc<EventQueue>, topic: &str) -> SlotInput {
     let declared = Topic::new(topic, MessageKind::Image);
     SlotInput {
         topic: declared,
         address: address(topic),
         lane: queue.open(Keep::Latest),
-        subscription: Box::new(()),
+        queue: queue.clone(),
+        subscription: None,
     }
 }
 
 impl Bench {
     /// A node that reads `/a`.
     fn new() -> Self {
-        let queue = Queue::new(Arc::new(ManualClock::at(0)), Limit { messages: 1, bytes: 1 });
+        let queue = Arc::new(Queue::new(Arc::new(ManualClock::at(0)), Limit { messages: 1, bytes: 1 }));
         let slot = Slot::new(open(&queue, "/a"));
         Self { queue, slot }
     }
@@ -41,14 +40,14 @@ impl Bench {
     fn change(&mut self, topic: &str) -> Vec<String> {
         let opened = (!self.slot.reads(&address(topic))).then(|| open(&self.queue, topic));
         let closed = self.slot.change(Topic::new(topic, MessageKind::Image), &address(topic), opened, 0);
-        closed.into_iter().map(|input| input.address.topic).collect()
+        closed.into_iter().map(|input| input.address.topic.clone()).collect()
     }
 
     /// Returns whether the frame of `stamp` is answered, and the topic that is closed.
     fn frame(&mut self, topic: &str, stamp: u64) -> (bool, Option<String>) {
         let lane = self.slot.inputs().find(|input| input.address.topic == topic).expect("open").lane;
         let (answered, closed) = self.slot.admit(lane, stamp, 0);
-        (answered, closed.map(|input| input.address.topic))
+        (answered, closed.map(|input| input.address.topic.clone()))
     }
 }
 
@@ -132,7 +131,7 @@ fn a_stream_that_gives_no_frame_is_warned_of_once() {
     assert_eq!(bench.frame("/b", 2), ANSWERED);
     assert!(bench.slot.look(2 * S).1.is_none(), "the old stream may still reach the new one");
     let (warning, closed) = bench.slot.look(2 * S + 1);
-    assert_eq!((warning, closed.map(|input| input.address.topic)), (None, Some("/a".into())));
+    assert_eq!((warning, closed.map(|input| input.address.topic.clone())), (None, Some("/a".into())));
 }
 
 proptest! {
