@@ -87,12 +87,8 @@ fn add(messages: &mut Messages, name: &str, text: &str) {
                 let (kind, rest) = line.split_once(' ').expect("a type and a name");
                 let end = rest.find([' ', '=']).unwrap_or(rest.len());
                 let (name, value) = (rest[..end].to_owned(), rest[end..].trim().to_owned());
-                message.lines.push(Line {
-                    docs: std::mem::take(&mut docs),
-                    kind: kind.to_owned(),
-                    name,
-                    value,
-                });
+                let (docs, kind) = (std::mem::take(&mut docs), kind.to_owned());
+                message.lines.push(Line { docs, kind, name, value });
             }
         }
         // ROS gives a message without fields one byte, since an empty struct is not possible in C.
@@ -123,6 +119,11 @@ fn all(messages: &Messages, key: &str, test: fn(&str) -> bool) -> bool {
     messages[key].fields().all(|field| test(&field.kind) && inner(&field.kind))
 }
 
+/// Returns whether a field of the type `kind` has the same size in each message.
+fn is_sized(kind: &str) -> bool {
+    !kind.starts_with("string") && !kind.contains("[]") && !kind.contains("[<=")
+}
+
 /// Returns the content of the module `package`, which also has the types of other packages that its messages hold.
 fn package_code(messages: &Messages, package: &str) -> String {
     let own = || messages.iter().filter(|(key, _)| split(key).0 == package);
@@ -146,12 +147,7 @@ fn message_code(messages: &Messages, key: &str, message: &Message) -> String {
     let traits = [
         (true, "Clone, Debug, PartialEq, ::serde::Serialize, ::serde::Deserialize"),
         (!has_default, "Default"),
-        (
-            all(messages, key, |kind| {
-                !kind.starts_with("string") && !kind.contains("[]") && !kind.contains("[<=")
-            }),
-            "Copy",
-        ),
+        (all(messages, key, is_sized), "Copy"),
         (all(messages, key, |kind| !kind.starts_with("float")), "Eq, Hash"),
     ];
     let traits: Vec<_> = traits.iter().filter(|(has, _)| *has).map(|(_, name)| *name).collect();
