@@ -1,7 +1,7 @@
 //! What messages can do beside carrying their fields.
 
 use crate::builtin_interfaces::Time;
-use crate::diagnostic_msgs::{DiagnosticArray, KeyValue};
+use crate::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, Header, KeyValue};
 
 const NS: i64 = 1_000_000_000;
 
@@ -31,7 +31,19 @@ impl KeyValue {
     }
 }
 
+impl From<Time> for Header {
+    /// Returns the header of a message with this stamp that belongs to no coordinate frame.
+    fn from(stamp: Time) -> Self {
+        Self { stamp, ..Self::default() }
+    }
+}
+
 impl DiagnosticArray {
+    /// Returns a message with one status.
+    pub fn of(header: impl Into<Header>, status: DiagnosticStatus) -> Self {
+        Self { header: header.into(), status: vec![status] }
+    }
+
     /// Returns the first measurement called `key`.
     pub fn value(&self, key: &str) -> Option<&str> {
         let mut values = self.status.iter().flat_map(|status| &status.values);

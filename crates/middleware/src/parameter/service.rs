@@ -11,7 +11,7 @@ use modulo_msgs::rcl_interfaces::{
     SetParametersAtomicallyRequest, SetParametersAtomicallyResponse, SetParametersRequest,
     SetParametersResponse, SetParametersResult,
 };
-use modulo_runtime::parameter::ros::{from_ros, to_ros};
+use modulo_runtime::parameter::{from_ros, to_ros};
 use modulo_runtime::{Allowed, Descriptor, ParameterError, Value};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -77,7 +77,8 @@ impl Service {
     }
 }
 
-fn respond<Q: DeserializeOwned, R: Serialize>(
+/// Answers a request by `answer`, both as CDR with its encapsulation header.
+pub(crate) fn respond<Q: DeserializeOwned, R: Serialize>(
     request: &[u8],
     answer: impl FnOnce(Q) -> R,
 ) -> Result<Vec<u8>, CdrError> {

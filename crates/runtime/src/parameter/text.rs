@@ -76,7 +76,7 @@ pub fn described(descriptor: &ParameterDescriptor) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::parameter::ros::to_ros;
+    use crate::parameter::to_ros;
     use modulo_msgs::rcl_interfaces::{FloatingPointRange, ParameterType};
 
     #[test]
