@@ -2,9 +2,10 @@
 
 use proptest::prelude::*;
 
+use super::super::LiveEvent;
 use super::*;
 use crate::transport::queue::{Keep, Limit, Queue};
-use modulo_runtime::{ManualClock, MessageKind, Qos};
+use modulo_runtime::{ManualClock, MessageKind, ParameterError, Qos};
 
 const S: u64 = 1_000_000_000;
 
@@ -165,4 +166,16 @@ proptest! {
         let first = *answered.first().expect("a stream is always read");
         prop_assert!((first..60).all(|stamp| seen.contains(&stamp)), "{seen:?}");
     }
+}
+
+/// One that was opened for a change of parameters which was refused.
+#[test]
+fn an_input_that_is_dropped_closes_its_lane() {
+    let bench = Bench::new();
+    let opened = open(&bench.queue, "/b");
+    let lane = opened.lane;
+    bench.queue.push(lane, LiveEvent::Made(Err(ParameterError::new("model", "a.onnx", "is not there"))));
+    assert_eq!(bench.queue.counts(lane).received, 1);
+    drop(opened);
+    assert_eq!(bench.queue.counts(lane).received, 0, "a lane that is closed has no counts");
 }
