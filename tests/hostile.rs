@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use modulo_middleware::parameter::client::ParameterClient;
-use modulo_runtime::parameter::ros::{from_ros, to_ros};
+use modulo_runtime::parameter::{from_ros, to_ros};
 use modulo_runtime::{Descriptor, Message, MessageKind, ParameterSet as _, Value};
 
 use harness::{Background, Bench, Heard, Peer, assert_has, model, text, wait_until};

@@ -38,7 +38,7 @@ pub(crate) fn parse_fields(name: &str, text: &str) -> Result<Vec<Field>, Definit
     }
     // The generators of ROS add this field, since an empty struct is not possible in C. It is part of the type hash.
     if fields.is_empty() {
-        let r#type = FieldType { type_id: UINT8, ..FieldType::default() };
+        let r#type = FieldType { type_id: FieldType::UINT8, ..FieldType::default() };
         let name = "structure_needs_at_least_one_member".to_owned();
         fields.push(Field { name, r#type, default_value: String::new() });
     }
@@ -61,7 +61,20 @@ pub(crate) fn full_name(package: &str, name: &str) -> Option<String> {
     }
 }
 
-const UINT8: u8 = 3;
+impl FieldType {
+    /// `type_id` of a message type.
+    pub const NESTED: u8 = 1;
+    /// `type_id` of a byte, which also has the name [`FieldType::BYTE`].
+    pub(crate) const UINT8: u8 = 3;
+    pub(crate) const BYTE: u8 = 16;
+    /// Added to `type_id` for an array of `capacity` elements.
+    pub const ARRAY: u8 = 48;
+    /// Added to `type_id` for a sequence of at most `capacity` elements.
+    pub const BOUNDED_SEQUENCE: u8 = 96;
+    /// Added to `type_id` for a sequence of any length.
+    pub const UNBOUNDED_SEQUENCE: u8 = 144;
+}
+
 const STRING: u8 = 17;
 const WSTRING: u8 = 18;
 /// Added to the code of an unbounded string to get that of a bounded one.
@@ -129,7 +142,7 @@ fn parse_element(package: &str, text: &str) -> Option<FieldType> {
 fn primitive(name: &str) -> Option<u8> {
     Some(match name {
         "int8" => 2,
-        "uint8" | "char" => UINT8,
+        "uint8" | "char" => FieldType::UINT8,
         "int16" => 4,
         "uint16" => 5,
         "int32" => 6,
@@ -140,7 +153,7 @@ fn primitive(name: &str) -> Option<u8> {
         "float64" => 11,
         // Codes 12 to 14 are long double, char and wide char of IDL, which no `.msg` type uses.
         "bool" => 15,
-        "byte" => 16,
+        "byte" => FieldType::BYTE,
         "string" => STRING,
         "wstring" => WSTRING,
         _ => return None,

@@ -55,9 +55,6 @@ struct ValueSeed<'t> {
 #[derive(Clone, Copy)]
 struct ElementSeed<'t>(ValueSeed<'t>);
 
-const UINT8: u8 = 3;
-const BYTE: u8 = 16;
-
 impl<'de> DeserializeSeed<'de> for MessageSeed<'_> {
     type Value = Dynamic;
 
@@ -100,7 +97,9 @@ impl<'de> DeserializeSeed<'de> for ValueSeed<'_> {
         match (many, one) {
             (0, _) => ElementSeed(self).deserialize(decoder),
             // Images are sequences of bytes: read one by one, each pixel would become a value of its own.
-            (2 | 3, UINT8 | BYTE) => cdr::bytes::deserialize(decoder).map(Dynamic::Bytes),
+            (2 | 3, FieldType::UINT8 | FieldType::BYTE) => {
+                cdr::bytes::deserialize(decoder).map(Dynamic::Bytes)
+            }
             (1, _) => decoder.deserialize_tuple(capacity, ElementSeed(self)),
             _ => decoder.deserialize_seq(ElementSeed(self)),
         }
@@ -139,7 +138,7 @@ impl<'de> DeserializeSeed<'de> for ElementSeed<'_> {
                 MessageSeed { fields, description }.deserialize(decoder)?
             }
             2 => Dynamic::Integer(i8::deserialize(decoder)?.into()),
-            UINT8 | BYTE => Dynamic::Integer(u8::deserialize(decoder)?.into()),
+            FieldType::UINT8 | FieldType::BYTE => Dynamic::Integer(u8::deserialize(decoder)?.into()),
             4 => Dynamic::Integer(i16::deserialize(decoder)?.into()),
             5 => Dynamic::Integer(u16::deserialize(decoder)?.into()),
             6 => Dynamic::Integer(i32::deserialize(decoder)?.into()),

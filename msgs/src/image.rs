@@ -4,8 +4,6 @@
 //! Pixels are never scaled, converted between depths, demosaiced, or guessed: an encoding that is not in the table is refused. Only
 //! luma and chroma become red, green and blue (`yuv.rs`). Images are written without padding and in little endian.
 
-use std::borrow::Cow;
-
 use modulo_core::{Frame, FrameError, Mosaic, Samples};
 use ndarray::Array3;
 
@@ -129,22 +127,14 @@ impl Image {
     /// Reads `rgb8 bgr8 mono8 rgba8 bgra8 rgb16 bgr16 mono16 rgba16 bgra16 8UC{1,3,4} 16UC{1,3,4} 32FC{1,3}`, the colour mosaics
     /// `bayer_{rggb,bggr,grbg,gbrg}{8,16}`, and `uyvy yuyv yuv422 yuv422_yuy2 nv12 nv21 nv24` as `rgb8`, in either byte order with any
     /// `step` of at least one row. Alpha is dropped. `8UC3` and its like do not define the order of their channels and are read
-    /// as those of OpenCV, blue first. The step of the last three encodings is that of their plane of luma.
+    /// as those of OpenCV, blue first. The step of the last three encodings is that of their plane of luma. The buffer of `rgb8` and
+    /// `mono8` without padding is kept instead of copied.
     ///
     /// # Errors
     /// [`ImageMessageError`] for another encoding, a side of 0, a mosaic with a side of 1, pixels that share their chroma with none, a
     /// `step` below one row, too few bytes, and floats that are NaN or infinite.
-    pub fn to_frame(&self) -> Result<Frame, ImageMessageError> {
-        decode(PixelLayout::of(self)?, self.data.as_slice().into())
-    }
-
-    /// Converts the image as [`Image::to_frame`] does, but keeps the buffer of `rgb8` and `mono8` without padding instead of
-    /// copying it.
-    ///
-    /// # Errors
-    /// As [`Image::to_frame`].
     pub fn into_frame(self) -> Result<Frame, ImageMessageError> {
-        decode(PixelLayout::of(&self)?, self.data.into())
+        decode(PixelLayout::of(&self)?, self.data)
     }
 }
 
@@ -192,7 +182,7 @@ impl PixelLayout {
 
 /// Makes pixels of the bytes in three steps: drop the padding of the rows, make samples of bytes, put red first. Each step
 /// copies only if it changes something. Luma and chroma are converted in a single step.
-fn decode(layout: PixelLayout, data: Cow<'_, [u8]>) -> Result<Frame, ImageMessageError> {
+fn decode(layout: PixelLayout, data: Vec<u8>) -> Result<Frame, ImageMessageError> {
     let channels = layout.encoding.channels;
     if let Channels::Yuv(yuv) = channels {
         let PixelLayout { height, width, step, .. } = layout;
@@ -203,11 +193,11 @@ fn decode(layout: PixelLayout, data: Cow<'_, [u8]>) -> Result<Frame, ImageMessag
         8 => Frame::from_u8(array(layout, red_first(channels, packed))),
         16 => {
             let samples = wide(layout.big_endian, &packed, u16::from_be_bytes, u16::from_le_bytes);
-            Frame::from_u16(array(layout, red_first(channels, samples.into())))
+            Frame::from_u16(array(layout, red_first(channels, samples)))
         }
         _ => {
             let samples = wide(layout.big_endian, &packed, f32::from_be_bytes, f32::from_le_bytes);
-            Frame::from_f32(array(layout, red_first(channels, samples.into())))
+            Frame::from_f32(array(layout, red_first(channels, samples)))
         }
     }?;
     Ok(match channels {
@@ -216,20 +206,13 @@ fn decode(layout: PixelLayout, data: Cow<'_, [u8]>) -> Result<Frame, ImageMessag
     })
 }
 
-fn without_padding(layout: PixelLayout, data: Cow<'_, [u8]>) -> Cow<'_, [u8]> {
-    let PixelLayout { height, row, step, .. } = layout;
+fn without_padding(PixelLayout { height, row, step, .. }: PixelLayout, mut data: Vec<u8>) -> Vec<u8> {
     if row < step {
         return data.chunks_exact(step).take(height).flat_map(|padded| &padded[..row]).copied().collect();
     }
-    match data {
-        Cow::Borrowed(bytes) => Cow::Borrowed(&bytes[..height * row]),
-        // A buffer that belongs to the caller's message is shortened in place, so that it becomes the buffer of the
-        // frame.
-        Cow::Owned(mut bytes) => {
-            bytes.truncate(height * row);
-            Cow::Owned(bytes)
-        }
-    }
+    // Shortened in place, so that it becomes the buffer of the frame.
+    data.truncate(height * row);
+    data
 }
 
 /// Samples of `N` bytes each.
@@ -247,10 +230,10 @@ fn wide<T, const N: usize>(
     }
 }
 
-fn red_first<T: Copy>(channels: Channels, samples: Cow<'_, [T]>) -> Vec<T> {
+fn red_first<T: Copy>(channels: Channels, samples: Vec<T>) -> Vec<T> {
     match channels {
         // Luma and chroma have become red, green and blue before.
-        Channels::Mono | Channels::Bayer(_) | Channels::Rgb | Channels::Yuv(_) => samples.into_owned(),
+        Channels::Mono | Channels::Bayer(_) | Channels::Rgb | Channels::Yuv(_) => samples,
         Channels::Bgr => each_pixel(&samples, |&[b, g, r]| [r, g, b]),
         Channels::Rgba => each_pixel(&samples, |&[r, g, b, _]| [r, g, b]),
         Channels::Bgra => each_pixel(&samples, |&[b, g, r, _]| [r, g, b]),
@@ -267,17 +250,8 @@ fn array<T>(layout: PixelLayout, samples: Vec<T>) -> Array3<T> {
     Array3::from_shape_vec((height, width, channels), samples).expect("the layout fits its data")
 }
 
-impl Image {
-    /// `frame` as `rgb8`, `mono8`, `bayer_*8`, `rgb16`, `mono16`, `bayer_*16`, `32FC3` (blue first, as OpenCV has it) or `32FC1`, without
-    /// padding, little endian.
-    pub fn from_frame(header: Header, frame: &Frame) -> Self {
-        let mut image = without_pixels(header, frame);
-        append(frame, &mut image.data);
-        image
-    }
-}
-
-/// Returns the CDR of [`Image::from_frame`], with one copy of the pixels instead of two.
+/// Returns the CDR of an [`Image`] with this `header` and the pixels of `frame`, as `rgb8`, `mono8`, `bayer_*8`, `rgb16`, `mono16`,
+/// `bayer_*16`, `32FC3` (blue first, as OpenCV has it) or `32FC1`, without padding, little endian.
 ///
 /// # Errors
 /// [`CdrError`] when the frame has 4 GiB or more.
@@ -300,7 +274,7 @@ fn size(frame: &Frame) -> usize {
     height * width * channels * usize::from(frame.depth() / 8)
 }
 
-/// Returns the encoding that [`Image::from_frame`] gives the frame.
+/// Returns the encoding that [`encode_frame`] gives the frame.
 pub fn encoding_of(frame: &Frame) -> &'static str {
     let channels = match (frame.mosaic(), frame.channels(), frame.depth()) {
         (Some(mosaic), ..) => Channels::Bayer(mosaic),

@@ -7,39 +7,8 @@ use std::collections::BTreeMap;
 use crate::definition::{DefinitionError, full_name, parse_fields};
 use crate::type_description_interfaces::{Field, FieldType, IndividualTypeDescription, TypeSource};
 
-/// (name, text) of each definition, listed by package and by `msg` or `srv`.
-macro_rules! definitions {
-    ($($package:literal / $kind:literal: $($name:literal)+;)+) => {
-        &[$($((
-            concat!($package, "/", $kind, "/", $name),
-            include_str!(concat!("../interfaces/", $package, "/", $kind, "/", $name, ".", $kind)),
-        ),)+)+]
-    };
-}
-
-/// (name, text) of every message and service.
-static DEFINITIONS: &[(&str, &str)] = definitions! {
-    "builtin_interfaces" / "msg": "Duration" "Time";
-    "diagnostic_msgs" / "msg": "DiagnosticArray" "DiagnosticStatus" "KeyValue";
-    "geometry_msgs" / "msg": "Point" "Pose" "PoseWithCovariance" "Quaternion";
-    "rcl_interfaces" / "msg": "FloatingPointRange" "IntegerRange" "ListParametersResult" "Log" "LoggerLevel" "Parameter"
-        "ParameterDescriptor" "ParameterEvent" "ParameterType" "ParameterValue" "SetLoggerLevelsResult"
-        "SetParametersResult";
-    "rcl_interfaces" / "srv": "DescribeParameters" "GetLoggerLevels" "GetParameterTypes" "GetParameters"
-        "ListParameters" "SetLoggerLevels" "SetParameters" "SetParametersAtomically";
-    "rosbag2_interfaces" / "srv": "Burst" "GetRate" "IsPaused" "Pause" "Play" "PlayNext" "Resume" "Seek" "SetRate"
-        "Stop" "TogglePaused";
-    "rosgraph_msgs" / "msg": "Clock";
-    "sensor_msgs" / "msg": "CameraInfo" "CompressedImage" "Image" "RegionOfInterest";
-    "service_msgs" / "msg": "ServiceEventInfo";
-    "std_msgs" / "msg": "Header" "String";
-    "std_srvs" / "srv": "Empty" "SetBool" "Trigger";
-    "type_description_interfaces" / "msg": "Field" "FieldType" "IndividualTypeDescription" "KeyValue"
-        "TypeDescription" "TypeSource";
-    "type_description_interfaces" / "srv": "GetTypeDescription";
-    "vision_msgs" / "msg": "BoundingBox2D" "Detection2D" "Detection2DArray" "LabelInfo" "ObjectHypothesis"
-        "ObjectHypothesisWithPose" "Point2D" "Pose2D" "VisionClass" "VisionInfo";
-};
+/// (name, text) of every message and service, without comments.
+static DEFINITIONS: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/definitions.rs"));
 
 /// Returns the `.msg` or `.srv` text of a message or service of the suite, such as `sensor_msgs/msg/Image` or
 /// `std_srvs/srv/SetBool`.
@@ -54,15 +23,18 @@ pub fn names() -> impl Iterator<Item = &'static str> {
 
 /// Returns the fields of a message, of a service, or of the request, response or event of a service; `None` when the
 /// suite does not define the type.
-pub(crate) fn describe(name: &str) -> Result<Option<IndividualTypeDescription>, DefinitionError> {
-    let fields = match (definition(name), name.contains("/srv/")) {
+pub(crate) fn describe(name: &str) -> Option<IndividualTypeDescription> {
+    let fields = match definition(name) {
         // A service is a type with a hash of its own: a message that contains its request, response and event.
-        (Some(_), true) => Some(service(name)),
-        (Some(text), false) => Some(parse_fields(name, text)?),
-        (None, true) => service_message(name)?,
-        (None, false) => None,
+        Some(_) if name.contains("/srv/") => service(name),
+        Some(text) => own_fields(name, text),
+        None => service_message(name)?,
     };
-    Ok(fields.map(|fields| IndividualTypeDescription { type_name: name.to_owned(), fields }))
+    Some(IndividualTypeDescription { type_name: name.to_owned(), fields })
+}
+
+fn own_fields(name: &str, text: &str) -> Vec<Field> {
+    parse_fields(name, text).expect("the tests read each definition of the suite")
 }
 
 /// Returns the three fields that describe a service.
@@ -75,17 +47,17 @@ fn service(name: &str) -> Vec<Field> {
         .into()
 }
 
-fn service_message(name: &str) -> Result<Option<Vec<Field>>, DefinitionError> {
+fn service_message(name: &str) -> Option<Vec<Field>> {
     // The last underscore: the name of a service itself may contain some.
-    let Some((service, part)) = name.rsplit_once('_') else { return Ok(None) };
-    let Some(text) = definition(service) else { return Ok(None) };
+    let (service, part) = name.rsplit_once('_').filter(|_| name.contains("/srv/"))?;
+    let text = definition(service)?;
     let (request, response) = text.split_once("---\n").unwrap_or((text, ""));
-    Ok(match part {
-        "Request" => Some(parse_fields(name, request)?),
-        "Response" => Some(parse_fields(name, response)?),
+    match part {
+        "Request" => Some(own_fields(name, request)),
+        "Response" => Some(own_fields(name, response)),
         "Event" => Some(event(service)),
         _ => None,
-    })
+    }
 }
 
 /// Returns the fields of a service introspection event; request and response are sequences of at most one element.
@@ -120,7 +92,7 @@ pub fn ros2msg(name: &str) -> Option<String> {
     let mut listed = vec![name.to_owned()];
     let mut next = 0;
     while let Some(current) = listed.get(next) {
-        for field in describe(current).ok()??.fields {
+        for field in describe(current)?.fields {
             let needed = field.r#type.nested_type_name;
             if !needed.is_empty() && !listed.contains(&needed) {
                 let definition = definition(&needed)?;

@@ -1,50 +1,46 @@
 //! ROS 2 messages as plain serde structs: CDR, type hashes, `Image` <-> `Frame`.
 //!
-//! Each ROS package has a module, with the field names and the order of ROS. Nothing here opens a connection, reads a
-//! file or a clock, or needs a ROS installation.
+//! Each ROS package has a module, with the field names and the order of ROS: the build script makes it of the definitions in
+//! `interfaces/`. It also has the types of other packages that its messages hold. Nothing here opens a connection, reads a file or a
+//! clock, or needs a ROS installation.
 
-/// Declares the messages of one ROS package: `Message = "package/msg/Message" { fields }`, the fields as public and in
-/// the order of the definition. A message without braces has no fields.
-macro_rules! messages {
-    (@struct $(#[$about:meta])* $message:ident $name:literal) => {
-        #[doc = concat!("`", $name, "`")]
-        $(#[$about])*
-        #[derive(Clone, Debug, Default, PartialEq, ::serde::Serialize, ::serde::Deserialize)]
-        // ROS gives a message without fields one byte: the field `structure_needs_at_least_one_member`.
-        #[serde(from = "u8", into = "u8")]
-        pub struct $message;
-
-        impl From<u8> for $message {
-            fn from(_: u8) -> Self {
-                Self
-            }
-        }
-
-        impl From<$message> for u8 {
-            fn from(_: $message) -> Self {
-                0
-            }
-        }
-    };
-    (@struct $(#[$about:meta])* $message:ident $name:literal
-        $($(#[$help:meta])* $field:ident: $type:ty),+ $(,)?
-    ) => {
-        #[doc = concat!("`", $name, "`")]
-        ///
-        $(#[$about])*
-        #[derive(Clone, Debug, Default, PartialEq, ::serde::Serialize, ::serde::Deserialize)]
+/// Declares the modules of ROS packages.
+macro_rules! packages {
+    ($($(#[$about:meta])+ $package:ident)+) => {$(
+        $(#[$about])+
         #[allow(missing_docs, reason = "a field without a text is what its name says")]
-        pub struct $message {
-            $($(#[$help])* pub $field: $type,)+
-        }
-    };
-    ($($(#[$about:meta])* $message:ident = $name:literal $({ $($fields:tt)+ })?)+) => {$(
-        messages!(@struct $(#[$about])* $message $name $($($fields)+)?);
-
-        impl $crate::Interface for $message {
-            const NAME: &'static str = $name;
+        pub mod $package {
+            include!(concat!(env!("OUT_DIR"), "/", stringify!($package), ".rs"));
         }
     )+};
+}
+
+packages! {
+    /// Points in time and durations.
+    builtin_interfaces
+    /// The condition of the nodes.
+    diagnostic_msgs
+    /// The pose that vision messages carry.
+    geometry_msgs
+    /// Parameters with their six services, log lines, and the services of the level of the log.
+    rcl_interfaces
+    /// The services that control a running player, as in ROS 2 Jazzy.
+    rosbag2_interfaces
+    /// Simulated time.
+    rosgraph_msgs
+    /// Images and camera calibrations.
+    sensor_msgs
+    /// The common fields of all service events.
+    service_msgs
+    /// The header that every stamped message carries, and a text.
+    std_msgs
+    /// The three standard services.
+    std_srvs
+    /// Descriptions of types as messages. The hash of a type is computed over its
+    /// [`TypeDescription`](type_description_interfaces::TypeDescription).
+    type_description_interfaces
+    /// Detections. Boxes have a centre and a size in px of the original image.
+    vision_msgs
 }
 
 pub mod cdr;
@@ -53,18 +49,12 @@ mod detection;
 pub mod dynamic;
 pub mod image;
 pub mod interface;
-pub mod rcl_interfaces;
+mod methods;
 pub mod rihs;
-mod services;
-mod topics;
 mod yuv;
 
 pub use crate::interface::{dds_name, ros_name, ros2msg};
 pub use crate::rihs::{type_hash, type_hash_of_schema};
-pub use crate::services::{rosbag2_interfaces, service_msgs, std_srvs, type_description_interfaces};
-pub use crate::topics::{
-    builtin, diagnostic_msgs, geometry_msgs, rosgraph_msgs, sensor_msgs, std_msgs, vision_msgs,
-};
 
 /// A message with a ROS name.
 pub trait Interface {

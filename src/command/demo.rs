@@ -100,7 +100,10 @@ fn one_of_each(
             return Err(anyhow!("no moment with the images of all detectors came within {PATIENCE} s; `modulo launch {FILE}` shows why").into());
         }
         let Ok((at, incoming)) = received.recv_timeout(GLANCE) else { continue };
-        let Message::Image(image) = incoming.open(MessageKind::Image).context("an image of a detector")?
+        let Message::Image(image) = incoming
+            .open(MessageKind::Image)
+            .map_err(anyhow::Error::msg)
+            .context("an image of a detector")?
         else {
             continue;
         };

@@ -88,7 +88,8 @@ pub fn topic(args: &TopicCommand) -> Result<Ended, Failure> {
         }
         TopicCommand::Info { topic, verbose } => {
             let topic = absolute(topic);
-            info(&transport.graph_with(&topic)?, &topic, *verbose);
+            let graph = transport.graph_with(&topic)?;
+            info(&graph, &topic, *verbose);
         }
         TopicCommand::Echo { topic, once } => echo(&transport, topic, *once)?,
         TopicCommand::Hz { topic, window } => hz(&transport, &*clock, topic, *window as usize)?,

@@ -91,13 +91,13 @@ fn ask(args: &Param, transport: &ZenohTransport) -> Result<Ended, Failure> {
         Param::List { node, param_type } => list(node.as_deref(), *param_type, transport)?,
         Param::Get { node, name, hide_type } => {
             let values = client(node).values(std::slice::from_ref(name))?;
-            let value = values.first().filter(|value| value.r#type != ParameterType::NOT_SET);
+            let value = values.first().filter(|value| value.r#type != ParameterType::PARAMETER_NOT_SET);
             let value = value.ok_or_else(|| missing(node, name))?;
             say!("{}", if *hide_type { bare(value) } else { labelled(value) });
         }
         Param::Describe { node, names } => {
             for descriptor in client(node).descriptors(names)? {
-                if descriptor.r#type == ParameterType::NOT_SET {
+                if descriptor.r#type == ParameterType::PARAMETER_NOT_SET {
                     return Err(missing(node, &descriptor.name));
                 }
                 say!("{}", described(&descriptor));

@@ -154,10 +154,8 @@ fn answers(kind: &NodeKind, own: &[String]) -> bool {
 fn serve(logger: Logger, node_name: &NodeName, transport: &ZenohTransport) -> Result<Guard, TransportError> {
     let logger = Arc::new(logger);
     let services = LoggerService::ALL.iter().map(|&service| {
-        let (name, ros_type) = service.name_and_type();
         let logger = logger.clone();
-        let answer = Box::new(move |request: &[u8]| Ok(logger.answer(service, request)?));
-        RawService { name, ros_type, qos: SERVICE_QOS, answer }
+        RawService::new(service.name_and_type(), SERVICE_QOS, move |request| logger.answer(service, request))
     });
     transport.serve_raw(node_name, services.collect())
 }

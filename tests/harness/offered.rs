@@ -4,12 +4,10 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+use modulo_middleware::graph::Graph;
 use modulo_middleware::transport::local::LocalTransport;
-use modulo_middleware::transport::{
-    Deliver, Guard, NodeId, ParameterPort, Publisher, Transport, TransportError,
-};
-use modulo_runtime::wire::keys::EntityKind;
-use modulo_runtime::{Address, MessageKind, NodeName};
+use modulo_middleware::transport::{Deliver, Guard, ParameterPort, Publisher, Transport, TransportError};
+use modulo_runtime::{Address, NodeName};
 
 /// A local transport that hands the parameters of its nodes to the test.
 pub struct Offered {
@@ -39,20 +37,11 @@ impl Transport for Offered {
         self.ports.lock().expect("not poisoned").send(port).expect("the test listens");
         Ok(Box::new(()))
     }
-    fn nodes(&self) -> Vec<NodeId> {
-        self.local.nodes()
+    fn graph(&self) -> Arc<Graph> {
+        self.local.graph()
     }
-    fn id_of(&self, node: &NodeName) -> NodeId {
-        self.local.id_of(node)
-    }
-    fn is_ready(&self, node: &str) -> bool {
-        self.local.is_ready(node)
-    }
-    fn endpoints(&self, kind: EntityKind, topic: &str) -> Vec<NodeId> {
-        self.local.endpoints(kind, topic)
-    }
-    fn users(&self, end: EntityKind, kind: MessageKind) -> Vec<(String, String)> {
-        self.local.users(end, kind)
+    fn session(&self) -> String {
+        self.local.session()
     }
     fn settling(&self) -> Duration {
         self.local.settling()

@@ -13,6 +13,7 @@ use modulo_runtime::{Clock, Message, MessageKind, Qos, SystemClock};
 use crate::harness::{Background, Bench, Heard, Peer, assert_has, borrowed, json, model, signal, wait_until};
 use modulo_core::Frame;
 use modulo_msgs::cdr;
+use modulo_msgs::image::encode_frame;
 use modulo_msgs::sensor_msgs::Image;
 use modulo_msgs::std_msgs::{Header, Time};
 use ndarray::Array3;
@@ -156,7 +157,8 @@ fn an_unreadable_image_is_skipped_and_counted() {
 /// An image of 8 bits with this stamp, in seconds.
 fn image(sec: i32, height: usize) -> Image {
     let frame = Frame::from_u8(Array3::zeros((height, 96, 3))).expect("a frame");
-    Image::from_frame(Header { stamp: Time { sec, nanosec: 0 }, frame_id: "camera".into() }, &frame)
+    let header = Header { stamp: Time { sec, nanosec: 0 }, frame_id: "camera".into() };
+    cdr::from_slice(&encode_frame(&header, &frame).expect("short")).expect("an image")
 }
 
 /// Images that no node can use, each with the name of its fault.

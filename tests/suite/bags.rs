@@ -14,7 +14,7 @@ use modulo_runtime::{MessageKind, NodeName, Qos, SystemClock};
 
 use crate::harness::{Background, Bench, Peer, assert_has, in_shell, signal, text, wait_until};
 use modulo_bags::bag::{BagReader, BagTopic, BagWriter, Compression, Selection};
-use modulo_msgs::builtin::Time;
+use modulo_msgs::builtin_interfaces::Time;
 use modulo_msgs::rosbag2_interfaces as player;
 use modulo_msgs::{cdr, rosgraph_msgs};
 
@@ -121,7 +121,7 @@ fn play(bench: &Bench, bag: &Path, arguments: &[&str]) {
         let mut readers = graph.endpoints(EntityKind::Subscription, "/data").map(Token::node_name);
         graph.has_node("/rosbag2_player") && readers.any(|node| node == "/rosbag2_recorder")
     });
-    let _: player::ResumeResponse = call!(remote, "Resume", player::ResumeRequest);
+    let _: player::ResumeResponse = call!(remote, "Resume", player::ResumeRequest::default());
     assert_eq!(playing.0.wait().expect("it ends").code(), Some(0));
 }
 
@@ -442,7 +442,7 @@ fn a_replay_is_driven_by_services_and_tells_the_time() {
     let (_time, time) = remote.listen("/clock", "rosgraph_msgs/msg/Clock", Qos::Clock);
     let mut playing = bench.start(&["bag", "play", utf8(&source), "--start-paused", "--clock", "50"]);
     wait_until("the player", || remote.transport.is_ready("/rosbag2_player"));
-    let paused: player::IsPausedResponse = call!(remote, "IsPaused", player::IsPausedRequest);
+    let paused: player::IsPausedResponse = call!(remote, "IsPaused", player::IsPausedRequest::default());
     assert!(paused.paused);
     let clock = |samples: &Receiver<RawSample>| -> Vec<u64> {
         let times =
@@ -458,7 +458,7 @@ fn a_replay_is_driven_by_services_and_tells_the_time() {
     assert!(still.iter().all(|t| *t == START), "{still:?}");
     assert!(data.try_recv().is_err(), "no message is sent while the player is paused");
 
-    let next: player::PlayNextResponse = call!(remote, "PlayNext", player::PlayNextRequest);
+    let next: player::PlayNextResponse = call!(remote, "PlayNext", player::PlayNextRequest::default());
     assert!(next.success);
     assert_eq!(arrived(&data, 1), [0]);
     let burst: player::BurstResponse = call!(remote, "Burst", player::BurstRequest { num_messages: 3 });
@@ -470,7 +470,7 @@ fn a_replay_is_driven_by_services_and_tells_the_time() {
     assert!(!rate.success, "0 is no rate");
     let rate: player::SetRateResponse = call!(remote, "SetRate", player::SetRateRequest { rate: 2.0 });
     assert!(rate.success);
-    let rate: player::GetRateResponse = call!(remote, "GetRate", player::GetRateRequest);
+    let rate: player::GetRateResponse = call!(remote, "GetRate", player::GetRateRequest::default());
     assert_eq!(rate.rate, 2.0);
     let seek = |ns: u64| -> bool {
         let response: player::SeekResponse =
@@ -481,7 +481,7 @@ fn a_replay_is_driven_by_services_and_tells_the_time() {
     assert!(seek(950 * MS));
 
     let began = Instant::now();
-    let _: player::ResumeResponse = call!(remote, "Resume", player::ResumeRequest);
+    let _: player::ResumeResponse = call!(remote, "Resume", player::ResumeRequest::default());
     let code = playing.0.wait().expect("it ends").code();
     assert_eq!(code, Some(0));
     // 0.95 s of the bag at twice the speed, and what the end of a session takes.
@@ -508,7 +508,7 @@ fn a_replay_is_stopped_by_a_service_and_has_the_parameters_of_a_player() {
     assert_has(&bench.says(1, "param set /rosbag2_player use_sim_time true"), &["is read-only"]);
     let play: player::PlayResponse = call!(remote, "Play", player::PlayRequest::default());
     assert!(!play.success, "a playback runs already");
-    let _: player::StopResponse = call!(remote, "Stop", player::StopRequest);
+    let _: player::StopResponse = call!(remote, "Stop", player::StopRequest::default());
     assert_eq!(playing.0.wait().expect("it ends").code(), Some(0));
 }
 
@@ -529,13 +529,15 @@ fn a_replay_is_toggled_cut_and_repeated() {
         came.len() >= 7
     });
     assert_eq!(came[..7], [5, 6, 7, 5, 6, 7, 5]);
-    let _: player::TogglePausedResponse = call!(remote, "TogglePaused", player::TogglePausedRequest);
+    let _: player::TogglePausedResponse =
+        call!(remote, "TogglePaused", player::TogglePausedRequest::default());
     arrived(&data, 0);
     sleep(Duration::from_millis(700));
     assert!(data.try_recv().is_err(), "paused");
-    let _: player::TogglePausedResponse = call!(remote, "TogglePaused", player::TogglePausedRequest);
+    let _: player::TogglePausedResponse =
+        call!(remote, "TogglePaused", player::TogglePausedRequest::default());
     arrived(&data, 1);
-    let next: player::PlayNextResponse = call!(remote, "PlayNext", player::PlayNextRequest);
+    let next: player::PlayNextResponse = call!(remote, "PlayNext", player::PlayNextRequest::default());
     assert!(!next.success, "only while paused");
     assert_eq!(playing.interrupt(), Some(0));
     assert_eq!(time.try_iter().count(), 0, "no time without --clock");

@@ -6,8 +6,7 @@ use std::path::{Path, PathBuf};
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use modulo_bags::bag::{BagTopic, BagWriter, Compression};
 use modulo_core::{Frame, Mosaic};
-use modulo_msgs::cdr;
-use modulo_msgs::sensor_msgs::Image;
+use modulo_msgs::image::encode_frame;
 use modulo_msgs::std_msgs::Header;
 use modulo_runtime::Qos;
 use ndarray::Array3;
@@ -164,8 +163,8 @@ fn images_of_a_bag_are_shown_as_recorded() {
     let mut bag = BagWriter::create(&bench.path("bag"), Compression::None).expect("a new bag");
     let topic = bag.topic(&BagTopic::new("/raw", "sensor_msgs/msg/Image", Qos::Images)).expect("a topic");
     for (time, frame) in [(1, &colour), (2, &raw)] {
-        let image = Image::from_frame(Header::default(), frame);
-        bag.write(topic, time, time, &cdr::to_vec(&image).expect("short")).expect("writable");
+        let image = encode_frame(&Header::default(), frame).expect("short");
+        bag.write(topic, time, time, &image).expect("writable");
     }
     bag.finish().expect("writable");
     bench.says(0, &format!("detect @/bag --model % -o @/out {NO_BOX}"));

@@ -111,9 +111,9 @@ impl Service {
     fn response(self, answer: PlayerReply) -> Result<Vec<u8>, CdrError> {
         let PlayerReply { done: success, played: actually_burst, is_paused, rate } = answer;
         match self {
-            Self::Pause => cdr::to_vec(&PauseResponse),
-            Self::Resume => cdr::to_vec(&ResumeResponse),
-            Self::TogglePaused => cdr::to_vec(&TogglePausedResponse),
+            Self::Pause => cdr::to_vec(&PauseResponse::default()),
+            Self::Resume => cdr::to_vec(&ResumeResponse::default()),
+            Self::TogglePaused => cdr::to_vec(&TogglePausedResponse::default()),
             Self::IsPaused => cdr::to_vec(&IsPausedResponse { paused: is_paused }),
             Self::GetRate => cdr::to_vec(&GetRateResponse { rate }),
             Self::SetRate => cdr::to_vec(&SetRateResponse { success }),
@@ -121,7 +121,7 @@ impl Service {
             Self::Burst => cdr::to_vec(&BurstResponse { actually_burst }),
             Self::Seek => cdr::to_vec(&SeekResponse { success }),
             Self::Play => cdr::to_vec(&PlayResponse { success: false }),
-            Self::Stop => cdr::to_vec(&StopResponse),
+            Self::Stop => cdr::to_vec(&StopResponse::default()),
         }
     }
 }

@@ -14,10 +14,9 @@ use modulo_middleware::transport::{
     Guard, Incoming, ParameterAnswer, ParameterPort, ParameterRequest, Publisher as _, Transport,
     TransportError,
 };
-use modulo_msgs::builtin::Time;
+use modulo_msgs::builtin_interfaces::Time;
 use modulo_msgs::cdr::CdrError;
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
-use modulo_msgs::std_msgs::Header;
 use modulo_msgs::{Interface, cdr, rosgraph_msgs, sensor_msgs};
 use modulo_runtime::clock::nanos;
 use modulo_runtime::report::hex;
@@ -133,11 +132,11 @@ fn serve(
 ) -> Result<Guard, TransportError> {
     let lane = events.open(Keep::All);
     let services = Service::ALL.iter().map(|service| {
-        let (name, ros_type) = service.name_and_type();
         let events = events.clone();
         let give = move |command| events.push(lane, PlayerEvent::Command(command)).is_none();
-        let answer = Box::new(move |request: &[u8]| service.call(request, &give));
-        RawService { name, ros_type, qos: keys::SERVICE_QOS, answer }
+        RawService::new(service.name_and_type(), keys::SERVICE_QOS, move |request| {
+            service.call(request, &give)
+        })
     });
     transport.serve_raw(node_name, services.collect())
 }
@@ -270,8 +269,7 @@ impl Replay<'_> {
             let values = times.map(|(key, ns)| (key, seconds(ns))).into_iter().chain([topics]);
             let values = values.map(|(key, value)| KeyValue { key: key.into(), value }).collect();
             let status = DiagnosticStatus { name: NODE.into(), values, ..DiagnosticStatus::default() };
-            let header = Header { stamp: Time::from_ns(self.clock.now_ns()), ..Header::default() };
-            cdr::to_vec(&DiagnosticArray { header, status: vec![status] })
+            cdr::to_vec(&DiagnosticArray::of(Time::from_ns(self.clock.now_ns()), status))
         })
     }
 

@@ -9,7 +9,7 @@ use std::time::Duration;
 use modulo_bags::bag::{BagReader, BagWriter, Compression};
 use modulo_bags_live::control::{PlayerAction, PlayerCommand, PlayerReply, Service};
 use modulo_bags_live::play::{PlayOptions, Player};
-use modulo_msgs::builtin::Time;
+use modulo_msgs::builtin_interfaces::Time;
 use modulo_msgs::cdr;
 use modulo_msgs::rosbag2_interfaces::{
     BurstRequest, BurstResponse, GetRateResponse, IsPausedResponse, PauseRequest, SeekRequest,
@@ -173,7 +173,7 @@ fn action<T: serde::Serialize>(service: Service, request: &T) -> PlayerAction {
 
 #[test]
 fn requests_are_commands() {
-    assert_eq!(action(Service::Pause, &PauseRequest), PlayerAction::Pause(Some(true)));
+    assert_eq!(action(Service::Pause, &PauseRequest::default()), PlayerAction::Pause(Some(true)));
     assert_eq!(action(Service::SetRate, &SetRateRequest { rate: 0.5 }), PlayerAction::SetRate(0.5));
     assert_eq!(action(Service::Burst, &BurstRequest { num_messages: 3 }), PlayerAction::Step(Some(3)));
     assert_eq!(action(Service::Burst, &BurstRequest { num_messages: 0 }), PlayerAction::Step(None));
@@ -197,7 +197,7 @@ fn answers_are_responses() {
     });
     let burst = cdr::to_vec(&BurstRequest { num_messages: 9 }).expect("short");
     let rate = cdr::to_vec(&SetRateRequest { rate: -1.0 }).expect("short");
-    let empty = cdr::to_vec(&PauseRequest).expect("short");
+    let empty = cdr::to_vec(&PauseRequest::default()).expect("short");
     let call = |service: Service, request: &[u8]| {
         service.call(request, &|order| queue.send(order).is_ok()).expect("answered")
     };

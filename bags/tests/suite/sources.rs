@@ -11,7 +11,8 @@ use modulo_bags::source::{
 use modulo_core::{BBox, Frame, Samples, Transfer};
 use modulo_images::{Coding, save_png};
 use modulo_msgs::cdr;
-use modulo_msgs::sensor_msgs::{CameraInfo, CompressedImage, Image};
+use modulo_msgs::image::encode_frame;
+use modulo_msgs::sensor_msgs::{CameraInfo, CompressedImage};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::{SensorModel, StreamKind, sensor_info};
 use ndarray::Array3;
@@ -89,7 +90,7 @@ fn write_sources(images: &[Frame], folder: &Path) {
     std::fs::write(folder.join("coco.json"), text).expect("written");
     let header = |number| Header { stamp: Time::from_ns(number), ..Header::default() };
     let raw = (1..).zip(images).map(|(number, image)| {
-        let payload = cdr::to_vec(&Image::from_frame(header(number), image)).expect("short");
+        let payload = encode_frame(&header(number), image).expect("short");
         ("/image", IMAGE, number, payload)
     });
     write_messages(&folder.join("raw"), raw);
@@ -278,7 +279,7 @@ fn a_compressed_mosaic_is_the_mosaic() {
         source.next().expect("a frame").map(|frame| frame.radiance).map_err(|why| why.to_string())
     };
     let mosaic = grey.clone().with_mosaic(modulo_core::Mosaic::Rggb).expect("a mosaic");
-    let raw = cdr::to_vec(&Image::from_frame(Header::default(), &mosaic)).expect("short");
+    let raw = encode_frame(&Header::default(), &mosaic).expect("short");
     let raw = read("raw", IMAGE, raw).expect("readable");
     assert_eq!(raw.dim(), (8, 8, 1));
     let mut other =
@@ -439,7 +440,7 @@ fn bag_of(kitti: &Path, out: &Path) {
             let message = cdr::to_vec(&to_detections(&labels, &header)).expect("short");
             ("/ground_truth", "vision_msgs/msg/Detection2DArray", stamp, message)
         });
-        let image = cdr::to_vec(&Image::from_frame(header, &frame(number))).expect("short");
+        let image = encode_frame(&header, &frame(number)).expect("short");
         [("/camera/image_raw", IMAGE, stamp, image)].into_iter().chain(labels)
     });
     write_messages(out, messages);
@@ -617,7 +618,7 @@ fn a_bag_has_the_camera_info_beside_its_images() {
     let (_guard, path) = temporary("calibrated");
     let info = |width| CameraInfo { width, k: [500.0; 9], ..CameraInfo::default() };
     let encoded = |width| cdr::to_vec(&info(width)).expect("encodes");
-    let image = cdr::to_vec(&Image::from_frame(Header::default(), &frame(1))).expect("encodes");
+    let image = encode_frame(&Header::default(), &frame(1)).expect("encodes");
     let file = packed(CompressedImage { format: "png".into(), ..CompressedImage::default() });
     let messages = [
         ("/front/image_raw", IMAGE, 5, image.clone()),
@@ -658,11 +659,11 @@ fn recorded_codes_have_the_bits_of_the_sensor_beside_them() {
             let is_deep = stream == "hdr" || (stream == "saturated" && bits > 8);
             let frame =
                 if is_deep { Frame::from_u16(pixels) } else { Frame::from_u8(pixels.mapv(|v| v as u8)) };
-            let image = Image::from_frame(Header::default(), &frame.expect("a frame"));
+            let image = encode_frame(&Header::default(), &frame.expect("a frame")).expect("encodes");
             let names = [format!("{camera}/{stream}"), odd.clone()];
             for topic in names.into_iter().take(if stream == "saturated" { 2 } else { 1 }) {
                 topics.push(topic.clone());
-                messages.push((topic, IMAGE, cdr::to_vec(&image).expect("encodes")));
+                messages.push((topic, IMAGE, image.clone()));
             }
         }
     }

@@ -4,8 +4,7 @@ use std::path::Path;
 
 use modulo_bags::bag::{BagReader, BagWarning, Compression, Selection, copy};
 use modulo_bags::source::{SourceOptions, open};
-use modulo_msgs::cdr;
-use modulo_msgs::sensor_msgs::Image;
+use modulo_msgs::image::encode_frame;
 use modulo_msgs::std_msgs::Header;
 use proptest::prelude::*;
 use rusqlite::Connection;
@@ -119,8 +118,8 @@ fn it_is_converted_payload_by_payload() {
 #[test]
 fn its_images_are_a_source() {
     let (_folder, path) = temporary("images.db3");
-    let image = Image::from_frame(Header::default(), &frame(5));
-    write(&path, 2, &[("/image", "sensor_msgs/msg/Image", "cdr")], &cdr::to_vec(&image).expect("short"));
+    let image = encode_frame(&Header::default(), &frame(5)).expect("short");
+    write(&path, 2, &[("/image", "sensor_msgs/msg/Image", "cdr")], &image);
     let mut source = open(&path.display().to_string(), &SourceOptions::default()).expect("a source");
     assert_eq!(source.len(), Some(20));
     let first = source.next().expect("a frame").expect("whole");

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use crate::input::in_home;
+use crate::output;
 
 macro_rules! contents {
     ($($path:literal)*) => {
@@ -95,8 +96,7 @@ fn write(file: &Path, content: &[u8]) -> Result<()> {
         return Ok(());
     }
     file.parent().map_or(Ok(()), std::fs::create_dir_all)?;
-    let unfinished = file.with_extension(format!("{}.part", std::process::id()));
-    std::fs::write(&unfinished, content).and_then(|()| std::fs::rename(&unfinished, file))
+    output::replace(file, content)
 }
 
 #[cfg(test)]

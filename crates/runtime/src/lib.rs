@@ -43,10 +43,7 @@ pub mod wire {
 pub use clock::{Clock, ManualClock, SystemClock};
 pub use message::{Message, MessageKind, StampedFrame};
 pub use name::NodeName;
-pub use node::{
-    Context, Flow, Job, Node, Part, PlannedInputs, StepError, StepOutput, Trigger, change_parameters,
-    stream_of,
-};
+pub use node::{Context, Flow, Job, Node, Part, PlannedInputs, StepError, StepOutput, Trigger, stream_of};
 pub use parameter::{Allowed, Descriptor, ParameterError, ParameterSet, Parameters, Value};
 pub use report::NodeReport;
 pub use sensor::info as sensor_info;

@@ -189,9 +189,9 @@ impl<'a> Lockstep<'a> {
         let stream = stream_of(&*member.node, &trigger);
         let (frame, begin) = (trigger.frame(), clock.ticks_ns());
         let topics: Vec<&str> = member.outputs.iter().map(|address| &*address.topic).collect();
-        let mut cx = Context::new(&member.report.node, &clock, &wanted)
-            .with_topics(&topics)
-            .of_stream(stream.as_deref());
+        let stream = stream.as_deref();
+        let mut cx = Context::new(&member.report.node, &clock, &wanted);
+        (cx.topics, cx.stream) = (&topics, stream);
         let result = member.node.step(trigger, &mut cx);
         let output = cx.finish();
         if let Some(trace) = &member.trace {
@@ -204,7 +204,7 @@ impl<'a> Lockstep<'a> {
         }
         for (output, message) in messages {
             if let Some(address) = member.outputs.get(output) {
-                member.report.book_published(&address.topic, &message, stream.as_deref());
+                member.report.book_published(&address.topic, &message, stream);
                 pending.push_back((address.topic.clone(), message));
             }
         }

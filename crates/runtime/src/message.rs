@@ -22,16 +22,6 @@ pub struct StampedFrame {
     pub frame: Frame,
 }
 
-/// Error: bytes are not a message of the expected type.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("not a readable {kind}: {why}")]
-pub struct DecodeError {
-    /// ROS name of the expected type.
-    pub kind: &'static str,
-    /// Description of the fault, with its numbers.
-    pub why: String,
-}
-
 /// Declares the kinds of message from one table: variant, type, ROS name of the type, and the field with the stamp.
 macro_rules! kinds {
     ($($kind:ident($type:ty) $name:literal $($stamp:ident).+;)+) => {
@@ -87,8 +77,15 @@ macro_rules! kinds {
                 match self { $(Self::$kind(message) => message.to_cdr()),+ }
             }
 
-            fn read(kind: MessageKind, bytes: &[u8]) -> Result<Self, String> {
-                Ok(match kind { $(MessageKind::$kind => Self::$kind(Arc::new(CdrCodec::from_cdr(bytes)?))),+ })
+            /// Reads CDR as a message of `kind`.
+            ///
+            /// # Errors
+            /// A description of the fault in the bytes.
+            pub fn decode(kind: MessageKind, bytes: &[u8]) -> Result<Self, String> {
+                let unreadable = |why: String| format!("not a readable {}: {why}", kind.type_name());
+                Ok(match kind {
+                    $(MessageKind::$kind => Self::$kind(Arc::new(CdrCodec::from_cdr(bytes).map_err(unreadable)?))),+
+                })
             }
         }
     };
@@ -145,15 +142,5 @@ impl MessageKind {
     /// Returns the hash of the type, `RIHS01_...`, which takes the feature `hashes` of `modulo_msgs`.
     pub fn type_hash(self) -> String {
         modulo_msgs::type_hash(self.type_name()).expect("every kind of message is defined in modulo_msgs")
-    }
-}
-
-impl Message {
-    /// Reads CDR as a message of `kind`.
-    ///
-    /// # Errors
-    /// [`DecodeError`] with a description of the fault in the bytes.
-    pub fn decode(kind: MessageKind, bytes: &[u8]) -> Result<Self, DecodeError> {
-        Self::read(kind, bytes).map_err(|why| DecodeError { kind: kind.type_name(), why })
     }
 }

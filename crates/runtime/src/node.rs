@@ -2,11 +2,10 @@
 
 use std::any::Any;
 use std::collections::BTreeSet;
-use std::sync::Arc;
 use std::time::Duration;
 
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
-use modulo_msgs::std_msgs::{Header, Time};
+use modulo_msgs::std_msgs::Time;
 
 use crate::clock::Clock;
 use crate::message::Message;
@@ -183,11 +182,8 @@ pub fn state_of(name: &str, stamp: Time, values: &[(&'static str, String)]) -> M
     let (level, message) = (DiagnosticStatus::OK, "in use".to_owned());
     let name = format!("{}: state", name.trim_start_matches('/'));
     let values = KeyValue::all(values.iter().cloned());
-    let status = vec![DiagnosticStatus { level, name, message, hardware_id: String::new(), values }];
-    Message::Diagnostics(Arc::new(DiagnosticArray {
-        header: Header { stamp, frame_id: String::new() },
-        status,
-    }))
+    let status = DiagnosticStatus { level, name, message, values, ..DiagnosticStatus::default() };
+    DiagnosticArray::of(stamp, status).into()
 }
 
 /// Returns the status of a node as its report has it.
@@ -195,32 +191,17 @@ pub fn status_of(node: &dyn Node) -> impl Iterator<Item = (String, String)> {
     node.status().into_iter().map(|(key, value)| (key.to_owned(), value))
 }
 
-/// Changes the parameters of `node` from `now` to `next` on the thread of the caller, which waits for the part that the
-/// change needs. A driver does this in steps, so that its node goes on meanwhile.
-///
-/// # Errors
-/// The same as those of [`Node::configure`].
-pub fn change_parameters(
-    node: &mut dyn Node,
-    now: &Parameters,
-    next: &Parameters,
-) -> Result<(), ParameterError> {
-    node.inputs_with(next)?;
-    match node.prepare(now, next) {
-        None => node.configure(next),
-        Some(job) => node.exchange(next, job()?),
-    }
-}
-
 /// The services that a driver offers to one step.
 pub struct Context<'a> {
     node: &'a str,
-    topics: &'a [&'a str],
-    stream: Option<&'a str>,
+    /// The topics of the outputs, absolute and remapped, if the driver names them.
+    pub topics: &'a [&'a str],
+    /// The declared stream of the message that the step is about ([`stream_of`]), which may be one that the node is leaving.
+    pub stream: Option<&'a str>,
     clock: &'a dyn Clock,
     wanted: &'a [bool],
-    /// Whether the driver is making a part beside the steps; `None` where it never does.
-    busy: Option<bool>,
+    /// Whether the driver, which makes parts beside the steps, is making one; `None` where it never does.
+    pub busy: Option<bool>,
     output: StepOutput,
 }
 
@@ -232,19 +213,9 @@ impl<'a> Context<'a> {
         Self { node, topics: &[], stream: None, clock, wanted, busy: None, output }
     }
 
-    /// Names the topics of the outputs, absolute and remapped.
-    pub fn with_topics(self, topics: &'a [&'a str]) -> Self {
-        Self { topics, ..self }
-    }
-
     /// Returns the topic of output `output`, absolute and remapped, if the driver has named it.
     pub fn topic(&self, output: usize) -> Option<&'a str> {
         self.topics.get(output).copied()
-    }
-
-    /// Says that the driver makes parts beside the steps, and whether it is `busy` with one.
-    pub fn with_parts(self, busy: bool) -> Self {
-        Self { busy: Some(busy), ..self }
     }
 
     /// Has the driver make a part on a thread of its own, while the node goes on with what it has; [`Node::exchange`] brings it.
@@ -255,16 +226,6 @@ impl<'a> Context<'a> {
             self.output.job = job();
         }
         self.busy == Some(true) || self.output.job.is_some()
-    }
-
-    /// Names the declared stream of the message that the step is about ([`stream_of`]), which may be one that the node is leaving.
-    pub fn of_stream(self, stream: Option<&'a str>) -> Self {
-        Self { stream, ..self }
-    }
-
-    /// Returns the stream of the message that the step is about, if the driver has named it.
-    pub fn stream(&self) -> Option<&'a str> {
-        self.stream
     }
 
     /// Returns the fully qualified name of the node, such as `/unwrap`.

@@ -2,7 +2,7 @@
 //! but never a panic, and never memory for bytes that are missing.
 
 use modulo_core::{BBox, Detection};
-use modulo_msgs::builtin::Time;
+use modulo_msgs::builtin_interfaces::Time;
 use modulo_msgs::cdr::{self, CdrError};
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::rcl_interfaces::*;
@@ -82,11 +82,15 @@ fn parameter(name: &str, value: ParameterValue) -> Parameter {
 }
 
 fn string(text: &str) -> ParameterValue {
-    ParameterValue { r#type: ParameterType::STRING, string_value: text.into(), ..Default::default() }
+    ParameterValue {
+        r#type: ParameterType::PARAMETER_STRING,
+        string_value: text.into(),
+        ..Default::default()
+    }
 }
 
 fn integer(value: i64) -> ParameterValue {
-    ParameterValue { r#type: ParameterType::INTEGER, integer_value: value, ..Default::default() }
+    ParameterValue { r#type: ParameterType::PARAMETER_INTEGER, integer_value: value, ..Default::default() }
 }
 
 #[test]
@@ -144,10 +148,12 @@ fn diagnostics() {
 
 #[test]
 fn setting_parameters() {
-    let double = ParameterValue { r#type: ParameterType::DOUBLE, double_value: 0.25, ..Default::default() };
-    let bool = ParameterValue { r#type: ParameterType::BOOL, bool_value: true, ..Default::default() };
+    let double =
+        ParameterValue { r#type: ParameterType::PARAMETER_DOUBLE, double_value: 0.25, ..Default::default() };
+    let bool =
+        ParameterValue { r#type: ParameterType::PARAMETER_BOOL, bool_value: true, ..Default::default() };
     let strings = ParameterValue {
-        r#type: ParameterType::STRING_ARRAY,
+        r#type: ParameterType::PARAMETER_STRING_ARRAY,
         string_array_value: vec!["car".into(), "person".into()],
         ..Default::default()
     };
@@ -187,7 +193,7 @@ fn getting_parameters() {
     check("list_parameters_response", ListParametersResponse { result });
     let descriptor = ParameterDescriptor {
         name: "score_threshold".into(),
-        r#type: ParameterType::DOUBLE,
+        r#type: ParameterType::PARAMETER_DOUBLE,
         description: "lowest score kept".into(),
         floating_point_range: vec![FloatingPointRange { from_value: 0.0, to_value: 1.0, step: 0.0 }],
         ..Default::default()

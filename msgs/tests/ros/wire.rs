@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use modulo_msgs::cdr::{self, CdrError};
 use modulo_msgs::{
-    Interface, builtin, diagnostic_msgs, geometry_msgs, rcl_interfaces, rosbag2_interfaces, rosgraph_msgs,
-    sensor_msgs, service_msgs, std_msgs, std_srvs, type_description_interfaces, vision_msgs,
+    Interface, builtin_interfaces, diagnostic_msgs, geometry_msgs, rcl_interfaces, rosbag2_interfaces,
+    rosgraph_msgs, sensor_msgs, service_msgs, std_msgs, std_srvs, type_description_interfaces, vision_msgs,
 };
 use serde::Deserialize;
 
@@ -58,7 +58,7 @@ macro_rules! structs {
 }
 
 structs! {
-    builtin: Time, Duration;
+    builtin_interfaces: Time, Duration;
     std_msgs: Header, String;
     sensor_msgs: Image, CompressedImage, CameraInfo, RegionOfInterest;
     geometry_msgs: Point, Quaternion, Pose, PoseWithCovariance;

@@ -37,12 +37,11 @@ fn luma_and_chroma_become_what_opencv_makes_of_them() {
         // Bytes have no order.
         let older = Image { encoding: older.into(), is_bigendian: 1, ..image.clone() };
         for image in [image, older] {
-            let frame = image.to_frame().expect("readable");
+            let frame = image.clone().into_frame().expect("readable");
             let expected = (image.height as usize, image.width as usize, 3);
             assert_eq!((frame.dim(), frame.mosaic()), (expected, None), "{}", image.encoding);
             let pixels = frame.as_u8().expect("8 bits").as_slice().expect("standard layout");
             assert_eq!(pixels, rgb, "{} with a step of {}", image.encoding, image.step);
-            assert_eq!(image.into_frame(), Ok(frame));
         }
     }
 }
@@ -52,18 +51,18 @@ fn pixels_without_chroma_and_missing_bytes_are_refused() {
     for (image, _) in golden() {
         let Image { height, width, step, ref data, .. } = image;
         let short = Image { data: data[..data.len() - 1].to_vec(), ..image.clone() };
-        let why = short.to_frame().expect_err("short").to_string();
+        let why = short.into_frame().expect_err("short").to_string();
         let expected = format!("data has {} bytes, {} expected", data.len() - 1, data.len());
         assert!(why.contains(&expected), "{}: {why}", image.encoding);
         let row = if image.encoding.starts_with("nv") { width } else { 2 * width };
         let narrow = Image { step: row - 1, ..image.clone() };
-        let why = narrow.to_frame().expect_err("narrow").to_string();
+        let why = narrow.into_frame().expect_err("narrow").to_string();
         assert!(why.contains(&format!("step is {} bytes, a row needs at least {row}", row - 1)), "{why}");
         for (height, width, is_read) in [
             (height, width - 1, image.encoding == "nv24"),
             (height - 1, width, !matches!(image.encoding.as_str(), "nv12" | "nv21")),
         ] {
-            let odd = Image { height, width, step, ..image.clone() }.to_frame();
+            let odd = Image { height, width, step, ..image.clone() }.into_frame();
             assert_eq!(odd.is_ok(), is_read, "{} {width} x {height}", image.encoding);
             if let Err(why) = odd {
                 let (why, size) = (why.to_string(), format!("{width} x {height} px"));

@@ -477,7 +477,7 @@ impl Node for Detector {
     }
 
     fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
-        let stream = cx.stream().map(str::to_owned).or_else(|| stream_of(self, &trigger)).unwrap_or_default();
+        let stream = cx.stream.map(str::to_owned).or_else(|| stream_of(self, &trigger)).unwrap_or_default();
         let (source, message) = match trigger {
             Trigger::Message { input, message } => (self.reads().nth(input), Some(message)),
             Trigger::Tick => (None, None),

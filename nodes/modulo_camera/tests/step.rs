@@ -22,8 +22,8 @@ use modulo_msgs::sensor_msgs::{CameraInfo, RegionOfInterest};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::sensor_info::SensorHistory;
 use modulo_runtime::{
-    Context, Flow, ManualClock, Message, Node, ParameterSet as _, Parameters, Qos, StampedFrame, StepError,
-    StepOutput, Trigger, change_parameters,
+    Context, Flow, ManualClock, Message, Node, ParameterError, ParameterSet as _, Parameters, Qos,
+    StampedFrame, StepError, StepOutput, Trigger,
 };
 use ndarray::Array3;
 
@@ -669,4 +669,13 @@ fn the_exposure_follows_the_trust_of_the_unwrapper_and_is_described() {
     assert!(alphas.iter().any(|alpha| *alpha >= 3.0), "it looks for the limit: {alphas:?}");
     assert!(alphas.iter().filter(|alpha| **alpha >= 3.0).count() <= 2, "{alphas:?}");
     assert!(alphas[40..].iter().all(|alpha| (2.3..3.0).contains(alpha)), "{alphas:?}");
+}
+
+/// Changes the parameters of `node` as a driver does, and waits for the part that the change needs.
+fn change_parameters(node: &mut dyn Node, now: &Parameters, next: &Parameters) -> Result<(), ParameterError> {
+    node.inputs_with(next)?;
+    match node.prepare(now, next) {
+        None => node.configure(next),
+        Some(job) => node.exchange(next, job()?),
+    }
 }

@@ -27,7 +27,7 @@ use modulo_runtime::sensor_info::{self, SensorHistory};
 use modulo_runtime::topic::{self, ImageCompression, RECOVERY_TOPIC};
 use modulo_runtime::{
     Context, Flow, Message, MessageKind, Node, ParameterError, ParameterSet as _, Parameters, SensorModel,
-    StampedFrame, StepError, StreamKind, Topic, Trigger,
+    StampedFrame, StepError, StreamKind, Topic, Trigger, warn_once,
 };
 
 /// Output indices, in the order of [`Node::outputs`].
@@ -171,7 +171,7 @@ impl UnwrapNode {
         if self.sensor.as_ref().is_none_or(|prepared| prepared.model != model) {
             let blur = Some(model.psf()).filter(|psf| self.parameters.deblur && *psf != Psf::None);
             let deblur = blur.map(Deblur::new);
-            model.warn_if_unfit();
+            model.unfit().into_iter().for_each(warn_once);
             let range = model.range()?;
             let of_gains = of_gains(model.gains()?);
             self.sensor = Some(Prepared { model, range, deblur, of_gains });
@@ -467,5 +467,5 @@ fn describe(node: &str, header: &Header, method: &str, report: &Report) -> Diagn
     let (level, message) = level_of(report);
     let (name, values) = (format!("{}: recovery", node.trim_start_matches('/')), KeyValue::all(values));
     let status = DiagnosticStatus { level, name, message, values, hardware_id: String::new() };
-    DiagnosticArray { header: header.clone(), status: vec![status] }
+    DiagnosticArray::of(header.clone(), status)
 }

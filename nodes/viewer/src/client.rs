@@ -6,7 +6,7 @@ use std::time::Duration;
 use axum::body::Bytes;
 use axum::extract::ws::{Message as Frame, WebSocket};
 use modulo_middleware::parameter::client::{ClientError, ParameterClient};
-use modulo_msgs::builtin::Time;
+use modulo_msgs::builtin_interfaces::Time;
 use modulo_msgs::cdr::{self, CdrError};
 use modulo_msgs::rosbag2_interfaces as player;
 use serde::Serialize;
@@ -165,9 +165,11 @@ impl Client {
         match call {
             PlayerCall::State => {}
             PlayerCall::Toggle => {
-                self.call_player("TogglePaused", "toggle_paused", &player::TogglePausedRequest)?;
+                self.call_player("TogglePaused", "toggle_paused", &player::TogglePausedRequest::default())?;
             }
-            PlayerCall::Next => drop(self.call_player("PlayNext", "play_next", &player::PlayNextRequest)?),
+            PlayerCall::Next => {
+                drop(self.call_player("PlayNext", "play_next", &player::PlayNextRequest::default())?)
+            }
             PlayerCall::Rate(rate) => {
                 self.call_player("SetRate", "set_rate", &player::SetRateRequest { rate })?;
             }
@@ -178,8 +180,8 @@ impl Client {
                 self.call_player("Burst", "burst", &player::BurstRequest { num_messages })?;
             }
         }
-        let paused = self.call_player("IsPaused", "is_paused", &player::IsPausedRequest)?;
-        let rate = self.call_player("GetRate", "get_rate", &player::GetRateRequest)?;
+        let paused = self.call_player("IsPaused", "is_paused", &player::IsPausedRequest::default())?;
+        let rate = self.call_player("GetRate", "get_rate", &player::GetRateRequest::default())?;
         let player::IsPausedResponse { paused } = cdr::from_slice(&paused).map_err(unreadable)?;
         let player::GetRateResponse { rate } = cdr::from_slice(&rate).map_err(unreadable)?;
         Ok(Event::Player { paused, rate })

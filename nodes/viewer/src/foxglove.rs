@@ -16,7 +16,7 @@ use foxglove::{Channel, Context, FoxgloveError, WebSocketServer, WebSocketServer
 use modulo_middleware::parameter::client::ParameterClient;
 use modulo_runtime::Value;
 use modulo_runtime::name::is_hidden_node;
-use modulo_runtime::parameter::ros::from_ros;
+use modulo_runtime::parameter::from_ros;
 use tokio::sync::Semaphore;
 use tokio::task::spawn_blocking;
 

@@ -6,9 +6,8 @@ use std::thread;
 
 use modulo_runtime::{Clock, NodeReport, ParameterError, Stop, Urgency};
 
-use super::RunError;
 use super::live::{self, NodeSetup};
-use crate::graph::node_time::is_simulated;
+use super::{CommonParameters, RunError};
 use crate::transport::OnDrop;
 use crate::transport::local::LocalTransport;
 
@@ -25,7 +24,8 @@ pub struct Member {
 /// # Errors
 /// The first member's [`RunError`].
 pub fn run(members: Vec<Member>, clock: &Arc<dyn Clock>, stop: &Stop) -> Result<Vec<NodeReport>, RunError> {
-    if members.iter().any(|member| is_simulated(&member.setup.parameters)) {
+    let is_simulated = |member: &Member| CommonParameters::from(&member.setup.parameters).use_sim_time;
+    if members.iter().any(is_simulated) {
         let why = "no node of a composed process publishes /clock; start the nodes as processes";
         return Err(ParameterError::new("use_sim_time", true, why).into());
     }

@@ -1,10 +1,9 @@
 //! [`Pacing`]: a source that sends its next frame when the slowest reader has taken the last one.
 
 use std::collections::BTreeSet;
-use std::sync::Arc;
 
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
-use modulo_msgs::std_msgs::{Header, Time};
+use modulo_msgs::std_msgs::Time;
 use modulo_runtime::wire::keys::EntityKind;
 use modulo_runtime::{Clock, Message, MessageKind, Topic};
 
@@ -35,8 +34,7 @@ pub(super) fn ack_message(node: NodeId, stamp: Time, topics: &[String]) -> Messa
     let NodeId { name, session: hardware_id } = node;
     let values = KeyValue::all(topics.iter().map(|topic| (topic, String::new())));
     let status = DiagnosticStatus { name, hardware_id, values, ..DiagnosticStatus::default() };
-    let header = Header { stamp, frame_id: String::new() };
-    Message::Diagnostics(Arc::new(DiagnosticArray { header, status: vec![status] }))
+    DiagnosticArray::of(stamp, status).into()
 }
 
 /// The last frame of a source of rate 0, and the nodes that have taken it. Such a source sends its next frame when the
@@ -132,7 +130,8 @@ mod tests {
     }
 
     fn note(pacing: &mut Pacing, node: &str, ns: u64, topics: &[String]) {
-        note_of(pacing, NodeId { name: node.to_owned(), session: String::new() }, ns, topics);
+        let session = LocalTransport::default().session();
+        note_of(pacing, NodeId { name: node.to_owned(), session }, ns, topics);
     }
 
     fn note_of(pacing: &mut Pacing, node: NodeId, ns: u64, topics: &[String]) {

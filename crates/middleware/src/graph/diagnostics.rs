@@ -3,13 +3,12 @@
 
 use std::collections::BTreeMap;
 use std::rc::Rc;
-use std::sync::Arc;
 
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
-use modulo_msgs::std_msgs::{Header, Time};
+use modulo_msgs::std_msgs::Time;
 use modulo_runtime::node::{state_of, status_of};
 use modulo_runtime::report::quantile;
-use modulo_runtime::{Clock, Message, MessageKind, Node, NodeReport, Qos, Topic};
+use modulo_runtime::{Clock, MessageKind, Node, NodeReport, Qos, Topic};
 
 use crate::transport::Publisher;
 
@@ -98,7 +97,7 @@ impl Diagnostics {
         let skipped = bad - std::mem::replace(&mut self.bad, bad);
         let level = level_of(enabled, warning, skipped);
         let message = describe(clock.now_ns(), report, node, values, level);
-        if let Err(why) = self.publisher.put(&Message::Diagnostics(Arc::new(message))) {
+        if let Err(why) = self.publisher.put(&message.into()) {
             // A warning each second about the same fault would hide all others.
             tracing::debug!("{why}");
         }
@@ -123,7 +122,7 @@ fn describe(
     report: &NodeReport,
     node: &dyn Node,
     recent: Vec<(String, String)>,
-    (level, text): (u8, String),
+    (level, message): (u8, String),
 ) -> DiagnosticArray {
     // Viewers of diagnostics show these pairs as they are, so the units stand in the keys.
     let mut values: Vec<(String, String)> = status_of(node).chain(recent).collect();
@@ -145,8 +144,10 @@ fn describe(
             }
         }
     }
-    let name = report.node.trim_start_matches('/').to_owned();
-    array(Time::from_ns(now_ns), name, level, text, KeyValue::all(values))
+    // Names of statuses have no leading slash, as those of `diagnostic_updater`.
+    let (name, values) = (report.node.trim_start_matches('/').to_owned(), KeyValue::all(values));
+    let status = DiagnosticStatus { level, name, message, values, ..DiagnosticStatus::default() };
+    DiagnosticArray::of(Time::from_ns(now_ns), status)
 }
 
 /// Returns the level and the text of the status of a node.
@@ -159,12 +160,6 @@ fn level_of(enabled: bool, warning: Option<&str>, skipped: u64) -> (u8, String) 
         (None, 0) => (DiagnosticStatus::OK, "running".to_owned()),
         (None, _) => (DiagnosticStatus::WARN, format!("{skipped} bad messages were skipped")),
     }
-}
-
-/// Returns a message with one status. Names of statuses have no leading slash, as those of `diagnostic_updater`.
-fn array(stamp: Time, name: String, level: u8, message: String, values: Vec<KeyValue>) -> DiagnosticArray {
-    let status = DiagnosticStatus { level, name, message, hardware_id: String::new(), values };
-    DiagnosticArray { header: Header { stamp, frame_id: String::new() }, status: vec![status] }
 }
 
 /// The `~/state` publisher of one node: the values in use, latched and stamped with the first frame that they hold for.
@@ -222,6 +217,7 @@ mod tests {
     use super::*;
     use crate::transport::local::LocalTransport;
     use crate::transport::{Incoming, Transport};
+    use modulo_runtime::Message;
     use modulo_runtime::report::add;
     use modulo_runtime::{
         Address, Context, Flow, ManualClock, NodeName, ParameterError, Parameters, StepError, Trigger,

@@ -10,7 +10,10 @@ pub mod type_description;
 
 pub use discovery::Graph;
 
+use std::ops::RangeInclusive;
+
 use modulo_runtime::name::{NameError, NodeName};
+use modulo_runtime::parameter::typed::Rule;
 use modulo_runtime::topic::{Durability, Profile, Reliability};
 use modulo_runtime::wire::keys::qos_string;
 use modulo_runtime::{Address, Allowed, Descriptor, Parameters, Topic, Value};
@@ -20,6 +23,8 @@ const RELIABILITIES: [(&str, Reliability); 2] =
     [("reliable", Reliability::Reliable), ("best_effort", Reliability::BestEffort)];
 const DURABILITIES: [(&str, Durability); 2] =
     [("volatile", Durability::Volatile), ("transient_local", Durability::TransientLocal)];
+
+const DEPTHS: RangeInclusive<usize> = 1..=10_000;
 
 /// Returns the name of the parameter for a policy of the publishers of `topic`, as `rclcpp` has it.
 fn override_name(topic: &str, policy: &str) -> String {
@@ -36,19 +41,11 @@ pub fn qos_overrides(node: &NodeName, outputs: &[Topic]) -> Result<Vec<Descripto
     for topic in outputs {
         let address = Address::resolve(node, topic)?;
         let Profile { reliability, durability, depth } = Profile::parse(qos_string(address.qos));
-        let reliability = RELIABILITIES.iter().find(|(_, value)| *value == reliability);
-        let durability = DURABILITIES.iter().find(|(_, value)| *value == durability);
-        let word = |word: Option<&str>| Value::String(word.unwrap_or_default().to_owned());
-        let depth = Value::Integer(i64::try_from(depth).unwrap_or(i64::MAX));
         for (policy, default, allowed) in [
-            ("depth", depth, Allowed::Integers(1..=10_000)),
-            ("durability", word(durability.map(|d| d.0)), Allowed::Words(DURABILITIES.map(|d| d.0).into())),
-            ("history", word(Some("keep_last")), Allowed::Words(vec!["keep_last"])),
-            (
-                "reliability",
-                word(reliability.map(|r| r.0)),
-                Allowed::Words(RELIABILITIES.map(|r| r.0).into()),
-            ),
+            ("depth", DEPTHS.value(&depth), Rule::<usize>::allowed(&DEPTHS)),
+            ("durability", DURABILITIES.value(&durability), DURABILITIES.allowed()),
+            ("history", Value::String("keep_last".to_owned()), Allowed::Words(vec!["keep_last"])),
+            ("reliability", RELIABILITIES.value(&reliability), RELIABILITIES.allowed()),
         ] {
             // A process declares a few of these names once, and a name lives as long as the process.
             let name = override_name(&address.topic, policy).leak();
@@ -62,16 +59,10 @@ pub fn qos_overrides(node: &NodeName, outputs: &[Topic]) -> Result<Vec<Descripto
 /// Returns the profile that [`qos_overrides`] give the publishers of `topic`; `None` where they are not declared.
 pub fn overridden(topic: &str, parameters: &Parameters) -> Option<Profile> {
     let value = |policy| parameters.get(&override_name(topic, policy));
-    let word = |policy| match value(policy) {
-        Some(Value::String(word)) => Some(word.as_str()),
-        _ => None,
-    };
-    let Some(Value::Integer(depth)) = value("depth") else { return None };
-    let (reliability, durability) = (word("reliability")?, word("durability")?);
     Some(Profile {
-        reliability: RELIABILITIES.iter().find(|(word, _)| *word == reliability)?.1,
-        durability: DURABILITIES.iter().find(|(word, _)| *word == durability)?.1,
-        depth: usize::try_from(*depth).ok()?,
+        reliability: RELIABILITIES.field(value("reliability")?)?,
+        durability: DURABILITIES.field(value("durability")?)?,
+        depth: DEPTHS.field(value("depth")?)?,
     })
 }
 

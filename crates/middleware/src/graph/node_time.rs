@@ -11,11 +11,6 @@ use modulo_runtime::{Address, Clock, Message, MessageKind, NodeName, Parameters,
 use crate::driver::{CommonParameters, RunError};
 use crate::transport::{Guard, Incoming, Transport};
 
-/// Returns whether `parameters` ask for the time on `/clock`.
-pub fn is_simulated(parameters: &Parameters) -> bool {
-    CommonParameters::from(parameters).use_sim_time
-}
-
 /// The clock of one node.
 pub struct NodeTime<'a> {
     machine: &'a dyn Clock,
@@ -46,7 +41,7 @@ impl<'a> NodeTime<'a> {
         node_name: &NodeName,
         transport: &dyn Transport,
     ) -> Result<ClockChange, RunError> {
-        Ok(ClockChange(match (is_simulated(parameters), &self.simulation) {
+        Ok(ClockChange(match (CommonParameters::from(parameters).use_sim_time, &self.simulation) {
             (true, None) => Some(Some(self.simulate(node_name, transport)?)),
             // Dropping the guard ends the subscription.
             (false, Some(_)) => Some(None),

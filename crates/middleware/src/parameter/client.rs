@@ -9,7 +9,7 @@ use modulo_msgs::rcl_interfaces::{
     ListParametersRequest, ListParametersResponse, Parameter, ParameterDescriptor, ParameterValue,
     SetParametersRequest, SetParametersResponse,
 };
-use modulo_runtime::parameter::ros::{from_ros, to_ros};
+use modulo_runtime::parameter::{from_ros, to_ros};
 use modulo_runtime::{Stop, SystemClock, Value};
 use serde::Serialize;
 use serde::de::DeserializeOwned;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use modulo_msgs::rcl_interfaces::{Parameter, ParameterEvent};
 use modulo_msgs::std_msgs::Time;
-use modulo_runtime::parameter::ros::to_ros;
+use modulo_runtime::parameter::to_ros;
 use modulo_runtime::{Address, Message, MessageKind, NodeName, Parameters, Topic, Value};
 
 use crate::driver::RunError;

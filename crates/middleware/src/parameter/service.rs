@@ -11,7 +11,7 @@ use modulo_msgs::rcl_interfaces::{
     SetParametersAtomicallyRequest, SetParametersAtomicallyResponse, SetParametersRequest,
     SetParametersResponse, SetParametersResult,
 };
-use modulo_runtime::parameter::ros::{from_ros, to_ros};
+use modulo_runtime::parameter::{from_ros, to_ros};
 use modulo_runtime::{Allowed, Descriptor, ParameterError, Value};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -77,7 +77,8 @@ impl Service {
     }
 }
 
-fn respond<Q: DeserializeOwned, R: Serialize>(
+/// Answers a request by `answer`, both as CDR with its encapsulation header.
+pub(crate) fn respond<Q: DeserializeOwned, R: Serialize>(
     request: &[u8],
     answer: impl FnOnce(Q) -> R,
 ) -> Result<Vec<u8>, CdrError> {
@@ -284,7 +285,7 @@ mod tests {
             &GetParametersRequest { names: vec!["angle".into(), "nix".into()] },
         )
         .values;
-        assert_eq!((values[0].double_value, values[1].r#type), (4.0, ParameterType::NOT_SET));
+        assert_eq!((values[0].double_value, values[1].r#type), (4.0, ParameterType::PARAMETER_NOT_SET));
 
         let described = call::<_, DescribeParametersResponse>(
             &port,

@@ -35,7 +35,8 @@ impl ReportFile {
                 Err(why) if why.kind() == io::ErrorKind::AlreadyExists => {}
                 Err(why) => return Err(why),
                 Ok(_) => {
-                    output::replace(&file, &text(&NodeReport { running: true, ..NodeReport::new(node) })?)?;
+                    let report = NodeReport { running: true, ..NodeReport::new(node) };
+                    output::replace(&file, &serde_json::to_vec(&report)?)?;
                     return Ok(Self { file, written_ns: 0, failed: false });
                 }
             }
@@ -51,7 +52,8 @@ impl ReportFile {
     /// Writes `report`. An error, such as a full disk, does not end the node; it is logged once.
     pub fn write(&mut self, report: &NodeReport, now_ns: u64) {
         self.written_ns = now_ns;
-        let written = text(report).and_then(|text| output::replace(&self.file, &text));
+        let text = serde_json::to_vec(report).map_err(io::Error::from);
+        let written = text.and_then(|text| output::replace(&self.file, &text));
         if let Err(why) = &written
             && !self.failed
         {
@@ -59,10 +61,6 @@ impl ReportFile {
         }
         self.failed = written.is_err();
     }
-}
-
-fn text(report: &NodeReport) -> io::Result<Vec<u8>> {
-    Ok(serde_json::to_vec(report)?)
 }
 
 /// The state that outlasts a crash of a node: the parameters that it has accepted, and the position of a source.

@@ -5,40 +5,27 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use modulo_runtime::wire::keys::EntityKind;
-use modulo_runtime::{Address, Message, MessageKind, NodeName, Qos};
+use modulo_runtime::wire::keys::{Endpoint, EntityKind, NO_HASH, Token};
+use modulo_runtime::{Address, Message, NodeName, Qos};
 
-use super::{Deliver, Guard, Incoming, NodeId, OnDrop, ParameterPort, Publisher, Transport, TransportError};
+use super::{Deliver, Guard, Incoming, OnDrop, ParameterPort, Publisher, Transport, TransportError};
+use crate::graph::Graph;
 
 /// The graph of one process. Clones share it.
 #[derive(Clone, Default)]
 pub struct LocalTransport {
-    /// By number, in the order in which they came.
-    entities: Arc<Mutex<BTreeMap<u64, Entity>>>,
+    entities: Arc<Mutex<Entities>>,
 }
 
-/// A node, a publisher or a subscription.
-struct Entity {
-    kind: EntityKind,
-    /// Fully qualified name of its node.
-    node: String,
-    /// Topic and kind of the messages of an endpoint.
-    topic: Option<(String, MessageKind)>,
-    /// Takes the messages of a subscription.
-    deliver: Option<Deliver>,
+/// What was declared, with the topics of endpoints by the number of the entity.
+#[derive(Default)]
+struct Entities {
+    graph: Arc<Graph>,
+    declared: u64,
+    /// Take the messages of a subscription.
+    readers: BTreeMap<u64, (String, Deliver)>,
     /// The last message of a latched publisher, for late readers.
-    last: Option<Message>,
-}
-
-impl Entity {
-    fn is_on(&self, kind: EntityKind, topic: &str) -> bool {
-        self.kind == kind && self.topic.as_ref().is_some_and(|(on, _)| on == topic)
-    }
-
-    /// Returns its node: one process is one session.
-    fn node_id(&self) -> NodeId {
-        NodeId { name: self.node.clone(), session: String::new() }
-    }
+    last: BTreeMap<u64, (String, Message)>,
 }
 
 struct LocalPublisher {
@@ -49,8 +36,20 @@ struct LocalPublisher {
 }
 
 impl LocalTransport {
-    fn entities(&self) -> MutexGuard<'_, BTreeMap<u64, Entity>> {
+    fn entities(&self) -> MutexGuard<'_, Entities> {
         self.entities.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn token(&self, kind: EntityKind, node: &NodeName, id: u64, address: Option<&Address>) -> Token {
+        let endpoint = address.map(|address| Endpoint {
+            topic: address.topic.clone(),
+            dds_type: modulo_msgs::dds_name(address.kind.type_name()),
+            type_hash: NO_HASH.to_owned(),
+            qos: String::new(),
+        });
+        let (session, backends) = (self.session(), String::new());
+        let (namespace, node) = (node.namespace.clone(), node.name.clone());
+        Token { domain: 0, session, node_id: id, entity_id: id, kind, namespace, node, endpoint, backends }
     }
 
     /// Adds an entity of `node`, which is there until the guard is dropped.
@@ -61,41 +60,42 @@ impl LocalTransport {
         address: Option<&Address>,
         deliver: Option<Deliver>,
     ) -> (u64, Guard) {
-        let topic = address.map(|address| (address.topic.clone(), address.kind));
         let mut entities = self.entities();
-        let id = entities.last_key_value().map_or(0, |(last, _)| last + 1);
-        // Before the subscription is there: no message may come between these and the next one.
-        let on_topic = |publisher: &&Entity| {
-            address.is_some_and(|address| publisher.is_on(EntityKind::Publisher, &address.topic))
-        };
-        for last in entities.values().filter(on_topic).filter_map(|publisher| publisher.last.clone()) {
-            deliver.iter().for_each(|deliver| deliver(Incoming::Message(last.clone())));
+        let id = entities.declared;
+        entities.declared += 1;
+        let key = self.token(kind, node, id, address).to_key();
+        Arc::make_mut(&mut entities.graph).appear(&key);
+        if let (Some(Address { topic, .. }), Some(deliver)) = (address, deliver) {
+            // Before the subscription is there: no message may come between these and the next one.
+            let last = entities.last.values().filter(|(on, _)| on == topic);
+            last.for_each(|(_, last)| deliver(Incoming::Message(last.clone())));
+            entities.readers.insert(id, (topic.clone(), deliver));
         }
-        entities.insert(id, Entity { kind, node: node.fully_qualified(), topic, deliver, last: None });
         let transport = self.clone();
-        (id, Box::new(OnDrop(move || drop(transport.entities().remove(&id)))))
+        let end = move || {
+            let mut entities = transport.entities();
+            Arc::make_mut(&mut entities.graph).disappear(&key);
+            entities.last.remove(&id);
+            entities.readers.remove(&id);
+        };
+        (id, Box::new(OnDrop(end)))
     }
 }
 
 impl Publisher for LocalPublisher {
     fn wanted(&self) -> bool {
-        let entities = self.transport.entities();
-        entities.values().any(|entity| entity.is_on(EntityKind::Subscription, &self.address.topic))
+        self.transport.entities().readers.values().any(|(topic, _)| *topic == self.address.topic)
     }
 
     fn put(&self, message: &Message) -> Result<(), TransportError> {
         // Held while messages are delivered, so that a subscription that has ended receives none.
         let mut entities = self.transport.entities();
-        if self.address.qos == Qos::Latched
-            && let Some(own) = entities.get_mut(&self.id)
-        {
-            own.last = Some(message.clone());
+        let Address { topic, qos, .. } = &self.address;
+        if *qos == Qos::Latched {
+            entities.last.insert(self.id, (topic.clone(), message.clone()));
         }
-        let topic = &self.address.topic;
-        let readers = entities.values().filter(|entity| entity.is_on(EntityKind::Subscription, topic));
-        readers
-            .filter_map(|reader| reader.deliver.as_ref())
-            .for_each(|deliver| deliver(Incoming::Message(message.clone())));
+        let readers = entities.readers.values().filter(|(on, _)| on == topic);
+        readers.for_each(|(_, deliver)| deliver(Incoming::Message(message.clone())));
         Ok(())
     }
 }
@@ -124,29 +124,13 @@ impl Transport for LocalTransport {
         Ok(Box::new(port))
     }
 
-    fn nodes(&self) -> Vec<NodeId> {
-        let entities = self.entities();
-        entities.values().filter(|entity| entity.kind == EntityKind::Node).map(Entity::node_id).collect()
+    fn graph(&self) -> Arc<Graph> {
+        self.entities().graph.clone()
     }
 
-    fn id_of(&self, node: &NodeName) -> NodeId {
-        NodeId { name: node.fully_qualified(), session: String::new() }
-    }
-
-    fn endpoints(&self, kind: EntityKind, topic: &str) -> Vec<NodeId> {
-        self.entities().values().filter(|entity| entity.is_on(kind, topic)).map(Entity::node_id).collect()
-    }
-
-    fn is_ready(&self, node: &str) -> bool {
-        self.nodes().iter().any(|announced| announced.name == node)
-    }
-
-    fn users(&self, end: EntityKind, kind: MessageKind) -> Vec<(String, String)> {
-        let entities = self.entities();
-        let ends = entities.values().filter(|entity| entity.kind == end);
-        let on_topics = ends.filter_map(|entity| Some((entity.topic.as_ref()?, &entity.node)));
-        let of_kind = on_topics.filter(|((_, on), _)| *on == kind);
-        of_kind.map(|((topic, _), node)| (topic.clone(), node.clone())).collect()
+    /// Returns the one session of a process.
+    fn session(&self) -> String {
+        "local".to_owned()
     }
 
     fn settling(&self) -> Duration {
@@ -161,6 +145,7 @@ mod tests {
     use modulo_msgs::vision_msgs::Detection2DArray;
 
     use super::*;
+    use modulo_runtime::MessageKind;
 
     #[test]
     fn declarations_end_with_their_guards() {

@@ -10,11 +10,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Sender;
 
-use modulo_runtime::message::DecodeError;
 use modulo_runtime::wire::attachment::Attachment;
-use modulo_runtime::wire::keys::EntityKind;
+use modulo_runtime::wire::keys::{EntityKind, Token};
 use modulo_runtime::{Address, Message, MessageKind, NodeName, ParameterError, Parameters, Value};
 
+use crate::graph::Graph;
 use crate::graph::discovery::LostPublisher;
 use crate::transport::queue::Queued;
 
@@ -87,8 +87,8 @@ impl Incoming {
     /// Returns the message inside, which must be of `kind`.
     ///
     /// # Errors
-    /// [`DecodeError`] when the bytes are no message of that kind.
-    pub fn open(self, kind: MessageKind) -> Result<Message, DecodeError> {
+    /// The reason why the bytes are no message of that kind.
+    pub fn open(self, kind: MessageKind) -> Result<Message, String> {
         match self {
             Self::Message(message) => Ok(message),
             Self::Sample(sample) => Message::decode(kind, &sample.payload),
@@ -166,6 +166,12 @@ pub struct NodeId {
     pub session: String,
 }
 
+impl NodeId {
+    fn of(token: &Token) -> Self {
+        Self { name: token.node_name(), session: token.session.clone() }
+    }
+}
+
 /// Something that must stay alive for a declaration to hold.
 pub type Guard = Box<dyn Send + Sync>;
 
@@ -204,17 +210,32 @@ pub trait Transport: Send + Sync {
         Ok(Box::new(()))
     }
 
+    /// Returns the graph as it is now.
+    fn graph(&self) -> Arc<Graph>;
+
+    /// Returns the session that the nodes of this transport belong to.
+    fn session(&self) -> String;
+
     /// Returns the nodes that are announced now.
-    fn nodes(&self) -> Vec<NodeId>;
+    fn nodes(&self) -> Vec<NodeId> {
+        let graph = self.graph();
+        graph.tokens().filter(|token| token.kind == EntityKind::Node).map(NodeId::of).collect()
+    }
 
     /// Returns what tells a node called `node` of this session from those of others.
-    fn id_of(&self, node: &NodeName) -> NodeId;
+    fn id_of(&self, node: &NodeName) -> NodeId {
+        NodeId { name: node.fully_qualified(), session: self.session() }
+    }
 
     /// Returns the node of each endpoint of `kind` on `topic` now.
-    fn endpoints(&self, kind: EntityKind, topic: &str) -> Vec<NodeId>;
+    fn endpoints(&self, kind: EntityKind, topic: &str) -> Vec<NodeId> {
+        self.graph().endpoints(kind, topic).map(NodeId::of).collect()
+    }
 
     /// Returns whether the node with this fully qualified name has been announced.
-    fn is_ready(&self, node: &str) -> bool;
+    fn is_ready(&self, node: &str) -> bool {
+        self.graph().has_node(node)
+    }
 
     /// Returns the fully qualified names of the nodes that publish `topic` now.
     fn publishers(&self, topic: &str) -> Vec<String> {
@@ -222,7 +243,14 @@ pub trait Transport: Send + Sync {
     }
 
     /// Returns (topic, node) of each publisher, or each subscription, of messages of `kind` now.
-    fn users(&self, end: EntityKind, kind: MessageKind) -> Vec<(String, String)>;
+    fn users(&self, end: EntityKind, kind: MessageKind) -> Vec<(String, String)> {
+        let (graph, dds_type) = (self.graph(), modulo_msgs::dds_name(kind.type_name()));
+        let of_kind = graph.tokens().filter(|token| token.kind == end).filter_map(|token| {
+            let endpoint = token.endpoint.as_ref().filter(|endpoint| endpoint.dds_type == dds_type)?;
+            Some((endpoint.topic.clone(), token.node_name()))
+        });
+        of_kind.collect()
+    }
 
     /// Returns the number of the last message that a publisher has told to have sent.
     fn last_sent(&self, publisher: &[u8; 16]) -> Option<i64> {

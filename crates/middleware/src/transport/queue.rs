@@ -30,16 +30,10 @@ pub struct Limit {
     pub bytes: usize,
 }
 
-/// One lane of a queue: the messages of one topic or of one service.
+/// One lane of a queue, the messages of one topic or of one service, by its number: lanes are counted in the order in which
+/// they are opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Lane(u64);
-
-impl Lane {
-    /// Returns its number: lanes are counted in the order in which they are opened.
-    pub fn number(self) -> u64 {
-        self.0
-    }
-}
+pub struct Lane(pub u64);
 
 /// Counts of one lane. Of the messages that arrived, `received - replaced - overflowed - unread` were read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -189,7 +189,7 @@ pub fn write(node: &str, parameters: &[(String, ParameterValue)]) -> String {
 mod tests {
     use super::*;
     use crate::parameter::Value;
-    use crate::parameter::ros::to_ros;
+    use crate::parameter::to_ros;
 
     fn read(text: &str) -> Result<Vec<(String, String)>, String> {
         let entries = parse(text, &NodeName::new("eye", "/car", &[]).expect("valid"))?;

@@ -12,13 +12,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::ops::RangeInclusive;
 
-/// Values of parameters as messages of ROS 2 carry them.
-pub mod ros {
-    pub use super::value::{from_ros, to_ros};
-}
-
 pub use typed::ParameterSet;
-pub use value::Value;
+pub use value::{Value, from_ros, to_ros};
 
 use crate::name::{near_or_all, nearest};
 use crate::secret::without_secrets;

@@ -76,7 +76,7 @@ pub fn described(descriptor: &ParameterDescriptor) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::parameter::ros::to_ros;
+    use crate::parameter::to_ros;
     use modulo_msgs::rcl_interfaces::{FloatingPointRange, ParameterType};
 
     #[test]
@@ -92,7 +92,7 @@ mod tests {
         }
         assert_eq!(labelled(&to_ros(None)), "Parameter not set.");
         let bools = ParameterValue {
-            r#type: ParameterType::BOOL_ARRAY,
+            r#type: ParameterType::PARAMETER_BOOL_ARRAY,
             bool_array_value: vec![true, false],
             ..ParameterValue::default()
         };
@@ -103,7 +103,7 @@ mod tests {
     fn descriptors_look_as_ros2_param_describe_prints_them() {
         let descriptor = ParameterDescriptor {
             name: "angle".into(),
-            r#type: ParameterType::DOUBLE,
+            r#type: ParameterType::PARAMETER_DOUBLE,
             description: "an angle".into(),
             read_only: true,
             floating_point_range: vec![FloatingPointRange { from_value: 0.1, to_value: 256.0, step: 0.0 }],

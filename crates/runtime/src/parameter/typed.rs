@@ -85,73 +85,77 @@ macro_rules! any_value {
 }
 any_value!(bool: Bool, String: String, Vec<String>: Strings);
 
-impl Rule<f64> for RangeInclusive<f64> {
-    fn allowed(&self) -> Allowed {
-        Allowed::Doubles(self.clone())
+/// The types of numbers of fields, each with the form of its values.
+pub trait Number: Copy + PartialOrd {
+    /// Returns the allowed values from `least` to `most`.
+    fn allowed(least: Self, most: Self) -> Allowed;
+    /// Returns the number as a value.
+    fn value(self) -> Value;
+    /// Returns the number that [`Number::value`] gives as `value`.
+    fn of(value: &Value) -> Option<Self>;
+}
+
+impl Number for f64 {
+    fn allowed(least: Self, most: Self) -> Allowed {
+        Allowed::Doubles(least..=most)
     }
 
-    fn value(&self, field: &f64) -> Value {
-        Value::Double(*field)
+    fn value(self) -> Value {
+        Value::Double(self)
     }
 
-    fn field(&self, value: &Value) -> Option<f64> {
+    fn of(value: &Value) -> Option<Self> {
         if let Value::Double(value) = value { Some(*value) } else { None }
     }
 }
 
-/// The rule of a field that need not be set, which its least value stands for.
-impl Rule<Option<f64>> for RangeInclusive<f64> {
-    fn allowed(&self) -> Allowed {
-        Rule::<f64>::allowed(self)
-    }
+macro_rules! integers {
+    ($($type:ty)+) => {$(
+        impl Number for $type {
+            fn allowed(least: Self, most: Self) -> Allowed {
+                let bound = |value: Self| i64::try_from(value).unwrap_or(i64::MAX);
+                Allowed::Integers(bound(least)..=bound(most))
+            }
 
-    fn value(&self, field: &Option<f64>) -> Value {
-        Rule::<f64>::value(self, &field.unwrap_or(*self.start()))
-    }
+            fn value(self) -> Value {
+                Value::Integer(i64::try_from(self).unwrap_or(i64::MAX))
+            }
 
-    fn field(&self, value: &Value) -> Option<Option<f64>> {
-        let value: f64 = self.field(value)?;
-        Some(Some(value).filter(|value| value > self.start()))
-    }
+            fn of(value: &Value) -> Option<Self> {
+                if let Value::Integer(value) = value { Self::try_from(*value).ok() } else { None }
+            }
+        }
+    )+};
 }
+integers!(u8 i64 usize);
 
-/// The types of integer fields.
-pub trait Integer: Copy + PartialOrd + TryFrom<i64> + TryInto<i64> {}
-impl Integer for u8 {}
-impl Integer for i64 {}
-impl Integer for usize {}
-
-impl<T: Integer> Rule<T> for RangeInclusive<T> {
+impl<T: Number> Rule<T> for RangeInclusive<T> {
     fn allowed(&self) -> Allowed {
-        Allowed::Integers(to_i64(*self.start())..=to_i64(*self.end()))
+        T::allowed(*self.start(), *self.end())
     }
 
     fn value(&self, field: &T) -> Value {
-        Value::Integer(to_i64(*field))
+        field.value()
     }
 
     fn field(&self, value: &Value) -> Option<T> {
-        if let Value::Integer(value) = value { T::try_from(*value).ok() } else { None }
+        T::of(value)
     }
 }
 
-impl<T: Integer> Rule<Option<T>> for RangeInclusive<T> {
+/// The rule of a field that need not be set, which its least value stands for.
+impl<T: Number> Rule<Option<T>> for RangeInclusive<T> {
     fn allowed(&self) -> Allowed {
         Rule::<T>::allowed(self)
     }
 
     fn value(&self, field: &Option<T>) -> Value {
-        Rule::<T>::value(self, &field.unwrap_or(*self.start()))
+        field.unwrap_or(*self.start()).value()
     }
 
     fn field(&self, value: &Value) -> Option<Option<T>> {
-        let value: T = self.field(value)?;
-        Some(Some(value).filter(|value| value > self.start()))
+        Some(Some(T::of(value)?).filter(|value| value > self.start()))
     }
-}
-
-fn to_i64(value: impl Integer) -> i64 {
-    value.try_into().unwrap_or(i64::MAX)
 }
 
 /// Words, each with the field that it stands for.

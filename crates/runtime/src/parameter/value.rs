@@ -39,7 +39,7 @@ macro_rules! kinds {
         pub fn to_ros(value: Option<&Value>) -> ParameterValue {
             let mut ros = ParameterValue::default();
             match value {
-                None => ros.r#type = ParameterType::NOT_SET,
+                None => ros.r#type = ParameterType::PARAMETER_NOT_SET,
                 $(Some(Value::$kind(v)) => (ros.r#type, ros.$field) = (ParameterType::$code, v.clone()),)+
             }
             ros
@@ -56,16 +56,16 @@ macro_rules! kinds {
 }
 
 kinds! {
-    Bool(bool) "bool" "boolean" "Boolean" BOOL bool_value;
-    Integer(i64) "integer" "integer" "Integer" INTEGER integer_value;
-    Double(f64) "double" "double" "Double" DOUBLE double_value;
-    String(String) "string" "string" "String" STRING string_value;
-    Bools(Vec<bool>) "bool_array" "boolean array" "Boolean" BOOL_ARRAY bool_array_value;
-    Integers(Vec<i64>) "integer_array" "integer array" "Integer" INTEGER_ARRAY integer_array_value;
-    Doubles(Vec<f64>) "double_array" "double array" "Double" DOUBLE_ARRAY double_array_value;
-    Strings(Vec<String>) "string_array" "string array" "String" STRING_ARRAY string_array_value;
+    Bool(bool) "bool" "boolean" "Boolean" PARAMETER_BOOL bool_value;
+    Integer(i64) "integer" "integer" "Integer" PARAMETER_INTEGER integer_value;
+    Double(f64) "double" "double" "Double" PARAMETER_DOUBLE double_value;
+    String(String) "string" "string" "String" PARAMETER_STRING string_value;
+    Bools(Vec<bool>) "bool_array" "boolean array" "Boolean" PARAMETER_BOOL_ARRAY bool_array_value;
+    Integers(Vec<i64>) "integer_array" "integer array" "Integer" PARAMETER_INTEGER_ARRAY integer_array_value;
+    Doubles(Vec<f64>) "double_array" "double array" "Double" PARAMETER_DOUBLE_ARRAY double_array_value;
+    Strings(Vec<String>) "string_array" "string array" "String" PARAMETER_STRING_ARRAY string_array_value;
     // Behind the integers, which a list of numbers is in JSON.
-    Bytes(Vec<u8>) "byte_array" "byte array" "Byte" BYTE_ARRAY byte_array_value;
+    Bytes(Vec<u8>) "byte_array" "byte array" "Byte" PARAMETER_BYTE_ARRAY byte_array_value;
 }
 
 /// A value as YAML scalars.

@@ -1,10 +1,9 @@
-//! Warns of a sensor whose alpha is too large for its lens.
+//! Tells of a sensor whose alpha is too large for its lens.
 
 use modulo_core::Psf;
 use modulo_core::unwrap::{fit_up_to, proved_up_to};
 
 use super::parameters::{BlurShape, SensorModel};
-use crate::warning::warn_once;
 
 impl SensorModel {
     /// Returns the largest alpha up to which such a sensor is fit, which takes some ms: most pictures are proved as a
@@ -36,13 +35,6 @@ impl SensorModel {
              alpha, a softer lens (psf_sigma) or other gains, or expect wrong counts",
             self.alpha
         ))
-    }
-
-    /// Warns of an alpha that is too large for this sensor, once in a process. For those that unwrap its images.
-    pub fn warn_if_unfit(&self) {
-        if let Some(why) = self.unfit() {
-            warn_once(why);
-        }
     }
 }
 

@@ -7,7 +7,6 @@
 //! reader gets the last one.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::Arc;
 
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
@@ -93,7 +92,7 @@ pub fn message<'a>(
     // Tools show statuses by name, and each camera has its own sensor.
     let name = format!("{}: sensor", node.trim_start_matches('/'));
     let status = DiagnosticStatus { name, values, ..DiagnosticStatus::default() };
-    Message::Diagnostics(Arc::new(DiagnosticArray { header: header.clone(), status: vec![status] }))
+    DiagnosticArray::of(header.clone(), status).into()
 }
 
 /// Reads the kinds of image topics, whose names are absolute and therefore no names of parameters.

@@ -13,8 +13,8 @@ use modulo_msgs::std_msgs::{Header, Time};
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::lockstep::Lockstep;
 use modulo_runtime::{
-    Context, ManualClock, Message, MessageKind, Node, NodeName, ParameterSet, Parameters, SensorModel,
-    StampedFrame, StepError, StepOutput, Topic, Trigger, change_parameters, sensor_info,
+    Context, ManualClock, Message, MessageKind, Node, NodeName, ParameterError, ParameterSet, Parameters,
+    SensorModel, StampedFrame, StepError, StepOutput, Topic, Trigger, sensor_info,
 };
 use ndarray::Array3;
 
@@ -294,7 +294,8 @@ fn read_as(
     let input = node.inputs().iter().rposition(beside).expect("descriptions are read");
     node.step(Trigger::Message { input, message }, &mut cx).expect("a description");
     let message = Message::Image(Arc::new(image(frame)));
-    let mut cx = Context::new("/detector", &clock, &wanted).of_stream(stream);
+    let mut cx = Context::new("/detector", &clock, &wanted);
+    cx.stream = stream;
     node.step(Trigger::Message { input: 0, message }, &mut cx).expect("a step");
     let answers = cx.finish().messages;
     let Some((0, Message::Detections(array))) = answers.first() else { panic!("{answers:?}") };
@@ -681,4 +682,13 @@ fn cameras_of_other_sizes_and_bits_have_one_state() {
     let value = |name| states[1].iter().find(|(key, _)| *key == name).expect("in the state").1.clone();
     assert_eq!((value("bits"), value("input_size")), ("8, 6".to_owned(), "auto 160x128, 160x224".to_owned()));
     assert!(states[1..].windows(2).all(|pair| pair[0] == pair[1]), "{states:?}");
+}
+
+/// Changes the parameters of `node` as a driver does, and waits for the part that the change needs.
+fn change_parameters(node: &mut dyn Node, now: &Parameters, next: &Parameters) -> Result<(), ParameterError> {
+    node.inputs_with(next)?;
+    match node.prepare(now, next) {
+        None => node.configure(next),
+        Some(job) => node.exchange(next, job()?),
+    }
 }

@@ -24,7 +24,8 @@ struct PlannedInput {
     opened: Option<SlotInput>,
 }
 
-/// The next inputs of a node, in the order of its topics, with the subscriptions that they need in addition.
+/// The next inputs of a node, in the order of its topics, with the subscriptions that they need in addition, which end with it
+/// unless it is used.
 pub(super) struct Renewal(Vec<PlannedInput>);
 
 pub(super) struct Inputs<'a> {
@@ -92,16 +93,7 @@ impl<'a> Inputs<'a> {
         let left: Vec<Slot> = before.into_iter().flatten().collect();
         report.swapped |= !left.is_empty();
         closed.extend(left.into_iter().flat_map(Slot::into_inputs));
-        closed.into_iter().for_each(|input| input.close((&self.queue, self.transport), false, report));
-    }
-
-    /// Ends the subscriptions that `renewal` has opened; the inputs stay as they are.
-    pub fn cancel(&self, renewal: Renewal) {
-        renewal
-            .0
-            .into_iter()
-            .filter_map(|planned| planned.opened)
-            .for_each(|input| input.cancel(&self.queue));
+        closed.into_iter().for_each(|input| input.close(self.transport, false, report));
     }
 
     fn all(&self) -> impl Iterator<Item = &SlotInput> {
@@ -142,7 +134,7 @@ impl<'a> Inputs<'a> {
         if !answered {
             add(&mut report.replaced, &topic, 1);
         }
-        closed.into_iter().for_each(|input| input.close((&self.queue, self.transport), false, report));
+        closed.into_iter().for_each(|input| input.close(self.transport, false, report));
         answered
     }
 
@@ -152,7 +144,7 @@ impl<'a> Inputs<'a> {
         for slot in &mut self.slots {
             let (warning, closed) = slot.look(now);
             warnings.extend(warning);
-            closed.into_iter().for_each(|input| input.close((&self.queue, self.transport), false, report));
+            closed.into_iter().for_each(|input| input.close(self.transport, false, report));
         }
         warnings
     }
@@ -160,7 +152,7 @@ impl<'a> Inputs<'a> {
     /// Adds the counts of these subscriptions so far to `report`; messages that still wait do not count as received.
     pub fn count(&self, report: &mut NodeReport) {
         for input @ SlotInput { address, lane, .. } in self.all() {
-            input.hear((&self.queue, self.transport), true, report);
+            input.hear(self.transport, true, report);
             let counts = self.queue.counts(*lane);
             book(
                 report,
@@ -173,7 +165,7 @@ impl<'a> Inputs<'a> {
     /// Ends all subscriptions and adds their counts to `report`; `lasted` is whether the node ends as well.
     pub fn close(&mut self, lasted: bool, report: &mut NodeReport) {
         let inputs = std::mem::take(&mut self.slots).into_iter().flat_map(Slot::into_inputs);
-        inputs.for_each(|input| input.close((&self.queue, self.transport), lasted, report));
+        inputs.for_each(|input| input.close(self.transport, lasted, report));
     }
 }
 
@@ -190,7 +182,7 @@ fn subscribe(
     let (lane, waiting) = (queue.open(keep), queue.clone());
     let deliver = Box::new(move |incoming| drop(waiting.push(lane, LiveEvent::Message(incoming))));
     let subscription = transport.subscribe(node_name, &address, deliver)?;
-    Ok(SlotInput { topic, address, lane, subscription })
+    Ok(SlotInput { topic, address, lane, queue: queue.clone(), subscription: Some(subscription) })
 }
 
 fn is_image(kind: MessageKind) -> bool {

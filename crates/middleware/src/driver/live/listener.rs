@@ -162,7 +162,7 @@ impl Live<'_> {
         {
             tracing::warn!(node = %self.telemetry.node(), topic, "{warning}");
         }
-        let opened = item.open(*kind).map_err(|why| why.to_string());
+        let opened = item.open(*kind);
         let now = self.time.ticks_ns();
         match opened.and_then(|message| decompressed(declared, message)) {
             Ok(message) => {

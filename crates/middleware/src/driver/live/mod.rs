@@ -269,8 +269,6 @@ impl Live<'_> {
     fn renew_inputs(&mut self, renewal: Renewal) {
         if self.enabled {
             self.inputs.renew(renewal, self.time.ticks_ns(), &mut self.telemetry.report);
-        } else {
-            self.inputs.cancel(renewal);
         }
     }
 

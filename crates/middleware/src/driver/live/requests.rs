@@ -76,6 +76,12 @@ impl fmt::Display for Loading {
     }
 }
 
+/// Returns the refusal of the change from `now` to `next`.
+fn refusal(now: &Parameters, next: &Parameters, why: &str) -> ParameterError {
+    let (names, values) = difference(now, next);
+    ParameterError::new(names, values, why)
+}
+
 /// Returns the names and the values that differ between two sets.
 fn difference(now: &Parameters, next: &Parameters) -> (String, String) {
     let (names, values): (Vec<_>, Vec<_>) =
@@ -153,9 +159,8 @@ impl Live<'_> {
                     }
                     // One at a time: each may take as much memory as a model.
                     Some(_) if self.loading.is_some() => {
-                        let (names, values) = difference(&prepared.expected, &next);
                         let why = "the node is still loading what was asked for before; try again later";
-                        Err(ParameterError::new(names, values, why))
+                        Err(refusal(&prepared.expected, &next, why))
                     }
                     Some(job) => return self.load(job, next, prepared),
                 },
@@ -170,16 +175,15 @@ impl Live<'_> {
         if !prepared.promise() {
             return Ok(());
         }
-        let (names, values) = difference(&prepared.expected, &next);
-        let failed = |why: &str| ParameterError::new(&names, &values, why);
-        match self.work_on(job, LiveEvent::Loaded, failed(PANICKED)) {
+        let panicked = refusal(&prepared.expected, &next, PANICKED);
+        match self.work_on(job, LiveEvent::Loaded, panicked) {
             Ok(work) => {
                 self.loading = Some(Loading { prepared, next, work });
                 self.publish_state(self.telemetry.diagnostics.next_stamp(&self.time));
                 Ok(())
             }
             Err(why) => {
-                prepared.parts.push(Err(failed(&why)));
+                prepared.parts.push(Err(refusal(&prepared.expected, &next, &why)));
                 self.prepare(prepared)
             }
         }
@@ -267,22 +271,15 @@ impl Live<'_> {
     fn change(&mut self, values: &[(String, Value)], part: Option<Part>) -> Result<(), ParameterError> {
         let before = self.settings.read();
         let next = before.with(values, true)?;
-        let refuse = |why: RunError| {
-            let (names, values) = difference(&before, &next);
-            ParameterError::new(names, values, why.to_string())
-        };
+        let refuse = |why: RunError| refusal(&before, &next, &why.to_string());
         let PlannedInputs { first, later } = self.node.inputs_with(&next)?;
         self.input_addresses(later, &next).map_err(refuse)?;
         let renewal = self.open_inputs(first, &next).map_err(refuse)?;
         let clock = self.time.open(&next, &self.node_name, self.transport).map_err(refuse)?;
-        let accepted = match part {
+        match part {
             None => self.node.configure(&next),
             Some(part) => self.node.exchange(&next, part),
-        };
-        if let Err(why) = accepted {
-            self.inputs.cancel(renewal);
-            return Err(why);
-        }
+        }?;
         self.renew_inputs(renewal);
         self.time.follow(clock);
         self.settings.change(&before, &next, &*self.node, self.time.now_ns());

@@ -52,10 +52,8 @@ impl Live<'_> {
     ) -> (T, StepOutput) {
         let wanted: Vec<bool> = self.outputs.iter().map(LiveOutput::wanted).collect();
         let topics: Vec<&str> = self.outputs.iter().map(|output| &*output.address.topic).collect();
-        let mut cx = Context::new(self.telemetry.node(), &self.time, &wanted)
-            .with_topics(&topics)
-            .of_stream(stream)
-            .with_parts(self.made_beside.is_some());
+        let mut cx = Context::new(self.telemetry.node(), &self.time, &wanted);
+        (cx.topics, cx.stream, cx.busy) = (&topics, stream, Some(self.made_beside.is_some()));
         let result = work(&mut *self.node, &mut cx);
         (result, cx.finish())
     }

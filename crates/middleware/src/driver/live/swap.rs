@@ -5,6 +5,7 @@
 //! counted. Both streams may show the same frames, and one may be behind the other: a frame of the new stream that is
 //! not newer than the last answered one counts as replaced.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use modulo_runtime::clock::nanos;
@@ -28,46 +29,40 @@ pub(super) struct SlotInput {
     pub topic: Topic,
     pub address: Address,
     pub lane: Lane,
-    pub subscription: Guard,
+    pub queue: Arc<EventQueue>,
+    /// There until it ends, which is before its lane is closed.
+    pub subscription: Option<Guard>,
 }
 
 impl SlotInput {
-    /// Ends a subscription that the node has never read.
-    pub fn cancel(self, queue: &EventQueue) {
-        drop(self.subscription);
-        queue.close(self.lane);
-    }
-
     /// Adds what it has heard of each publisher to `report`, with what is missing at their ends; `lasts` is whether it goes on.
-    pub fn hear(
-        &self,
-        (queue, transport): (&EventQueue, &dyn Transport),
-        lasts: bool,
-        report: &mut NodeReport,
-    ) {
+    pub fn hear(&self, transport: &dyn Transport, lasts: bool, report: &mut NodeReport) {
         let Address { topic, qos, profile, .. } = &self.address;
         let is_kept = profile.is_some_and(|profile| profile.durability == Durability::TransientLocal);
         // Late readers get the last message of such a topic on another way than its numbers.
         if *qos != Qos::Latched && !is_kept {
-            let heard = queue.heard(self.lane, |publisher| transport.last_sent(publisher));
-            report.book_heard(topic, (self.lane.number(), lasts), &heard);
+            let heard = self.queue.heard(self.lane, |publisher| transport.last_sent(publisher));
+            report.book_heard(topic, (self.lane.0, lasts), &heard);
         }
     }
 
     /// Ends the subscription and adds its counts to `report`; `lasted` is whether the node ends as well.
-    pub fn close(
-        self,
-        (queue, transport): (&EventQueue, &dyn Transport),
-        lasted: bool,
-        report: &mut NodeReport,
-    ) {
-        self.hear((queue, transport), lasted, report);
-        drop(self.subscription);
-        let counts = queue.close(self.lane);
+    pub fn close(mut self, transport: &dyn Transport, lasted: bool, report: &mut NodeReport) {
+        self.hear(transport, lasted, report);
+        self.subscription = None;
+        let counts = self.queue.close(self.lane);
         if let Some(warning) = counts.warning(&self.address.topic) {
             tracing::warn!("{warning}");
         }
         book(report, &self.address, counts);
+    }
+}
+
+impl Drop for SlotInput {
+    /// Ends a subscription that the node has never read, and that is in no report.
+    fn drop(&mut self) {
+        self.subscription = None;
+        self.queue.close(self.lane);
     }
 }
 
@@ -149,8 +144,8 @@ impl Slot {
             self.answered.topic = topic;
             None
         } else {
-            let (input, left) = opened.map_or_else(|| self.take_back(to), |opened| (opened, None));
-            let input = SlotInput { topic, ..input };
+            let (mut input, left) = opened.map_or_else(|| self.take_back(to), |opened| (opened, None));
+            input.topic = topic;
             Some(PendingStream { input, left, since: now, warned: false })
         };
         // The last stream that was asked for has not begun.

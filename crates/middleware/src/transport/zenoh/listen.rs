@@ -27,7 +27,7 @@ const WAITING: Limit = Limit { messages: 4096, bytes: 64 << 20 };
 
 impl ZenohTransport {
     /// Returns the graph once it has not changed for 300 ms, or after 5 s.
-    pub fn settled_graph(&self) -> Graph {
+    pub fn settled_graph(&self) -> Arc<Graph> {
         let (mut graph, mut unchanged, mut waited) = (self.graph(), Duration::ZERO, Duration::ZERO);
         while unchanged < CALM && waited < PATIENCE {
             sleep(GLANCE);
@@ -44,7 +44,7 @@ impl ZenohTransport {
     ///
     /// # Errors
     /// [`TransportError`] with the names of all topics when there is no endpoint within 5 s.
-    pub fn graph_with(&self, topic: &str) -> Result<Graph, TransportError> {
+    pub fn graph_with(&self, topic: &str) -> Result<Arc<Graph>, TransportError> {
         let mut waited = Duration::ZERO;
         while !self.graph().topics().contains_key(topic) {
             if waited >= PATIENCE {

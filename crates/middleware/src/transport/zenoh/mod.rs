@@ -17,7 +17,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use modulo_runtime::wire::keys::{self, Endpoint, EntityKind, Hashes, Token};
-use modulo_runtime::{Address, Clock, MessageKind, NodeName};
+use modulo_runtime::{Address, Clock, NodeName};
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Subscriber;
 use zenoh::sample::SampleKind;
@@ -31,7 +31,7 @@ pub use topic::RawPublisher;
 
 use sent::SentNumbers;
 
-use super::{Deliver, Enable, Guard, Incoming, NodeId, ParameterPort, Publisher, Transport, TransportError};
+use super::{Deliver, Enable, Guard, Incoming, ParameterPort, Publisher, Transport, TransportError};
 
 use crate::graph::Graph;
 use crate::graph::discovery::{LostPublisher, Twins};
@@ -46,7 +46,7 @@ pub struct ZenohTransport {
     domain: u32,
     hashes: Hashes,
     clock: Arc<dyn Clock>,
-    graph: Arc<Mutex<Graph>>,
+    graph: Arc<Mutex<Arc<Graph>>>,
     numbers: Arc<SentNumbers>,
     next_id: AtomicU64,
     node_ids: Mutex<BTreeMap<String, u64>>,
@@ -59,7 +59,7 @@ impl ZenohTransport {
     pub fn open(domain: u32, hashes: Hashes, clock: Arc<dyn Clock>) -> Result<Self, TransportError> {
         let shared_memory = Arc::new(ShmClientStorage::builder().with_default_client_set().build());
         let session = session::open_session(domain, &shared_memory)?;
-        let graph = Arc::new(Mutex::new(Graph::default()));
+        let graph = Arc::<Mutex<Arc<Graph>>>::default();
         let watch = watch_graph(&session, domain, &graph)?;
         let numbers = Arc::new(SentNumbers::open(&session, domain)?);
         look_again(&graph, &numbers, session.zid().to_string())?;
@@ -83,7 +83,7 @@ impl ZenohTransport {
     }
 
     /// Returns the graph as it is now.
-    pub fn graph(&self) -> Graph {
+    pub fn graph(&self) -> Arc<Graph> {
         lock(&self.graph).clone()
     }
 
@@ -190,38 +190,22 @@ impl Transport for ZenohTransport {
     }
 
     fn serve_parameters(&self, node: &NodeName, port: ParameterPort) -> Result<Guard, TransportError> {
-        self.serve(node, port)
+        // Those that may wait for a model have a thread of their own.
+        let (setting, reading) =
+            service::handlers(port).into_iter().partition(|service| service.name.starts_with("set_"));
+        Ok(Box::new((self.serve_raw(node, setting)?, self.serve_raw(node, reading)?)))
     }
 
     fn serve_enable(&self, node: &NodeName, enable: Enable) -> Result<Guard, TransportError> {
         self.serve_raw(node, vec![service::enable_service(enable)])
     }
 
-    fn nodes(&self) -> Vec<NodeId> {
-        let graph = lock(&self.graph);
-        graph.tokens().filter(|token| token.kind == EntityKind::Node).map(node_id).collect()
+    fn graph(&self) -> Arc<Graph> {
+        self.graph()
     }
 
-    fn id_of(&self, node: &NodeName) -> NodeId {
-        NodeId { name: node.fully_qualified(), session: self.session.zid().to_string() }
-    }
-
-    fn endpoints(&self, kind: EntityKind, topic: &str) -> Vec<NodeId> {
-        lock(&self.graph).endpoints(kind, topic).map(node_id).collect()
-    }
-
-    fn is_ready(&self, node: &str) -> bool {
-        lock(&self.graph).has_node(node)
-    }
-
-    fn users(&self, end: EntityKind, kind: MessageKind) -> Vec<(String, String)> {
-        let dds_type = modulo_msgs::dds_name(kind.type_name());
-        let graph = lock(&self.graph);
-        let of_kind = graph.tokens().filter(|token| token.kind == end).filter_map(|token| {
-            let endpoint = token.endpoint.as_ref().filter(|endpoint| endpoint.dds_type == dds_type)?;
-            Some((endpoint.topic.clone(), token.node_name()))
-        });
-        of_kind.collect()
+    fn session(&self) -> String {
+        self.session.zid().to_string()
     }
 
     fn last_sent(&self, publisher: &[u8; 16]) -> Option<i64> {
@@ -238,10 +222,6 @@ impl Transport for ZenohTransport {
     }
 }
 
-fn node_id(token: &Token) -> NodeId {
-    NodeId { name: token.node_name(), session: token.session.clone() }
-}
-
 fn stamp(clock: &dyn Clock) -> i64 {
     i64::try_from(clock.now_ns()).unwrap_or(i64::MAX)
 }
@@ -255,7 +235,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 fn watch_graph(
     session: &Session,
     domain: u32,
-    graph: &Arc<Mutex<Graph>>,
+    graph: &Arc<Mutex<Arc<Graph>>>,
 ) -> Result<Subscriber<()>, TransportError> {
     let (graph, own) = (graph.clone(), session.zid().to_string());
     let warned = Mutex::new(BTreeSet::new());
@@ -273,7 +253,7 @@ fn watch_graph(
                         warn_once(&mut lock(&warned), &conflict, &conflict);
                     }
                 }
-                SampleKind::Delete => lock(&graph).disappear(key),
+                SampleKind::Delete => Arc::make_mut(&mut lock(&graph)).disappear(key),
             }
         })
         .wait()
@@ -300,7 +280,7 @@ const LOOK: Duration = Duration::from_millis(500);
 /// the nodes of `graph` that take each other's place, if that concerns the session `own`. They count when two looks find them: the
 /// token of a node that was killed may outlive it for a moment.
 fn look_again(
-    graph: &Arc<Mutex<Graph>>,
+    graph: &Arc<Mutex<Arc<Graph>>>,
     numbers: &Arc<SentNumbers>,
     own: String,
 ) -> Result<(), TransportError> {
@@ -311,7 +291,7 @@ fn look_again(
             std::thread::sleep(LOOK);
             let (Some(graph), Some(numbers)) = (graph.upgrade(), numbers.upgrade()) else { return };
             numbers.tell();
-            lock(&graph).pass(LOOK);
+            Arc::make_mut(&mut lock(&graph)).pass(LOOK);
             // A link is closed after it has been silent for much longer than this.
             sockets::close_without_waiting();
             let now = lock(&graph).twins_of(&own);
@@ -326,9 +306,9 @@ fn look_again(
 }
 
 /// Adds a token to the graph. Returns its conflicts with the endpoints of session `own` in words.
-fn appear(graph: &Mutex<Graph>, key: &str, own: &str) -> Vec<String> {
+fn appear(graph: &Mutex<Arc<Graph>>, key: &str, own: &str) -> Vec<String> {
     let mut graph = lock(graph);
-    graph.appear(key);
+    Arc::make_mut(&mut graph).appear(key);
     // Other programs may use keys of this form for something else.
     let Some(token) = Token::parse(key) else { return Vec::new() };
     let conflicts = graph.conflicts_with(&token);

@@ -82,13 +82,6 @@ impl ZenohTransport {
         }
     }
 
-    /// Serves the services that every ROS 2 node has. Those that may wait for a model have a thread of their own.
-    pub(super) fn serve(&self, node: &NodeName, port: ParameterPort) -> Result<Guard, TransportError> {
-        let (setting, reading) =
-            handlers(port).into_iter().partition(|service: &RawService| service.name.starts_with("set_"));
-        Ok(Box::new((self.serve_raw(node, setting)?, self.serve_raw(node, reading)?)))
-    }
-
     /// Serves `handlers` by one thread for all of them: a request may wait for the frame at hand, and zenoh's own
     /// threads must not wait with it. When the queue is full, the caller is answered with an error at once.
     pub fn serve_raw(&self, node: &NodeName, handlers: Vec<RawService>) -> Result<Guard, TransportError> {
@@ -181,33 +174,39 @@ pub struct RawService {
 /// Computes the bytes of the response from the bytes of the request.
 pub type RawAnswer = Box<dyn Fn(&[u8]) -> Result<Vec<u8>, Box<dyn Error>> + Send>;
 
-fn handlers(port: ParameterPort) -> Vec<RawService> {
+impl RawService {
+    /// Returns the service with this name and type that `answer` serves.
+    pub fn new<E: Into<Box<dyn Error>>>(
+        (name, ros_type): (&'static str, &'static str),
+        qos: &'static str,
+        answer: impl Fn(&[u8]) -> Result<Vec<u8>, E> + Send + 'static,
+    ) -> Self {
+        Self { name, ros_type, qos, answer: Box::new(move |request| answer(request).map_err(Into::into)) }
+    }
+}
+
+/// Returns the services that every ROS 2 node has.
+pub(super) fn handlers(port: ParameterPort) -> Vec<RawService> {
     let port = Arc::new(port);
     let parameters = Service::ALL.iter().map(|service| {
-        let (name, ros_type) = service.name_and_type();
         let port = port.clone();
-        let answer = Box::new(move |request: &[u8]| Ok(service.answer(request, &port)?));
-        RawService { name, ros_type, qos: keys::PARAMETER_QOS, answer }
+        RawService::new(service.name_and_type(), keys::PARAMETER_QOS, move |request| {
+            service.answer(request, &port)
+        })
     });
-    let (name, ros_type) = type_description::NAME_AND_TYPE;
-    let described = RawService {
-        name,
-        ros_type,
-        qos: keys::SERVICE_QOS,
-        answer: Box::new(|request| Ok(type_description::answer(request)?)),
-    };
+    let described =
+        RawService::new(type_description::NAME_AND_TYPE, keys::SERVICE_QOS, type_description::answer);
     parameters.chain([described]).collect()
 }
 
 pub(super) fn enable_service(enable: Enable) -> RawService {
-    let answer = Box::new(move |request: &[u8]| {
+    RawService::new(("enable", "std_srvs/srv/SetBool"), keys::SERVICE_QOS, move |request| {
         let SetBoolRequest { data } = cdr::from_slice(request)?;
         let done = enable(data);
         let success = done.is_ok();
         let message = done.err().unwrap_or_else(|| if data { "enabled" } else { "disabled" }.to_owned());
-        Ok(cdr::to_vec(&SetBoolResponse { success, message })?)
-    });
-    RawService { name: "enable", ros_type: "std_srvs/srv/SetBool", qos: keys::SERVICE_QOS, answer }
+        cdr::to_vec(&SetBoolResponse { success, message })
+    })
 }
 
 /// Answers one service call. A call without payload or attachment is an error.

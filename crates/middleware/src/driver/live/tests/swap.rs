@@ -1,17 +1,16 @@
 //! Swaps of inputs: no frame is lost and none is answered twice.
 
-use std::sync::Arc;
-
 use proptest::prelude::*;
 
+use super::super::LiveEvent;
 use super::*;
 use crate::transport::queue::{Keep, Limit, Queue};
-use modulo_runtime::{ManualClock, MessageKind, Qos};
+use modulo_runtime::{ManualClock, MessageKind, ParameterError, Qos};
 
 const S: u64 = 1_000_000_000;
 
 struct Bench {
-    queue: EventQueue,
+    queue: Arc<EventQueue>,
     slot: Slot,
 }
 
@@ -19,20 +18,21 @@ fn address(topic: &str) -> Address {
     Address { topic: topic.into(), kind: MessageKind::Image, qos: Qos::Images, profile: None }
 }
 
-fn open(queue: &EventQueue, topic: &str) -> SlotInput {
+fn open(queue: &Arc<EventQueue>, topic: &str) -> SlotInput {
     let declared = Topic::new(topic, MessageKind::Image);
     SlotInput {
         topic: declared,
         address: address(topic),
         lane: queue.open(Keep::Latest),
-        subscription: Box::new(()),
+        queue: queue.clone(),
+        subscription: None,
     }
 }
 
 impl Bench {
     /// A node that reads `/a`.
     fn new() -> Self {
-        let queue = Queue::new(Arc::new(ManualClock::at(0)), Limit { messages: 1, bytes: 1 });
+        let queue = Arc::new(Queue::new(Arc::new(ManualClock::at(0)), Limit { messages: 1, bytes: 1 }));
         let slot = Slot::new(open(&queue, "/a"));
         Self { queue, slot }
     }
@@ -41,14 +41,14 @@ impl Bench {
     fn change(&mut self, topic: &str) -> Vec<String> {
         let opened = (!self.slot.reads(&address(topic))).then(|| open(&self.queue, topic));
         let closed = self.slot.change(Topic::new(topic, MessageKind::Image), &address(topic), opened, 0);
-        closed.into_iter().map(|input| input.address.topic).collect()
+        closed.into_iter().map(|input| input.address.topic.clone()).collect()
     }
 
     /// Returns whether the frame of `stamp` is answered, and the topic that is closed.
     fn frame(&mut self, topic: &str, stamp: u64) -> (bool, Option<String>) {
         let lane = self.slot.inputs().find(|input| input.address.topic == topic).expect("open").lane;
         let (answered, closed) = self.slot.admit(lane, stamp, 0);
-        (answered, closed.map(|input| input.address.topic))
+        (answered, closed.map(|input| input.address.topic.clone()))
     }
 }
 
@@ -132,7 +132,7 @@ fn a_stream_that_gives_no_frame_is_warned_of_once() {
     assert_eq!(bench.frame("/b", 2), ANSWERED);
     assert!(bench.slot.look(2 * S).1.is_none(), "the old stream may still reach the new one");
     let (warning, closed) = bench.slot.look(2 * S + 1);
-    assert_eq!((warning, closed.map(|input| input.address.topic)), (None, Some("/a".into())));
+    assert_eq!((warning, closed.map(|input| input.address.topic.clone())), (None, Some("/a".into())));
 }
 
 proptest! {
@@ -166,4 +166,16 @@ proptest! {
         let first = *answered.first().expect("a stream is always read");
         prop_assert!((first..60).all(|stamp| seen.contains(&stamp)), "{seen:?}");
     }
+}
+
+/// One that was opened for a change of parameters which was refused.
+#[test]
+fn an_input_that_is_dropped_closes_its_lane() {
+    let bench = Bench::new();
+    let opened = open(&bench.queue, "/b");
+    let lane = opened.lane;
+    bench.queue.push(lane, LiveEvent::Made(Err(ParameterError::new("model", "a.onnx", "is not there"))));
+    assert_eq!(bench.queue.counts(lane).received, 1);
+    drop(opened);
+    assert_eq!(bench.queue.counts(lane).received, 0, "a lane that is closed has no counts");
 }
