@@ -298,7 +298,7 @@ fn what_cannot_be_scored_is_said() {
     assert_eq!((&results["input"]["frames"], &results["input"]["labelled"]), (&3.into(), &2.into()));
 
     for (list, code, wanted) in [
-        ("# nothing\n", 1, "list is empty"),
+        ("# nothing\n", 2, "list is empty"),
         ("000000\n000000\n", 3, "1 frames are there twice"),
         ("000009\n", 3, "000009.png"),
     ] {

@@ -1,46 +1,34 @@
 //! `modulo eval`: every frame once through the nodes of a launch file, for each combination of what varies; and the report of it.
 
-use std::ops::{ControlFlow, Range};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, anyhow, bail};
 use clap::{Args, Subcommand};
-use modulo_bags::bag::{BagWriter, Compression};
-use modulo_bags::source::{FrameList, SourceError, is_endless};
-use modulo_camera::CameraParameters;
+use modulo_bags::source::{SourceError, is_endless};
 use modulo_core::{SensorError, UnwrapError, WorkersError};
-use modulo_detector::EngineChoice;
-use modulo_eval::data::Data;
-use modulo_eval::plan::{PlannedNode, Variant, cameras};
+use modulo_eval::plan::{PlannedNode, Variant};
 use modulo_eval::progress::{GridEvent, Listener};
-use modulo_eval::record::Timelines;
-use modulo_eval::recordings::Recordings;
+use modulo_eval::recordings::{RecordOptions, Recordings};
 use modulo_eval::results::{Cell, Results};
-use modulo_eval::run::{Request, check, run};
-use modulo_eval::score::{ScoreOptions, score, words};
+use modulo_eval::run::{Evaluation, Request};
+use modulo_eval::score::{ScoreOptions, score};
 use modulo_eval::store::{Folder, figures, save};
-use modulo_eval::timing::Timing;
-use modulo_eval::variants::{Axes, Resolve, Varied};
-use modulo_eval::{GridError, Pictures, below_100, coco, draw_pictures, report};
+use modulo_eval::variants::{Axes, Resolve};
+use modulo_eval::{GridError, below_100, coco, report};
 use modulo_images::ImageError;
 use modulo_launch::Plan;
 use modulo_middleware::process::signals::first_signal;
-use modulo_runtime::clock::utc;
-use modulo_runtime::lockstep::Lockstep;
 use modulo_runtime::output::ResultFolder;
-use modulo_runtime::sensor::options::{CHIP, CodingOptions};
-use modulo_runtime::{Clock as _, Parameters, SystemClock, Value};
+use modulo_runtime::{Parameters, SystemClock, Value};
 use modulo_video::VideoAddress;
 
 use super::launch::{prepare, refuse, warn_of_demo};
 use super::progress::{FrameProgress, ProgressLine};
-use super::run::kind_of;
 use super::{completion, images, pairs, start_log, usage};
 use crate::{Ended, Failure, message_of};
 
-/// The options of frames that no camera reads.
-const LABELLED: [&str; 4] = ["kitti", "sequence", "yolo", "coco"];
 /// The launch file of an evaluation that names none.
 const COMPARE: &str = "compare.launch.yaml";
 
@@ -56,105 +44,18 @@ pub struct Eval {
     /// Arguments of the launch file as name:=value
     #[arg(requires = "file", add = completion::arguments())]
     pub arguments: Vec<String>,
-    /// Values that a launch argument takes by turns, such as alpha=2,4,8, or a parameter of a node, such as unwrap.method=auto,spud
-    /// (repeatable: every combination is evaluated)
-    #[arg(long, value_name = "NAME=VALUES")]
-    pub vary: Vec<Varied>,
-    /// Frames to take, by their places from 0 on: FIRST:END, without END
-    #[arg(long, value_name = "FIRST:END", value_parser = places)]
-    pub frames: Option<Range<usize>>,
-    /// Source of frames, such as a bag, a video or scene://PRESET, in place of that of the camera (repeatable: each is a drive)
-    #[arg(long, value_name = "SOURCE")]
-    pub source: Vec<String>,
-    /// The labelled frames.
+    /// What varies, the frames, and what is done with them.
     #[command(flatten)]
-    pub labelled: LabelledFrames,
-    /// Folder for the results, which may have some; without it a new one in runs
-    #[arg(short, long, value_name = "FOLDER")]
-    pub out: Option<PathBuf>,
-    /// Number of frames that are processed in parallel. 0: one for each core
-    #[arg(long, default_value_t = 0, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(..=1024))]
-    pub jobs: usize,
-    /// Remove the results that are in the folder
-    #[arg(long)]
-    pub fresh: bool,
-    /// How the boxes are scored.
-    #[command(flatten)]
-    pub score: ScoreOptions,
-    /// The times to measure.
-    #[command(flatten)]
-    pub timing: Timing,
+    pub request: Request,
     /// What is recorded beside the results.
     #[command(flatten)]
-    pub record: Record,
+    pub record: RecordOptions,
     /// Also print what the nodes log, with one line for each frame
     #[arg(long, short)]
     pub verbose: bool,
     /// Short forms of --vary.
     #[command(flatten)]
-    pub short: Short,
-}
-
-/// What people look at, from a second run of the nodes with the parameters of the launch file.
-#[derive(Args)]
-pub struct Record {
-    /// New bag folder for the messages on --topics; with FILE
-    #[arg(long, value_name = "FOLDER", requires_all = ["topics", "file"], conflicts_with_all = LABELLED)]
-    pub bag: Option<PathBuf>,
-    /// Topics for --bag
-    #[arg(long, value_name = "TOPIC", num_args = 1.., requires = "bag")]
-    pub topics: Vec<String>,
-    /// Also write every image that a detector gets as PNG, and all streams with their boxes; with FILE
-    #[arg(long, requires = "file", conflicts_with_all = LABELLED)]
-    pub images: bool,
-}
-
-/// Options that stand for values of `--vary`.
-#[derive(Args)]
-#[command(next_help_heading = "Short forms of --vary")]
-pub struct Short {
-    /// Parameter file of the camera with the values of the chip and the lens, such as sensors/mosaic.yaml
-    #[arg(long, value_name = "FILE", conflicts_with = CHIP)]
-    pub sensor: Option<PathBuf>,
-    /// What varies.
-    #[command(flatten)]
     pub axes: Axes,
-    /// Inference engine
-    #[arg(long, value_parser = words(EngineChoice::WORDS))]
-    pub engine: Option<EngineChoice>,
-    /// Device that runs the model: cpu, cuda or tensorrt, the last two with the number of a GPU where it is not the first
-    #[arg(long)]
-    pub device: Option<String>,
-    /// How the samples of the images stand for radiance.
-    #[command(flatten)]
-    pub coding: CodingOptions,
-    /// Seed of the noise
-    #[arg(long, allow_negative_numbers = true, value_parser = clap::value_parser!(i64).range(0..))]
-    pub seed: Option<i64>,
-}
-
-/// Labelled frames in files.
-#[derive(Args)]
-pub struct LabelledFrames {
-    /// KITTI object folder (image_2, label_2)
-    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["sequence", "yolo", "coco", "source"])]
-    pub kitti: Option<PathBuf>,
-    /// Frames of --kitti to take: a file of lines FRAME [DRIVE]
-    #[arg(long, value_name = "FILE", requires = "kitti")]
-    pub list: Option<PathBuf>,
-    /// KITTI drives with tracking labels, one folder for each drive
-    #[arg(long, value_name = "FOLDER", num_args = 1.., conflicts_with_all = ["yolo", "coco", "source"])]
-    pub sequence: Vec<PathBuf>,
-    /// Images with YOLO labels: a folder (subfolders images and labels, or both side by side), the data.yaml of a data set, of which val is
-    /// taken, or a list of images (.txt)
-    #[arg(long, value_name = "PATH", conflicts_with_all = ["coco", "source"])]
-    pub yolo: Option<PathBuf>,
-    /// COCO annotation file
-    #[arg(long, value_name = "JSON", conflicts_with = "source")]
-    pub coco: Option<PathBuf>,
-    /// Folder of the images of --coco, if they are not in the usual place
-    #[arg(long, value_name = "FOLDER", requires = "coco")]
-    pub coco_images: Option<PathBuf>,
 }
 
 #[derive(Subcommand)]
@@ -179,16 +80,6 @@ pub enum Verb {
     },
 }
 
-/// Reads `FIRST:END`.
-fn places(text: &str) -> Result<Range<usize>, String> {
-    let parsed = text.split_once(':').and_then(|(first, end)| {
-        let first = if first.is_empty() { 0 } else { first.parse().ok()? };
-        let end = if end.is_empty() { usize::MAX } else { end.parse().ok()? };
-        (first < end).then_some(first..end)
-    });
-    parsed.ok_or_else(|| "must be FIRST:END with FIRST below END, such as 0:250".to_owned())
-}
-
 pub fn eval(args: &Eval) -> Result<Ended, Failure> {
     start_log(if args.verbose { "debug" } else { "warn" });
     match &args.verb {
@@ -196,54 +87,69 @@ pub fn eval(args: &Eval) -> Result<Ended, Failure> {
         Some(Verb::Stability { out }) => return images::stability(out.as_deref()),
         None => {}
     }
+    let request = &args.request;
     let file = args.file.clone().unwrap_or_else(|| PathBuf::from(COMPARE));
     let file = modulo_launch::launch_file(&file).map_err(usage)?;
-    let arguments = pairs(&args.arguments)?;
-    let data = args.labelled.data(&args.source)?;
-    if args.file.is_none() && data.is_none() {
+    let (arguments, named) = (pairs(&args.arguments)?, request.data.named());
+    if args.file.is_none() && named.is_none() {
         return Err(usage(anyhow!(
             "nothing to evaluate: give a launch file, or one of --kitti, --sequence, --yolo, --coco, --source"
         )));
     }
-    let has_frames = data.is_some();
     let nodes = |more: &[(String, String)]| {
-        let planned = planned(&file, &[&arguments[..], more].concat(), has_frames);
+        let planned = planned(&file, &[&arguments[..], more].concat(), named.is_some());
         planned.map_err(|(Failure::Usage(why) | Failure::Run(why))| GridError::Request(message_of(&why)))
     };
-    let variants = args.variants(&nodes)?;
-    let out = Folder::take(args.out.as_deref()).map_err(failure)?;
-    let request = args.request(variants, data, out.path())?;
+    let variants = args.axes.variants(&nodes, &request.vary, args.file.is_none()).map_err(failure)?;
+    let out = Folder::take(request.out.as_deref()).map_err(failure)?;
+    let mut evaluation = Evaluation::new(request, &variants).map_err(failure)?;
+    tell_demo(&variants, named.as_deref());
     // What cannot be evaluated leaves no recording behind.
-    check(&request).map_err(failure)?;
-    tell_demo(&request.variants, request.data.as_ref());
-    let mut recordings = args.record.open(&request.variants, out.path())?;
+    let recordings = Recordings::create(&args.record, &variants, out.path()).map_err(failure)?;
     let asked = first_signal().context("signal handlers")?;
     let timer = SystemClock::default();
     let stopped = || asked.load(Ordering::Relaxed);
-    let results = with_progress(|tell| run(&request, &timer, &Listener { tell, stopped: &stopped }))?;
-    recordings.iter_mut().try_for_each(|recordings| args.record(recordings, &nodes, &asked))?;
+    let results =
+        with_progress(|tell| evaluation.run(out.path(), &timer, &Listener { tell, stopped: &stopped }))?;
+    recordings.map_or(Ok(()), |recordings| record(recordings, &request.data.source, &nodes, &asked))?;
     if !stopped() {
-        picture(&request, &results)?;
+        picture(evaluation, out.path(), &results)?;
     }
     finish(&results, &write(out.path(), &results)?, stopped())
 }
 
 /// Warns where the embedded model is to look at other frames than rendered ones.
-fn tell_demo(variants: &[Variant], data: Option<&Data>) {
-    let read = data.map(|data| match data {
-        Data::Any(sources) => sources.clone(),
-        _ => vec!["the labelled frames".to_owned()],
-    });
+fn tell_demo(variants: &[Variant], named: Option<&[String]>) {
     let parameters = variants.iter().flat_map(|variant| &variant.nodes).map(|node| node.parameters.clone());
-    warn_of_demo(&parameters.collect::<Vec<_>>(), read.as_deref());
+    warn_of_demo(&parameters.collect::<Vec<_>>(), named);
+}
+
+/// Runs the nodes for `recordings`, source after source.
+fn record(
+    mut recordings: Recordings,
+    sources: &[String],
+    nodes: &Resolve<'_>,
+    asked: &AtomicBool,
+) -> Result<(), Failure> {
+    let mut runs: Vec<_> = sources.iter().map(|source| vec![("source".to_owned(), source.clone())]).collect();
+    if runs.is_empty() {
+        runs.push(Vec::new());
+    }
+    for run in runs {
+        let (planned, line) = (nodes(&run).map_err(failure)?, ProgressLine::start());
+        let recorded = recordings.record(&planned, &SystemClock::default(), &|chain| {
+            line.show(|| chain.reports());
+            if asked.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        recorded.map_err(|why| anyhow!(why))?;
+    }
+    Ok(recordings.finish().map_err(|why| anyhow!(why))?)
 }
 
 /// Draws the frame in which the streams differ most.
-fn picture(request: &Request, results: &Results) -> Result<(), Failure> {
-    let drawn = draw_pictures(request, &SystemClock::default(), results).map_err(failure)?;
-    if let Some(Pictures { title, sheet }) = drawn {
-        report::save_pictures(&request.out, &sheet).map_err(failure)?;
-        let file = request.out.join(report::GRID);
+fn picture(evaluation: Evaluation<'_>, out: &Path, results: &Results) -> Result<(), Failure> {
+    if let Some(title) = evaluation.draw(out, &SystemClock::default(), results).map_err(failure)? {
+        let file = out.join(report::GRID);
         note!("the frame in which the streams differ most ({title}): {}", file.display());
     }
     Ok(())
@@ -293,114 +199,6 @@ fn show(folders: &[PathBuf], options: &ScoreOptions, coco: Option<&Path>) -> Res
     finish(&results, &write(first, &results)?, false)
 }
 
-impl Eval {
-    fn request(&self, variants: Vec<Variant>, data: Option<Data>, out: &Path) -> Result<Request, Failure> {
-        let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_else(|_| "unknown".into());
-        let started = utc(SystemClock::default().now_ns() / 1_000_000_000);
-        let pass = format!("{} {}Z", host.trim(), started.replace(' ', "T"));
-        Ok(Request {
-            variants,
-            data,
-            places: self.frames.clone().unwrap_or(0..usize::MAX),
-            jobs: self.jobs,
-            timing: Timing { pass, processor: processor(), ..self.timing.clone() },
-            score: self.score.clone(),
-            fresh: self.fresh,
-            out: out.to_owned(),
-        })
-    }
-
-    /// The nodes of each combination of what varies.
-    fn variants(&self, nodes: &Resolve<'_>) -> Result<Vec<Variant>, Failure> {
-        let Short { sensor, axes, engine, device, coding, seed } = &self.short;
-        let mut axes = axes.clone();
-        if let Some(file) = sensor {
-            axes.sensor.take_chip(&CameraParameters::read_sensor(file).map_err(usage)?);
-        }
-        let CodingOptions { white, black, knees } = coding;
-        let given = [
-            ("detector.engine", engine.map(|engine| engine.word().to_owned())),
-            ("detector.device", device.clone()),
-            ("modulo_camera.seed", seed.map(|seed| seed.to_string())),
-            ("modulo_camera.white", (*white != 0.0).then(|| white.to_string())),
-            ("modulo_camera.black", (*black != 0.0).then(|| black.to_string())),
-            ("modulo_camera.knees", knees.as_ref().map(ToString::to_string)),
-        ];
-        let given = given.into_iter().filter_map(|(name, value)| Some(Varied::one(name, value?)));
-        let varied: Vec<Varied> = given.chain(self.vary.iter().cloned()).collect();
-        axes.variants(nodes, &varied, self.file.is_none()).map_err(failure)
-    }
-
-    /// Runs the nodes for `recordings`, source after source.
-    fn record(
-        &self,
-        recordings: &mut Recordings,
-        nodes: &Resolve<'_>,
-        asked: &AtomicBool,
-    ) -> Result<(), Failure> {
-        let of_source = |source: &String| vec![("source".to_owned(), source.clone())];
-        let mut runs: Vec<_> = self.source.iter().map(of_source).collect();
-        if runs.is_empty() {
-            runs.push(Vec::new());
-        }
-        let (timer, mut timelines) = (SystemClock::default(), Timelines::default());
-        for run in runs {
-            let planned = nodes(&run).map_err(failure)?;
-            let cameras = cameras(&planned, &self.record.topics).map_err(failure)?;
-            let mut chain = Lockstep::new(&timer, recordings.topics(&cameras));
-            add(planned, &mut chain)?;
-            let line = ProgressLine::start();
-            timelines.record(&mut chain, &cameras, recordings, &|chain| {
-                line.show(|| chain.reports());
-                if asked.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-            })?;
-        }
-        std::mem::take(recordings).finish().map_err(|why| anyhow!(why).into())
-    }
-}
-
-impl Record {
-    /// Opens what is recorded, after the checks of the nodes and before the first frame. A refused command leaves none behind.
-    fn open(&self, variants: &[Variant], out: &Path) -> Result<Option<Recordings>, Failure> {
-        cameras(&variants[0].nodes, &self.topics).map_err(failure)?;
-        let opened = || -> anyhow::Result<Recordings> {
-            let bag =
-                self.bag.as_ref().map(|folder| BagWriter::create(folder, Compression::Zstd)).transpose()?;
-            Ok(Recordings::new(out, bag.map(|bag| (bag, self.topics.clone())), self.images))
-        };
-        let recordings = opened().map_err(usage)?;
-        if variants.len() > 1 && !recordings.is_empty() {
-            let why = "--bag and --images record one variant; give each argument one value";
-            return Err(usage(anyhow!(why)));
-        }
-        Ok(Some(recordings).filter(|recordings| !recordings.is_empty()))
-    }
-}
-
-impl LabelledFrames {
-    /// Returns the frames that these options and `source` name; `None` for those of the cameras.
-    fn data(&self, source: &[String]) -> Result<Option<Data>, Failure> {
-        let list = self.list.as_deref().map(FrameList::read).transpose()?;
-        Ok(match (&self.kitti, &self.sequence[..], &self.yolo, &self.coco, source) {
-            (Some(folder), ..) => Some(Data::Kitti { folder: folder.clone(), list }),
-            (None, [_, ..], ..) => Some(Data::Sequences(self.sequence.clone())),
-            (None, [], Some(folder), ..) => Some(Data::Yolo(folder.clone())),
-            (None, [], None, Some(annotations), _) => {
-                Some(Data::Coco { annotations: annotations.clone(), images: self.coco_images.clone() })
-            }
-            (None, [], None, None, [_, ..]) => match source.iter().find(|source| is_endless(source)) {
-                Some(endless) => {
-                    let why =
-                        "has no end, but an evaluation needs one; give the number of frames as well, such as";
-                    return Err(usage(anyhow!("--source {endless} {why} scene://day?frames=60")));
-                }
-                None => Some(Data::Any(source.to_vec())),
-            },
-            _ => None,
-        })
-    }
-}
-
 /// What the command line names is a matter of its own; the others come from results or from the run.
 fn failure(why: GridError) -> Failure {
     let of_command_line = match &why {
@@ -419,16 +217,6 @@ fn failure(why: GridError) -> Failure {
         _ => false,
     };
     if of_command_line { usage(why) } else { why.into() }
-}
-
-/// The model of the processor from `/proc/cpuinfo`, or its architecture.
-fn processor() -> String {
-    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let model = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
-    match model {
-        Some((_, name)) => name.split_whitespace().collect::<Vec<_>>().join(" "),
-        None => std::env::consts::ARCH.to_owned(),
-    }
 }
 
 /// Runs `work` and shows its progress.
@@ -502,14 +290,6 @@ pub(super) fn evaluable(plan: &Plan, has_frames: bool) -> anyhow::Result<Vec<Pla
     nodes.iter().map(node).collect()
 }
 
-/// Makes the nodes and adds them to a chain.
-fn add(planned: Vec<PlannedNode>, chain: &mut Lockstep<'_>) -> Result<(), Failure> {
-    for PlannedNode { executable, name, parameters } in planned {
-        let made = (kind_of(executable)?.make)(&parameters);
-        chain.add(made.with_context(|| name.fully_qualified()).map_err(usage)?, &name)?;
-    }
-    Ok(())
-}
 /// Refuses a source of a camera that lockstep cannot read, or that has no end.
 fn check_source(source: &str, parameters: &Parameters) -> anyhow::Result<()> {
     if let Some(VideoAddress::Live(address)) = VideoAddress::of(source)? {

@@ -7,10 +7,11 @@ use clap::Args;
 use modulo_camera::CameraParameters;
 use modulo_core::Transfer;
 use modulo_draw::distinct;
+use modulo_eval::below_100;
 use modulo_eval::images::recover::{UnwrapRequest, unwrap_files};
 use modulo_eval::images::runner::{Row, RunOutcome, median};
 use modulo_eval::images::simulate::{self as simulation, SimulationRequest};
-use modulo_eval::{below_100, stability};
+use modulo_eval::stability::{self, Judgement, Trial};
 use modulo_images::WHITE_PERCENTILE;
 use modulo_runtime::output::ResultFolder;
 use modulo_runtime::sensor::options::CHIP;
@@ -51,21 +52,25 @@ pub fn unwrap(request: &UnwrapRequest) -> Result<Ended, Failure> {
 /// Runs the methods on the scenes of the stability suite.
 pub fn stability(out: Option<&Path>) -> Result<Ended, Failure> {
     let folder = ResultFolder::take(out, "stability", None).map_err(usage)?;
-    let outcome = with_progress(|tell| stability::run(folder.path(), tell))?;
+    let trials = with_progress(|tell| stability::run(folder.path(), tell))?;
     say!("{:<18} scenes recovered trusted wrongly", "method");
-    for method in distinct(outcome.trials.iter().map(|trial| trial.row.method.as_str())) {
-        let own = outcome.trials.iter().filter(|trial| trial.row.method == method);
+    for method in distinct(trials.iter().map(|trial| trial.row.method.as_str())) {
+        let own = trials.iter().filter(|trial| trial.row.method == method);
         let (recovered, others): (Vec<_>, Vec<_>) = own.partition(|trial| trial.is_recovered());
         let (count, all) = (recovered.len(), recovered.len() + others.len());
         let [trusted, wrongly] =
             [recovered, others].map(|trials| trials.iter().filter(|trial| trial.is_trusted()).count());
         say!("{method:<18} {all:>6} {count:>9} {trusted:>7} {wrongly:>7}");
     }
-    outcome.better.iter().for_each(|what| say!("better than expected: {what}"));
-    outcome.broken.iter().for_each(|what| say!("worse than expected: {what}"));
-    say!("{} expectations held, {} broke", outcome.held, outcome.broken.len());
+    let (held, others): (Vec<&Trial>, Vec<_>) =
+        trials.iter().partition(|trial| trial.verdict == Judgement::Held);
+    let (better, broken): (Vec<&Trial>, Vec<_>) =
+        others.into_iter().partition(|trial| trial.verdict == Judgement::Better);
+    better.iter().for_each(|trial| say!("better than expected: {}", trial.what()));
+    broken.iter().for_each(|trial| say!("worse than expected: {}", trial.what()));
+    say!("{} expectations held, {} broke", held.len(), broken.len());
     note!("results and pictures: {}", folder.path().display());
-    Ok(Ended::of(!outcome.broken.is_empty()))
+    Ok(Ended::of(!broken.is_empty()))
 }
 
 /// Prints the results of a command.

@@ -1,5 +1,8 @@
 //! [`Chain`]: the nodes that lead to cells, in lockstep, over frames that are handed to their camera one by one.
 
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use modulo_bags::source::{Source, SourceError, SourceFrame};
 use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_detector::{Detector, DetectorParameters, Sessions};
 use modulo_runtime::clock::nanos;
@@ -9,28 +12,38 @@ use modulo_runtime::{Clock, Message, Node, SensorModel};
 use modulo_unwrap::UnwrapNode;
 
 use crate::GridError;
-use crate::handed::{Handed, HandedFrame};
+use crate::frames::HandedFrame;
 use crate::makers::PublishedSpud;
-use crate::messages::found;
 use crate::plan::{CAMERA, Cell, DETECTOR, PlannedNode, UNWRAP};
 
 /// Lowest score of a detection. AP needs detections of low confidence, too.
 const LEAST_SCORE: f64 = 0.001;
 
-/// The nodes of a unit that its cells have in common: the camera, and what tells the sessions of the detector apart.
-pub fn shared<'a>(cell: &'a Cell<'_>) -> (&'a PlannedNode, [String; 4]) {
-    let [camera, .., detector] = &cell.stream.way[..] else {
-        unreachable!("a way leads from a camera to a detector")
-    };
-    let DetectorParameters { model, engine, device, input_size, .. } =
-        (&cell.variant.nodes[*detector].parameters).into();
-    (&cell.variant.nodes[*camera], [model, input_size, engine.word().to_owned(), device])
+/// The place through which a frame goes to a camera, or to a node in its place.
+#[derive(Clone, Default)]
+struct Handed(Arc<Mutex<Option<SourceFrame>>>);
+
+impl Handed {
+    fn place(&self) -> MutexGuard<'_, Option<SourceFrame>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
-/// Whether the images of a cell depend on the frames before them.
-pub fn follows(cell: &Cell<'_>) -> bool {
-    let (camera, _) = shared(cell);
-    cell.stream.images.ends_with("auto_exposed") || CameraParameters::from(&camera.parameters).exposure
+impl Source for Handed {
+    fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
+        self.place().take().map(Ok)
+    }
+
+    /// The frames before are not read here.
+    fn skip(&mut self, _: u64) {}
+
+    fn len(&self) -> Option<usize> {
+        None
+    }
+
+    fn rewind(&mut self) -> Result<(), SourceError> {
+        Ok(())
+    }
 }
 
 /// The nodes that lead to cells of one variant and camera.
@@ -49,29 +62,27 @@ impl<'c> Chain<'c> {
     /// Makes the camera. `compares`: whether the images are compared with the true ones, which takes longer than most methods.
     pub fn new(cells: &'c [&'c Cell<'c>], timer: &'c dyn Clock, compares: bool) -> Result<Self, GridError> {
         let first = cells[0];
-        let (nodes, member) = (&first.variant.nodes, first.camera.member);
+        let (nodes, member) = (first.nodes, first.stream.way[0]);
         let mut members: Vec<usize> = cells.iter().flat_map(|cell| cell.stream.way.iter().copied()).collect();
         members.sort_unstable();
         members.dedup();
         members.retain(|other| *other != member);
-        let camera = CameraParameters::from(&nodes[member].parameters);
         let (handed, topics) = (Handed::default(), topics(cells, compares));
         let mut lockstep = Lockstep::new(timer, topics);
-        lockstep.add(self::camera(&nodes[member], &handed)?, &nodes[member].name)?;
+        lockstep.add(camera(first, &handed)?, &nodes[member].name)?;
         Ok(Self {
             lockstep,
             handed,
             rest: members.into_iter().map(|member| &nodes[member]).collect(),
-            seed: camera.seed.unsigned_abs(),
-            interval: nanos(first.camera.interval),
+            seed: first.sensing().seed.unsigned_abs(),
+            interval: nanos(first.interval),
             cells,
         })
     }
 
     /// Whether frames before a slice have to go through all nodes, and not through the camera alone.
     pub fn needs_all(&self) -> bool {
-        let trusts = |cell: &Cell<'_>| CameraParameters::from(&shared(cell).0.parameters).exposure;
-        self.cells.iter().any(|cell| cell.stream.is_auto || trusts(cell))
+        self.cells.iter().any(|cell| cell.stream.is_auto || cell.sensing().exposure)
     }
 
     /// Makes the nodes behind the camera, with detectors that share `sessions` and have this number of threads of an inference, or without
@@ -93,13 +104,12 @@ impl<'c> Chain<'c> {
 
     /// Returns what the nodes send for a frame. A frame on its own has a camera of its own.
     pub fn tick(&mut self, frame: &HandedFrame, is_still: bool) -> Result<Vec<OnTopic>, GridError> {
-        let first = self.cells[0];
-        if is_still && self.cells.iter().any(|cell| follows(cell)) {
-            self.lockstep.exchange(0, camera(&first.variant.nodes[first.camera.member], &self.handed)?);
+        if is_still && self.cells.iter().any(|cell| cell.follows()) {
+            self.lockstep.exchange(0, camera(self.cells[0], &self.handed)?);
         }
         // The noise depends on the place of the frame alone, so that it does not depend on the worker that gets the frame.
         self.lockstep.resume(0, frame.place as u64);
-        self.handed.hand(frame.clone());
+        *self.handed.place() = Some(frame.frame.clone());
         let out = self.lockstep.tick(0, frame.place as u64 * self.interval)?;
         Ok(out.unwrap_or_default())
     }
@@ -116,8 +126,7 @@ impl<'c> Chain<'c> {
 
     /// Returns the sensor of a frame: that of the parameters, with the exposure that the camera describes.
     pub fn sensor(&self, out: &[OnTopic]) -> SensorModel {
-        let first = self.cells[0];
-        let CameraParameters { sensor, exposure, .. } = (&shared(first).0.parameters).into();
+        let CameraParameters { sensor, exposure, .. } = self.cells[0].sensing();
         let mut described = SensorHistory::default();
         for (topic, message) in out.iter().filter(|_| exposure) {
             if let Message::Diagnostics(array) = message
@@ -138,11 +147,12 @@ fn detector(node: &PlannedNode, threads: usize) -> DetectorParameters {
 }
 
 /// Makes a camera, or the node in its place, over the frames that come through `handed`.
-fn camera(node: &PlannedNode, handed: &Handed) -> Result<Box<dyn Node>, GridError> {
-    let parameters = CameraParameters { frames: 0, r#loop: false, ..(&node.parameters).into() };
-    Ok(match node.executable {
-        CAMERA => Box::new(ModuloCamera::over(Box::new(handed.clone()), &parameters)?),
-        _ => Box::new(PublishedSpud::new(&parameters.sensor, parameters.seed, handed.clone())?),
+fn camera(cell: &Cell<'_>, handed: &Handed) -> Result<Box<dyn Node>, GridError> {
+    let parameters = CameraParameters { frames: 0, r#loop: false, ..cell.sensing() };
+    let source = Box::new(handed.clone());
+    Ok(match cell.camera().executable {
+        CAMERA => Box::new(ModuloCamera::over(source, &parameters)?),
+        _ => Box::new(PublishedSpud::new(&parameters, source)?),
     })
 }
 
@@ -163,9 +173,4 @@ fn topics(cells: &[&Cell<'_>], compares: bool) -> Vec<String> {
         }
     }
     topics
-}
-
-/// Whether the detector of a cell has given an answer.
-pub fn boxes_are_there(cell: &Cell<'_>, out: &[OnTopic]) -> bool {
-    found(out, &cell.stream.detections).is_some()
 }

@@ -3,15 +3,15 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use modulo_ap::average::{Membership, image_boxes};
 use modulo_ap::matching::{ImageBoxes, ObjectRole};
 use modulo_core::BBox;
 use serde_json::{Value, json};
 
 use crate::GridError;
 use crate::frames::FrameRecord;
-use crate::score::{ScoreOptions, Scorer, scorers};
+use crate::score::{Rules, ScoreOptions, ScoredFrame, Scorer};
 use crate::store::{Folder, replace};
+use crate::stored::Stored;
 
 /// Writes `annotations.json`, and `results/CELL.json` for each cell, into `out`. Categories are the groups in which classes are scored. What
 /// is not scored is a crowd, so that a program finds the AP of the report where all objects are scored.
@@ -20,10 +20,12 @@ use crate::store::{Folder, replace};
 /// [`GridError`] of results that cannot be read, and of a file that cannot be written.
 pub fn export(folders: &[Folder], options: &ScoreOptions, out: &Path) -> Result<(), GridError> {
     let mut annotations = BTreeMap::new();
-    scorers(folders, options, |point, scorer| {
-        annotations.insert(point.stream.clone(), labels(scorer));
+    let stored = Stored::read(folders)?;
+    Rules::new(&stored, options)?.score(&stored, |scorer| {
+        let (point, categories) = (&scorer.cell.key.point, categories(scorer));
+        annotations.insert(point.stream.clone(), labels(scorer, &categories));
         let file = out.join("results").join(format!("{}.json", point.file_name()));
-        write(&file, &Value::Array(boxes(scorer)))
+        write(&file, &Value::Array(boxes(scorer.frames.len(), &categories)))
     })?;
     // The cells of one camera have the same frames; those of several have files of their own.
     let mut written: Vec<Value> = Vec::new();
@@ -45,15 +47,13 @@ fn write(file: &Path, value: &Value) -> Result<(), GridError> {
     replace(file, format!("{value}\n").as_bytes())
 }
 
-/// The groups with their ids, from 1.
-fn categories<'a>(scorer: &'a Scorer<'_>) -> Vec<(usize, &'a str)> {
-    (1..).zip(scorer.groups.names()).collect()
-}
+/// A group with its id, from 1, and its boxes in each frame.
+type Category<'a> = (usize, &'a str, Vec<ImageBoxes>);
 
-/// The objects of a group in a frame.
-fn objects(scorer: &Scorer<'_>, frame: usize, group: &str) -> ImageBoxes {
-    let frame = &scorer.frames[frame];
-    image_boxes(&[], frame.truth, scorer.difficulty, |class| scorer.groups.membership(class, group))
+fn categories<'a>(scorer: &'a Scorer<'_>) -> Vec<Category<'a>> {
+    let found = scorer.mapped_detections();
+    let images = |group| scorer.of_group(&found, group, scorer.rules.difficulty);
+    (1..).zip(scorer.rules.groups.names()).map(|(id, group)| (id, group, images(group))).collect()
 }
 
 fn rectangle(b: BBox) -> [f64; 4] {
@@ -61,37 +61,34 @@ fn rectangle(b: BBox) -> [f64; 4] {
     [x1, y1, x2 - x1, y2 - y1]
 }
 
-fn labels(scorer: &Scorer<'_>) -> Value {
-    let image = |(id, frame): (usize, &crate::score::ScoredFrame<'_>)| {
+fn labels(scorer: &Scorer<'_>, categories: &[Category<'_>]) -> Value {
+    let image = |(id, frame): (usize, &ScoredFrame<'_>)| {
         let FrameRecord { name, drive, size: [height, width], .. } = frame.record;
         json!({ "id": id, "file_name": name, "drive": drive, "height": height, "width": width })
     };
     let images: Vec<Value> = (1..).zip(&scorer.frames).map(image).collect();
     let mut annotations = Vec::new();
-    for (category, group) in categories(scorer) {
-        for frame in 0..scorer.frames.len() {
-            for (bbox, role) in objects(scorer, frame, group).truth {
-                let is_crowd = u8::from(role != ObjectRole::Counts);
-                annotations.push(json!({
-                    "id": annotations.len() + 1, "image_id": frame + 1, "category_id": category, "bbox": rectangle(bbox),
-                    "area": rectangle(bbox)[2] * rectangle(bbox)[3], "iscrowd": is_crowd,
-                }));
-            }
+    for (category, _, frames) in categories {
+        for (frame, (bbox, role)) in
+            (1..).zip(frames).flat_map(|(id, image)| image.truth.iter().map(move |one| (id, *one)))
+        {
+            let is_crowd = u8::from(role != ObjectRole::Counts);
+            annotations.push(json!({
+                "id": annotations.len() + 1, "image_id": frame, "category_id": category, "bbox": rectangle(bbox),
+                "area": rectangle(bbox)[2] * rectangle(bbox)[3], "iscrowd": is_crowd,
+            }));
         }
     }
-    let categories: Vec<Value> =
-        categories(scorer).into_iter().map(|(id, name)| json!({ "id": id, "name": name })).collect();
-    json!({ "images": images, "annotations": annotations, "categories": categories })
+    let categories = categories.iter().map(|(id, name, _)| json!({ "id": id, "name": name }));
+    json!({ "images": images, "annotations": annotations, "categories": categories.collect::<Vec<_>>() })
 }
 
-fn boxes(scorer: &Scorer<'_>) -> Vec<Value> {
+fn boxes(frames: usize, categories: &[Category<'_>]) -> Vec<Value> {
     let mut boxes = Vec::new();
-    for (frame, found) in (1..).zip(scorer.mapped_detections()) {
-        for (category, group) in categories(scorer) {
-            let own =
-                found.iter().filter(|one| scorer.groups.membership(&one.class, group) == Membership::Member);
-            boxes.extend(own.map(|one| {
-                json!({ "image_id": frame, "category_id": category, "bbox": rectangle(one.bbox), "score": one.score })
+    for frame in 0..frames {
+        for (category, _, images) in categories {
+            boxes.extend(images[frame].found.iter().map(|(bbox, score)| {
+                json!({ "image_id": frame + 1, "category_id": category, "bbox": rectangle(*bbox), "score": score })
             }));
         }
     }

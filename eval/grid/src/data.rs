@@ -1,36 +1,45 @@
-//! [`Data`]: the frames of an evaluation, as the command line or a camera names them.
+//! [`DataOptions`]: the frames of an evaluation, as the command line or a camera names them.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use modulo_bags::source::{self, FrameList, LabelledSource, Source, SourceError, SourceFrame, SourceOptions};
+use clap::Args;
+use modulo_bags::source::{self, FrameList, LabelledSource, Source, SourceError, SourceOptions, is_endless};
 use modulo_camera::CameraParameters;
 use serde::{Deserialize, Serialize};
 
-/// The place and format of frames.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Data {
-    /// All frames of a KITTI object folder, or the frames of a list.
-    Kitti {
-        /// Folder that holds `image_2` and `label_2`.
-        folder: PathBuf,
-        /// The frames to take, in this order. `None` takes all.
-        list: Option<FrameList>,
-    },
-    /// KITTI drives with tracking labels, one folder for each drive.
-    Sequences(Vec<PathBuf>),
-    /// Images with YOLO labels.
-    Yolo(PathBuf),
-    /// Images with COCO labels.
-    Coco {
-        /// The annotation file.
-        annotations: PathBuf,
-        /// Folder of the images. `None` searches in the layout of the COCO data set.
-        images: Option<PathBuf>,
-    },
-    /// Any sources of the camera node: a bag, `scene://PRESET`. Each of several is a drive.
-    Any(Vec<String>),
-    /// The source of a camera of the launch file, with its number of frames and whether it starts again.
-    Own(Box<CameraParameters>),
+use crate::GridError;
+use crate::frames::Frames;
+
+/// The frames of an evaluation. Without any, they are those of the cameras.
+#[derive(Args, Clone, Debug, Default, PartialEq)]
+pub struct DataOptions {
+    /// Source of frames, such as a bag, a video or scene://PRESET, in place of that of the camera (repeatable: each is a drive)
+    #[arg(long, value_name = "SOURCE")]
+    pub source: Vec<String>,
+    /// KITTI object folder (image_2, label_2)
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["sequence", "yolo", "coco", "source"])]
+    pub kitti: Option<PathBuf>,
+    /// File of the frames of --kitti to take.
+    #[arg(
+        long,
+        value_name = "FILE",
+        requires = "kitti",
+        help = "Frames of --kitti to take: a file of lines FRAME [DRIVE]"
+    )]
+    pub list: Option<PathBuf>,
+    /// KITTI drives with tracking labels, one folder for each drive
+    #[arg(long, value_name = "FOLDER", num_args = 1.., conflicts_with_all = ["yolo", "coco", "source"])]
+    pub sequence: Vec<PathBuf>,
+    /// Images with YOLO labels: a folder (subfolders images and labels, or both side by side), the data.yaml of a data set, of which val is
+    /// taken, or a list of images (.txt)
+    #[arg(long, value_name = "PATH", conflicts_with_all = ["coco", "source"])]
+    pub yolo: Option<PathBuf>,
+    /// COCO annotation file
+    #[arg(long, value_name = "JSON", conflicts_with = "source")]
+    pub coco: Option<PathBuf>,
+    /// Folder of the images of --coco, if they are not in the usual place
+    #[arg(long, value_name = "FOLDER", requires = "coco")]
+    pub coco_images: Option<PathBuf>,
 }
 
 /// The names of the classes of labels.
@@ -47,123 +56,70 @@ pub enum LabelNames {
 /// A source, and the drive that all its frames come from, if it is known.
 pub type Drive = (Option<String>, Box<dyn Source>);
 
-impl Data {
-    /// Opens the sources, each of which is a drive or has frames that belong to none.
-    pub(crate) fn open(&self, options: &SourceOptions) -> Result<Vec<Drive>, SourceError> {
-        let source: Box<dyn Source> = match self {
-            Self::Kitti { folder, list } => Box::new(LabelledSource::kitti(folder, list.as_ref(), options)?),
-            Self::Yolo(path) => Box::new(LabelledSource::yolo(path, options)?),
-            Self::Coco { annotations, images } => {
-                Box::new(LabelledSource::coco(annotations, images.as_deref(), options)?)
-            }
-            Self::Sequences(folders) => {
-                let name = |folder: &PathBuf| Some(folder.file_name()?.to_string_lossy().into_owned());
-                let drive = |folder| {
-                    Ok((name(folder), Box::new(LabelledSource::kitti(folder, None, options)?) as Box<_>))
-                };
-                return folders.iter().map(drive).collect();
-            }
-            Self::Any(specs) => {
-                let name = |spec: &String| Some(spec.clone()).filter(|_| specs.len() > 1);
-                return specs.iter().map(|spec| Ok((name(spec), source::open(spec, options)?))).collect();
-            }
-            Self::Own(camera) => {
-                let topic = Some(camera.source_topic.clone()).filter(|topic| !topic.is_empty());
-                let options = SourceOptions { topic, ..options.clone() };
-                let source = source::open(&camera.source, &options)?;
-                let most = usize::try_from(camera.frames).ok().filter(|frames| *frames > 0);
-                Box::new(Limited { source, most, repeats: camera.r#loop, taken: 0, is_vain: true })
-            }
+impl DataOptions {
+    /// What the frames are read from; `None` for those of the cameras.
+    pub fn named(&self) -> Option<Vec<String>> {
+        if !self.source.is_empty() {
+            return Some(self.source.clone());
+        }
+        let files = [&self.kitti, &self.yolo, &self.coco].into_iter().flatten().chain(&self.sequence);
+        let files: Vec<String> = files.map(|path| path.display().to_string()).collect();
+        (!files.is_empty()).then_some(files)
+    }
+
+    /// Opens the frames, or where none are named, those of `camera`, with its number of frames and whether they start again.
+    pub(crate) fn open(
+        &self,
+        camera: &CameraParameters,
+        options: &SourceOptions,
+    ) -> Result<Frames, GridError> {
+        let name = self.named().unwrap_or_default().join(", ");
+        if let Some(stills) = self.stills(&name, options)? {
+            return Ok(stills);
+        }
+        if let [_, ..] = &self.sequence[..] {
+            let drive = |folder: &PathBuf| {
+                let name = folder.file_name().map(|name| name.to_string_lossy().into_owned());
+                Ok((name, Box::new(LabelledSource::kitti(folder, None, options)?) as Box<dyn Source>))
+            };
+            let drives = self.sequence.iter().map(drive).collect::<Result<_, SourceError>>()?;
+            let mut frames = Frames::new(name, drives);
+            frames.is_labelled = true;
+            return Ok(frames);
+        }
+        if let Some(endless) = self.source.iter().find(|source| is_endless(source)) {
+            let why = "has no end, but an evaluation needs one; give the number of frames as well, such as";
+            return Err(GridError::Request(format!("--source {endless} {why} scene://day?frames=60")));
+        }
+        if let [_, ..] = &self.source[..] {
+            let name_of = |source: &String| Some(source.clone()).filter(|_| self.source.len() > 1);
+            let drive = |source: &String| Ok((name_of(source), source::open(source, options)?));
+            let drives = self.source.iter().map(drive).collect::<Result<_, SourceError>>()?;
+            return Ok(Frames::new(name, drives));
+        }
+        let topic = Some(camera.source_topic.clone()).filter(|topic| !topic.is_empty());
+        let source = source::open(&camera.source, &SourceOptions { topic, ..options.clone() })?;
+        let mut frames = Frames::new(camera.source.clone(), vec![(None, source)]);
+        frames.most = usize::try_from(camera.frames).ok().filter(|frames| *frames > 0);
+        frames.repeats = camera.r#loop;
+        Ok(frames)
+    }
+
+    /// Opens single images with labels.
+    fn stills(&self, name: &str, options: &SourceOptions) -> Result<Option<Frames>, SourceError> {
+        if let Some(folder) = &self.kitti {
+            let list = self.list.as_deref().map(FrameList::read).transpose()?;
+            let source = LabelledSource::kitti(folder, list.as_ref(), options)?;
+            let name = list.as_ref().map_or(name.to_owned(), |list| format!("{name} ({})", list.name));
+            let mut frames = Frames::of_stills(name, LabelNames::Kitti, source);
+            frames.list = list;
+            return Ok(Some(frames));
+        }
+        let source = match (&self.yolo, &self.coco) {
+            (Some(path), _) => LabelledSource::yolo(path, options)?,
+            (None, Some(file)) => LabelledSource::coco(file, self.coco_images.as_deref(), options)?,
+            (None, None) => return Ok(None),
         };
-        Ok(vec![(None, source)])
-    }
-
-    /// The drive of a frame, if a list names it.
-    pub(crate) fn drive_of(&self, frame: &str) -> Option<String> {
-        match self {
-            Self::Kitti { list: Some(list), .. } => list.drive_of(frame).map(str::to_owned),
-            _ => None,
-        }
-    }
-
-    /// The data as it was given.
-    pub(crate) fn name(&self) -> String {
-        let path = |path: &Path| path.display().to_string();
-        match self {
-            Self::Kitti { folder, list: None } => path(folder),
-            Self::Kitti { folder, list: Some(list) } => format!("{} ({})", path(folder), list.name),
-            Self::Sequences(folders) => {
-                folders.iter().map(|folder| path(folder)).collect::<Vec<_>>().join(", ")
-            }
-            Self::Yolo(folder) => path(folder),
-            Self::Coco { annotations, .. } => path(annotations),
-            Self::Any(specs) => specs.join(", "),
-            Self::Own(camera) => camera.source.clone(),
-        }
-    }
-
-    /// The names of the classes of its labels.
-    pub(crate) fn label_names(&self) -> LabelNames {
-        match self {
-            Self::Yolo(_) | Self::Coco { .. } => LabelNames::Model,
-            _ => LabelNames::Kitti,
-        }
-    }
-
-    /// Whether its frames are single images, which do not follow each other.
-    pub(crate) fn is_still(&self) -> bool {
-        matches!(self, Self::Kitti { .. } | Self::Yolo(_) | Self::Coco { .. })
-    }
-
-    /// Whether each of its frames should have labels, and be there once.
-    pub(crate) fn is_labelled(&self) -> bool {
-        !matches!(self, Self::Own(_) | Self::Any(_))
-    }
-}
-
-/// A source of a number of frames, which may start again for them.
-struct Limited {
-    source: Box<dyn Source>,
-    most: Option<usize>,
-    repeats: bool,
-    taken: usize,
-    /// Whether no frame of this round was good: then there would be no end.
-    is_vain: bool,
-}
-
-impl Source for Limited {
-    fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
-        if self.most.is_some_and(|most| self.taken >= most) {
-            return None;
-        }
-        let mut next = self.source.next();
-        if next.is_none() && self.repeats && !self.is_vain {
-            self.is_vain = true;
-            if let Err(why) = self.source.rewind() {
-                return Some(Err(why));
-            }
-            next = self.source.next();
-        }
-        self.taken += 1;
-        self.is_vain &= !matches!(next, Some(Ok(_)));
-        next
-    }
-
-    fn len(&self) -> Option<usize> {
-        let all = self.source.len().filter(|_| !self.repeats);
-        self.most.map_or(all, |most| Some(all.map_or(most, |all| all.min(most))))
-    }
-
-    fn warnings(&self) -> Vec<String> {
-        self.source.warnings()
-    }
-
-    fn losses(&self) -> Vec<String> {
-        self.source.losses()
-    }
-
-    fn rewind(&mut self) -> Result<(), SourceError> {
-        (self.taken, self.is_vain) = (0, true);
-        self.source.rewind()
+        Ok(Some(Frames::of_stills(name.to_owned(), LabelNames::Model, source)))
     }
 }

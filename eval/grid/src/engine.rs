@@ -1,5 +1,6 @@
 //! [`Engine`]: the frames of a slice through the nodes of cells, in lockstep, on several threads.
 
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::thread::ScopedJoinHandle;
@@ -8,14 +9,13 @@ use modulo_detector::{EngineDevice, Sessions};
 use modulo_runtime::Clock;
 
 use crate::GridError;
-use crate::chain::{Chain, follows, shared};
-use crate::frames::{Frames, Slice, Walk};
-use crate::handed::HandedFrame;
+use crate::chain::Chain;
+use crate::frames::{Frames, HandedFrame, Slice, Walk};
 use crate::messages::{classes, found};
 use crate::plan::Cell;
 use crate::progress::{GridEvent, Listener};
 use crate::quality::TrueExposures;
-use crate::store::FrameFound;
+use crate::store::{CellSlice, FrameFound};
 
 /// Threads of one inference: the jobs use the cores.
 const THREADS: usize = 1;
@@ -34,11 +34,11 @@ pub struct Unit<'a> {
 pub fn units<'a>(cells: &'a [Cell<'a>], is_still: bool) -> Vec<Unit<'a>> {
     let mut units: Vec<Unit<'a>> = Vec::new();
     for cell in cells {
-        let is_ordered = cell.stream.is_auto || follows(cell) && !is_still;
+        let is_ordered = cell.stream.is_auto || cell.follows() && !is_still;
         let fits = |unit: &&mut Unit<'a>| {
             let first = unit.cells[0];
-            let is_same = std::ptr::eq(first.variant, cell.variant) && first.camera == cell.camera;
-            unit.is_ordered == is_ordered && is_same && shared(first) == shared(cell)
+            let is_same = std::ptr::eq(first.nodes, cell.nodes) && first.stream.way[0] == cell.stream.way[0];
+            unit.is_ordered == is_ordered && is_same && first.session() == cell.session()
         };
         match units.iter_mut().find(fits) {
             Some(unit) => unit.cells.push(cell),
@@ -46,15 +46,6 @@ pub fn units<'a>(cells: &'a [Cell<'a>], is_still: bool) -> Vec<Unit<'a>> {
         }
     }
     units
-}
-
-/// What a cell has found in a slice.
-#[derive(Clone, Debug, Default)]
-pub struct CellRun {
-    /// The classes that the model knows.
-    pub classes: Vec<String>,
-    /// The frames; fewer where the run was stopped.
-    pub frames: Vec<FrameFound>,
 }
 
 /// Runs units one after the other. It keeps the sessions of the detector while its model and input size stay.
@@ -73,39 +64,30 @@ impl<'a> Engine<'a> {
         Self { timer, sessions: Vec::new(), loaded: None, jobs }
     }
 
-    /// Runs the frames of `slice` through the nodes of `cells`, which belong to one unit.
-    ///
-    /// # Errors
-    /// [`GridError`] of a node that cannot be made or go on.
+    /// Returns what each of `cells`, which belong to one unit, finds in the frames of `slice`. Where the run was stopped, it ends before the
+    /// first frame that is missing.
     pub fn run(
         &mut self,
         (cells, is_ordered): (&[&Cell<'_>], bool),
         (frames, slice): (&mut Frames, &Slice),
         listener: &Listener<'_>,
-    ) -> Result<Vec<CellRun>, GridError> {
-        let (_, session) = shared(cells[0]);
+    ) -> Result<Vec<CellSlice>, GridError> {
+        let session = cells[0].session();
         if self.loaded.as_ref() != Some(&session) {
             // The old models are freed before the new ones are loaded, so that the memory never holds both.
             self.sessions.clear();
             self.sessions = sessions(&session[3], self.jobs);
             self.loaded = Some(session);
         }
-        let is_still = frames.is_still();
-        let work = Work {
-            timer: self.timer,
-            cells,
-            is_still,
-            is_ordered,
-            listener,
-            walk: Mutex::new(Walk::new(frames, slice, is_ordered)?),
-            found: Mutex::new(vec![None; slice.frames.len()]),
-            has_failed: AtomicBool::new(false),
-        };
+        let is_still = frames.is_still;
+        let walk = Mutex::new(Walk::new(frames, slice, is_ordered)?);
+        let has_failed = AtomicBool::new(false);
+        let work = Work { timer: self.timer, cells, is_still, is_ordered, listener, walk, has_failed };
         // Frames that depend on each other are processed in their order, by one worker.
         let most = if is_ordered { 1 } else { usize::MAX };
-        let known = std::thread::scope(|scope| {
+        let workers = std::thread::scope(|scope| {
             let work = &work;
-            let start = |sessions| scope.spawn(move || work.run(sessions));
+            let start = |sessions| scope.spawn(move || Worker::new(work, sessions).run());
             let workers: Vec<_> = self.sessions.iter().take(most).map(start).collect();
             let join = |worker: ScopedJoinHandle<'_, _>| {
                 worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
@@ -113,8 +95,29 @@ impl<'a> Engine<'a> {
             let ended: Vec<_> = workers.into_iter().map(join).collect();
             ended.into_iter().collect::<Result<Vec<_>, _>>()
         })?;
-        Ok(work.runs(&known))
+        Ok(joined(cells, slice, workers))
     }
+}
+
+/// Joins what workers have found, up to the first frame that is missing.
+fn joined(cells: &[&Cell<'_>], slice: &Slice, workers: Vec<Done>) -> Vec<CellSlice> {
+    let run =
+        |cell: &&Cell<'_>| CellSlice { key: cell.key.clone(), places: slice.places, ..CellSlice::default() };
+    let mut runs: Vec<CellSlice> = cells.iter().map(run).collect();
+    let mut found = BTreeMap::new();
+    for Done { classes, found: own } in workers {
+        let known = runs.iter_mut().zip(classes).filter(|(_, classes)| !classes.is_empty());
+        known.for_each(|(run, classes)| run.classes = classes);
+        found.extend(own);
+    }
+    for (index, record) in slice.frames.iter().enumerate() {
+        let Some(found) = found.remove(&index) else {
+            runs.iter_mut().for_each(|run| run.places[1] = record.place);
+            break;
+        };
+        runs.iter_mut().zip(found).for_each(|(run, found)| run.frames.push(found));
+    }
+    runs
 }
 
 /// Sessions for this number of threads: a thread of the processor runs a model of its own, and a GPU runs one, by turns.
@@ -134,40 +137,15 @@ struct Work<'w, 'f> {
     listener: &'w Listener<'w>,
     /// A thread reads its next frame while the others compute, so that few frames are in memory: a frame has twelve bytes a pixel.
     walk: Mutex<Walk<'f>>,
-    /// What the cells have found in each frame.
-    found: Mutex<Vec<Option<Vec<FrameFound>>>>,
     has_failed: AtomicBool,
 }
 
-impl Work<'_, '_> {
-    /// Takes frames until there is none left. Returns the classes that the model of each cell knows.
-    fn run(&self, sessions: &Sessions) -> Result<Vec<Vec<String>>, GridError> {
-        let known = vec![Vec::new(); self.cells.len()];
-        let mut worker =
-            Worker { work: self, sessions, chain: None, drive: None, truth: TrueExposures::default(), known };
-        let next = || self.walk.lock().unwrap_or_else(PoisonError::into_inner).next();
-        while !(self.listener.stopped)()
-            && !self.has_failed.load(Ordering::Relaxed)
-            && let Some(frame) = next()
-        {
-            let passed = frame.map_err(GridError::from).and_then(|(index, frame)| worker.take(index, &frame));
-            // The others end, too.
-            passed.inspect_err(|_| self.has_failed.store(true, Ordering::Relaxed))?;
-        }
-        Ok(worker.known)
-    }
-
-    /// What each cell has found. Where the run was stopped, the frames before the first one that is missing are whole.
-    fn runs(self, known: &[Vec<Vec<String>>]) -> Vec<CellRun> {
-        let classes = |cell: usize| known.iter().map(|known| &known[cell]).find(|known| !known.is_empty());
-        let run = |cell| CellRun { classes: classes(cell).cloned().unwrap_or_default(), frames: Vec::new() };
-        let mut runs: Vec<CellRun> = (0..self.cells.len()).map(run).collect();
-        let found = self.found.into_inner().unwrap_or_else(PoisonError::into_inner);
-        for found in found.into_iter().map_while(|found| found) {
-            runs.iter_mut().zip(found).for_each(|(run, found)| run.frames.push(found));
-        }
-        runs
-    }
+/// What a thread has found.
+struct Done {
+    /// The classes that the model of each cell knows.
+    classes: Vec<Vec<String>>,
+    /// What each cell has found, by the index of the frame in the slice.
+    found: BTreeMap<usize, Vec<FrameFound>>,
 }
 
 /// The cells of a unit on one thread.
@@ -178,62 +156,58 @@ struct Worker<'w, 'f> {
     /// The drive of the chain.
     drive: Option<usize>,
     truth: TrueExposures,
-    /// The classes that the model of each cell knows.
-    known: Vec<Vec<String>>,
+    done: Done,
 }
 
-impl<'w> Worker<'w, '_> {
-    /// Takes a frame, which has this index in the slice, or comes before it.
-    fn take(&mut self, index: Option<usize>, frame: &HandedFrame) -> Result<(), GridError> {
-        match index {
-            Some(index) => {
-                let found = self.run(frame)?;
-                self.work.found.lock().unwrap_or_else(PoisonError::into_inner)[index] = Some(found);
-                (self.work.listener.tell)(GridEvent::Frame);
-                Ok(())
-            }
-            None => self.lead(frame),
+impl<'w, 'f> Worker<'w, 'f> {
+    fn new(work: &'w Work<'w, 'f>, sessions: &'w Sessions) -> Self {
+        let done = Done { classes: vec![Vec::new(); work.cells.len()], found: BTreeMap::new() };
+        Self { work, sessions, chain: None, drive: None, truth: TrueExposures::default(), done }
+    }
+
+    /// Takes frames until there is none left.
+    fn run(mut self) -> Result<Done, GridError> {
+        let Work { listener, walk, has_failed, .. } = self.work;
+        let next = || walk.lock().unwrap_or_else(PoisonError::into_inner).next();
+        while !(listener.stopped)()
+            && !has_failed.load(Ordering::Relaxed)
+            && let Some(frame) = next()
+        {
+            let passed = frame.map_err(GridError::from).and_then(|(index, frame)| self.take(index, &frame));
+            // The others end, too.
+            passed.inspect_err(|_| has_failed.store(true, Ordering::Relaxed))?;
         }
+        Ok(self.done)
     }
 
-    /// Takes the nodes, which are made anew where a drive begins that the images depend on.
-    fn take_chain(&mut self, frame: &HandedFrame) -> Result<Chain<'w>, GridError> {
-        let Work { timer, cells, is_ordered, .. } = self.work;
-        let begins = self.drive.is_none_or(|drive| drive != frame.drive && *is_ordered);
+    /// Takes a frame, which has this index in the slice, or comes before it: then the nodes only see it.
+    fn take(&mut self, index: Option<usize>, frame: &HandedFrame) -> Result<(), GridError> {
+        let Work { timer, cells, is_ordered, is_still, listener, .. } = self.work;
+        // The nodes are made anew where a drive begins that the images depend on.
+        if *is_ordered && self.drive != Some(frame.drive) {
+            self.chain = None;
+        }
         self.drive = Some(frame.drive);
-        self.chain.take().filter(|_| !begins).map_or_else(|| Chain::new(cells, *timer, true), Ok)
-    }
-
-    /// Lets the nodes see a frame before the slice.
-    fn lead(&mut self, frame: &HandedFrame) -> Result<(), GridError> {
-        let mut chain = self.take_chain(frame)?;
-        if chain.needs_all() {
+        let chain = match &mut self.chain {
+            Some(chain) => chain,
+            None => self.chain.insert(Chain::new(cells, *timer, true)?),
+        };
+        if index.is_some() || chain.needs_all() {
             chain.complete(Some(self.sessions), THREADS)?;
         }
-        chain.tick(frame, false)?;
-        self.chain = Some(chain);
-        Ok(())
-    }
-
-    /// Returns what each cell finds in a frame.
-    fn run(&mut self, frame: &HandedFrame) -> Result<Vec<FrameFound>, GridError> {
-        let mut chain = self.take_chain(frame)?;
-        chain.complete(Some(self.sessions), THREADS)?;
-        let out = chain.tick(frame, self.work.is_still)?;
-        let sensor = chain.sensor(&out);
-        let mut all = Vec::with_capacity(self.work.cells.len());
-        for (cell, known) in self.work.cells.iter().zip(&mut self.known) {
+        let out = chain.tick(frame, *is_still && index.is_some())?;
+        let Some(index) = index else { return Ok(()) };
+        let (sensor, place) = (chain.sensor(&out), frame.place);
+        let mut all = Vec::with_capacity(cells.len());
+        for (cell, known) in cells.iter().zip(&mut self.done.classes) {
             let recovery = self.truth.quality(cell, &out, (frame, &sensor, chain.seed))?;
-            all.push(FrameFound {
-                place: frame.place,
-                boxes: found(&out, &cell.stream.detections),
-                recovery,
-            });
+            all.push(FrameFound { place, boxes: found(&out, &cell.stream.detections), recovery });
             if let Some(classes) = cell.stream.labels.as_ref().and_then(|topic| classes(&out, topic)) {
                 *known = classes.into_iter().collect();
             }
         }
-        self.chain = Some(chain);
-        Ok(all)
+        self.done.found.insert(index, all);
+        (listener.tell)(GridEvent::Frame);
+        Ok(())
     }
 }

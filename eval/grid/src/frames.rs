@@ -6,13 +6,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use modulo_ap::difficulty::DONT_CARE;
-use modulo_bags::source::{GroundTruth, SourceError, SourceFrame, SourceOptions};
+use modulo_bags::source::{FrameList, GroundTruth, LabelledSource, SourceError, SourceFrame};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::classes::folded;
-use crate::data::{Data, Drive, LabelNames};
-use crate::handed::HandedFrame;
+use crate::data::{Drive, LabelNames};
 use crate::rows;
 
 /// Labels that reach outside the image by at most this many px give no warning: they were rounded.
@@ -20,12 +19,38 @@ const TOLERANCE: f32 = 1.0;
 
 /// The frames of a camera, and a position among them.
 pub struct Frames {
-    data: Data,
+    /// The data, as it was given.
+    name: String,
     drives: Vec<Drive>,
+    /// The names of the classes of the labels.
+    names: LabelNames,
+    /// Whether its frames are single images, which do not follow each other.
+    pub is_still: bool,
+    /// Whether each frame should have labels, and be there once.
+    pub is_labelled: bool,
+    /// The drives of the frames, if a list names them.
+    pub list: Option<FrameList>,
+    /// The number of frames to take; `None` for all.
+    pub most: Option<usize>,
+    /// Whether they start again after the last one.
+    pub repeats: bool,
+    /// Whether no frame of this round was good: then there would be no end.
+    is_vain: bool,
     /// Index of the next frame over all drives, and of the present drive and its first frame.
     place: usize,
     drive: usize,
     start: usize,
+}
+
+/// A frame on its way to a camera.
+#[derive(Clone, Debug)]
+pub struct HandedFrame {
+    /// Index over all drives.
+    pub place: usize,
+    /// Index of the drive.
+    pub drive: usize,
+    /// The frame.
+    pub frame: SourceFrame,
 }
 
 /// The frames of a camera from one place to another, as they are stored.
@@ -65,33 +90,42 @@ pub struct FrameRecord {
     pub digest: String,
 }
 
-/// A frame of the data, or the reason why it cannot be read.
-struct Raw {
-    place: usize,
-    drive: usize,
-    frame: Result<SourceFrame, SourceError>,
-}
+/// A frame of the data with its place and its drive, or the reason why it cannot be read.
+type Raw = (usize, usize, Result<SourceFrame, SourceError>);
 
 impl Frames {
-    /// Opens the sources.
-    pub fn open(data: &Data, options: &SourceOptions) -> Result<Self, SourceError> {
-        Ok(Self { data: data.clone(), drives: data.open(options)?, place: 0, drive: 0, start: 0 })
+    /// Frames of drives that follow each other.
+    pub fn new(name: String, drives: Vec<Drive>) -> Self {
+        Self {
+            name,
+            drives,
+            names: LabelNames::Kitti,
+            is_still: false,
+            is_labelled: false,
+            list: None,
+            most: None,
+            repeats: false,
+            is_vain: true,
+            place: 0,
+            drive: 0,
+            start: 0,
+        }
     }
 
-    /// Whether its frames are single images, which do not follow each other.
-    pub fn is_still(&self) -> bool {
-        self.data.is_still()
+    /// Single images with labels.
+    pub fn of_stills(name: String, names: LabelNames, source: LabelledSource) -> Self {
+        let drives: Vec<Drive> = vec![(None, Box::new(source))];
+        Self { names, is_still: true, is_labelled: true, ..Self::new(name, drives) }
     }
 
     /// Reads and checks the frames at `places`, or as many of them as there are. All are read once before the first cell: a frame that turned
     /// out to be damaged in the middle of a run would be scored in some cells only.
     pub fn inspect(&mut self, places: Range<usize>) -> Result<Slice, SourceError> {
         self.seek(places.start)?;
-        let data = &self.data;
         let mut slice = Slice {
-            source: data.name(),
-            names: data.label_names(),
-            is_labelled: data.is_labelled(),
+            source: self.name.clone(),
+            names: self.names,
+            is_labelled: self.is_labelled,
             places: [places.start; 2],
             ..Slice::default()
         };
@@ -110,9 +144,9 @@ impl Frames {
     /// Goes to the frame at `place`.
     fn seek(&mut self, place: usize) -> Result<(), SourceError> {
         self.drives.iter_mut().try_for_each(|(_, source)| source.rewind())?;
-        (self.place, self.drive, self.start) = (0, 0, 0);
+        (self.place, self.drive, self.start, self.is_vain) = (0, 0, 0, true);
         while let Some((_, source)) = self.drives.get_mut(self.drive) {
-            let Some(length) = source.len() else { break };
+            let Some(length) = source.len().filter(|_| !self.repeats) else { break };
             if self.start + length > place {
                 // Its frames need not be read to be skipped.
                 source.skip((place - self.start) as u64);
@@ -128,24 +162,37 @@ impl Frames {
 
     /// Reads the next frame.
     fn raw(&mut self) -> Option<Raw> {
-        while let Some((_, source)) = self.drives.get_mut(self.drive) {
-            if let Some(frame) = source.next() {
+        while let Some((_, source)) = self.drives.get_mut(self.drive)
+            && self.most.is_none_or(|most| self.place < most)
+        {
+            let mut next = source.next();
+            if next.is_none() && self.repeats && !self.is_vain {
+                self.is_vain = true;
+                next = source.rewind().map_or_else(|why| Some(Err(why)), |()| source.next());
+            }
+            if let Some(frame) = next {
+                self.is_vain &= frame.is_err();
                 self.place += 1;
-                return Some(Raw { place: self.place - 1, drive: self.drive, frame });
+                return Some((self.place - 1, self.drive, frame));
             }
             (self.drive, self.start) = (self.drive + 1, self.place);
         }
         None
     }
 
-    fn note(&self, raw: Raw, slice: &mut Slice, names: &mut BTreeSet<(Option<String>, String)>) {
-        let Raw { place, drive, frame } = raw;
+    fn note(
+        &self,
+        (place, drive, frame): Raw,
+        slice: &mut Slice,
+        names: &mut BTreeSet<(Option<String>, String)>,
+    ) {
         let (name_of_drive, _) = &self.drives[drive];
         let frame = match frame {
             Ok(frame) => frame,
             Err(why) => return slice.leave_out("frames are not readable and left out", why.to_string()),
         };
-        let drive = name_of_drive.clone().or_else(|| self.data.drive_of(&frame.name));
+        let of_list = || Some(self.list.as_ref()?.drive_of(&frame.name)?.to_owned());
+        let drive = name_of_drive.clone().or_else(of_list);
         // Two drives can have frames of one name. Within a drive, a frame that comes twice would count twice.
         if !names.insert((drive.clone(), frame.name.clone())) && slice.is_labelled {
             return slice.leave_out("frames are there twice and count once", frame.name);
@@ -239,19 +286,20 @@ impl Iterator for Walk<'_> {
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
-            let raw = self.frames.raw()?;
-            if raw.place >= self.slice.places[1] {
+            let (place, drive, frame) = self.frames.raw()?;
+            if place >= self.slice.places[1] {
                 return None;
             }
-            let handed = |frame| HandedFrame { place: raw.place, drive: raw.drive, frame };
-            let leads = raw.place < self.slice.places[0];
-            match self.slice.frames.get(self.next).filter(|record| record.place == raw.place) {
-                Some(_) => {
+            let index = self.next;
+            let is_next = self.slice.frames.get(index).is_some_and(|record| record.place == place);
+            let handed = |frame| HandedFrame { place, drive, frame };
+            match frame {
+                frame if is_next => {
                     self.next += 1;
-                    return Some(raw.frame.map(|frame| (Some(self.next - 1), handed(frame))));
+                    return Some(frame.map(|frame| (Some(index), handed(frame))));
                 }
-                None if leads && let Ok(frame) = raw.frame => return Some(Ok((None, handed(frame)))),
-                None => {}
+                Ok(frame) if place < self.slice.places[0] => return Some(Ok((None, handed(frame)))),
+                _ => {}
             }
         }
     }

@@ -12,23 +12,20 @@
 
 mod chain;
 pub mod chart;
-pub mod classes;
+mod classes;
 pub mod coco;
 pub mod data;
 mod engine;
 mod feeds;
-pub mod frames;
-mod handed;
+mod frames;
 pub mod images;
 mod labels;
 mod makers;
-pub mod messages;
-mod models;
+mod messages;
 mod pictures;
 pub mod plan;
 pub mod progress;
 mod quality;
-pub mod record;
 pub mod recordings;
 pub mod results;
 mod rows;
@@ -37,12 +34,11 @@ pub mod score;
 pub mod stability;
 pub mod store;
 mod stored;
-mod timeline;
-pub mod timing;
+mod timing;
 pub mod variants;
 mod verdict;
 /// The metrics of detections, one file each. The reports print the definition of each metric.
-pub mod metric {
+mod metric {
     pub mod bootstrap;
     pub mod latency;
 }
@@ -61,7 +57,6 @@ use modulo_runtime::ParameterError;
 use modulo_runtime::lockstep::LockstepError;
 use modulo_runtime::output::OutputError;
 use modulo_video::VideoError;
-pub use pictures::{Pictures, draw_pictures};
 pub use quality::up_to_offset;
 
 /// Error of an evaluation. The message names the value and the possible ones.

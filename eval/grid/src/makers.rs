@@ -2,6 +2,8 @@
 //! phi over all channels from minimum to maximum, without congruence. `spud` takes the quantised image y, and its result is y plus whole
 //! periods.
 
+use modulo_bags::source::{Source, SourceFrame};
+use modulo_camera::CameraParameters;
 use modulo_core::unwrap::{Spud, ThresholdOn};
 use modulo_core::{Frame, UnwrapError};
 use modulo_msgs::std_msgs::{Header, Time};
@@ -12,7 +14,6 @@ use modulo_runtime::{
 use ndarray::Array3;
 
 use crate::GridError;
-use crate::handed::{Handed, HandedFrame};
 
 /// The method of its cells, and the name of the node as an executable.
 pub const SPUD_AS_PUBLISHED: &str = "spud_as_published";
@@ -25,27 +26,30 @@ pub fn output() -> Topic {
     Topic::new("recovered", MessageKind::Image)
 }
 
-/// A camera with its unwrapping, over the frames that come through `handed`.
+/// A camera with its unwrapping.
 pub struct PublishedSpud {
     sensor: SensorModel,
     spud: Spud,
+    /// The seed of the noise of the first frame.
     seed: u64,
-    handed: Handed,
+    /// The place of the next frame.
+    place: u64,
+    source: Box<dyn Source>,
 }
 
 impl PublishedSpud {
-    /// Prepares the sensor, which has noise of this seed.
-    pub fn new(sensor: &SensorModel, seed: i64, handed: Handed) -> Result<Self, GridError> {
-        sensor.simulated()?;
-        let (sensor, spud) = (sensor.clone(), Spud::new(TAU, ThresholdOn::Phi)?);
-        Ok(Self { sensor, spud, seed: seed.unsigned_abs(), handed })
+    /// Prepares the sensor of a camera over the frames of `source`.
+    pub fn new(camera: &CameraParameters, source: Box<dyn Source>) -> Result<Self, GridError> {
+        camera.sensor.simulated()?;
+        let (sensor, spud) = (camera.sensor.clone(), Spud::new(TAU, ThresholdOn::Phi)?);
+        Ok(Self { sensor, spud, seed: camera.seed.unsigned_abs(), place: 0, source })
     }
 
-    fn recovered(&mut self, handed: &HandedFrame, cx: &mut Context<'_>) -> Result<Frame, GridError> {
+    fn recovered(&mut self, frame: &SourceFrame, cx: &mut Context<'_>) -> Result<Frame, GridError> {
         let (sensor, range) = (self.sensor.simulated()?, self.sensor.range()?);
         // The noise of a frame is that of the other cells.
-        let seed = self.seed.wrapping_add(handed.place as u64);
-        let radiance = handed.frame.radiance_for(&self.sensor)?;
+        let seed = self.seed.wrapping_add(self.place);
+        let radiance = frame.radiance_for(&self.sensor)?;
         let y = cx.stage("sense", || sensor.expose(radiance.view(), seed))?.charge();
         // The result has an arbitrary offset and scale, and therefore no wrap counts.
         let x = cx.stage("unwrap", || self.spud.solve(y.view(), range).map(|x| stretched(&x)))?;
@@ -66,10 +70,15 @@ impl Node for PublishedSpud {
         Ok(())
     }
 
+    fn resume(&mut self, position: u64) {
+        self.place = position;
+    }
+
     fn step(&mut self, _: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
-        let Some(handed) = self.handed.take() else { return Ok(Flow::Done) };
+        let Some(frame) = self.source.next() else { return Ok(Flow::Done) };
         let header = Header { stamp: Time::from_ns(cx.now_ns()), ..Header::default() };
-        let frame = self.recovered(&handed, cx).map_err(|why| StepError::Skip(why.to_string()))?;
+        let recovered = frame.map_err(GridError::from).and_then(|frame| self.recovered(&frame, cx));
+        let frame = recovered.map_err(|why| StepError::Skip(why.to_string()))?;
         cx.emit(0, StampedFrame { header, frame });
         Ok(Flow::Continue)
     }
@@ -87,7 +96,7 @@ fn stretched(values: &Array3<f32>) -> Array3<u8> {
 
 #[cfg(test)]
 mod tests {
-    use modulo_bags::source::SourceFrame;
+    use modulo_bags::source::{SourceOptions, open};
     use modulo_runtime::ManualClock;
 
     use super::*;
@@ -105,14 +114,15 @@ mod tests {
     #[test]
     fn spud_is_stretched_as_published() {
         let sensor = SensorModel { alpha: 1.5, headroom: 1.0, psf_sigma: 1.4, ..SensorModel::default() };
-        let mut published = PublishedSpud::new(&sensor, 0, Handed::default()).expect("possible");
+        let camera = CameraParameters { sensor, ..CameraParameters::default() };
+        let source = open("scene://day?frames=1", &SourceOptions::default()).expect("a scene");
+        let mut published = PublishedSpud::new(&camera, source).expect("possible");
         let radiance = Array3::from_shape_fn((32, 256, 1), |(_, x, _)| x as f32 / 384.0);
         let (name, frame_id) = (String::new(), String::new());
         let frame =
             SourceFrame { radiance, name, stamp_ns: None, frame_id, ground_truth: None, full_resets: None };
-        let handed = HandedFrame { place: 0, drive: 0, frame };
         let clock = ManualClock::default();
-        let image = published.recovered(&handed, &mut Context::new("/spud", &clock, &[])).expect("recovered");
+        let image = published.recovered(&frame, &mut Context::new("/spud", &clock, &[])).expect("recovered");
         let image = image.as_u8().expect("8 bits");
         assert_eq!((image.iter().min(), image.iter().max()), (Some(&0), Some(&255)), "minimum and maximum");
     }

@@ -4,7 +4,6 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use modulo_core::Detection;
-use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::lockstep::OnTopic;
 use modulo_runtime::sensor::recovery::Recovery;
 use modulo_runtime::{Message, StampedFrame};
@@ -21,19 +20,13 @@ pub fn image<'a>(out: &'a [OnTopic], topic: &'a str) -> Option<&'a Arc<StampedFr
     })
 }
 
-/// The boxes on `topic`, as messages.
-pub fn arrays<'a>(out: &'a [OnTopic], topic: &'a str) -> impl Iterator<Item = &'a Detection2DArray> {
-    on(out, topic).filter_map(|message| match message {
-        Message::Detections(array) => Some(&**array),
-        _ => None,
-    })
-}
-
 /// The boxes on `topic`. `None` without an answer.
 pub fn found(out: &[OnTopic], topic: &str) -> Option<Vec<Detection>> {
-    arrays(out, topic)
-        .map(|array| array.detections.iter().filter_map(|box_| box_.to_detection()).collect::<Vec<_>>())
-        .reduce(|first, second| [first, second].concat())
+    let boxes = on(out, topic).filter_map(|message| match message {
+        Message::Detections(array) => Some(array.detections.iter().filter_map(|one| one.to_detection())),
+        _ => None,
+    });
+    boxes.map(Vec::from_iter).reduce(|first, second| [first, second].concat())
 }
 
 /// The names of the classes that a detector says on `topic` that it knows.

@@ -1,26 +1,25 @@
-//! [`draw_pictures`]: images with the labelled and the detected boxes, for the report: figure 2 of the paper.
+//! [`Evaluation::draw`]: images with the labelled and the detected boxes, for the report: figure 2 of the paper.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use modulo_ap::difficulty::DONT_CARE;
 use modulo_bags::source::GroundTruth;
 use modulo_core::{BBox, Detection, Frame};
-use modulo_detector::DetectorParameters;
-use modulo_draw::{LabelledBox, Picture, RgbImage, class_colour, distinct, sheet};
+use modulo_draw::{LabelledBox, Picture, class_colour, distinct, sheet};
 use modulo_runtime::{Clock, StreamKind, StreamScale};
 
-use crate::GridError;
 use crate::chain::Chain;
 use crate::engine::units;
-use crate::feeds::{Feed, feeds};
+use crate::feeds::Feed;
 use crate::frames::{FrameRecord, Walk};
-use crate::labels;
 use crate::messages::image;
-use crate::plan::{self, Cell};
+use crate::plan::Cell;
 use crate::results::{self, Point, Results};
-use crate::run::Request;
-use crate::store::Folder;
-use crate::stored::{Stored, StoredCell};
+use crate::run::Evaluation;
+use crate::store::{CellSlice, Folder};
+use crate::stored::Stored;
+use crate::{GridError, labels, report};
 
 /// Lowest score of a box that is counted as found.
 pub(crate) const LEAST_SHOWN: f32 = 0.25;
@@ -29,52 +28,40 @@ const LEAST_IOU: f32 = 0.5;
 /// Colour of labelled boxes.
 const WHITE: [u8; 3] = [0xff; 3];
 
-/// The pictures of one frame.
-pub struct Pictures {
-    /// The name of the frame, the model, and the sensor but alpha.
-    pub title: String,
-    /// The images of the cells with their boxes.
-    pub sheet: RgbImage,
-}
-
-/// Draws the frame in which the cells differ most in the objects that they find: those of the first model, lens, noise and method, for each
-/// alpha. `None` without such cells.
-///
-/// # Errors
-/// [`GridError`] if a step fails.
-pub fn draw_pictures(
-    request: &Request,
-    timer: &dyn Clock,
-    results: &Results,
-) -> Result<Option<Pictures>, GridError> {
-    let mut cells = plan::cells(&request.variants)?;
-    // The folder may have cells of other runs.
-    let own: Vec<results::Cell> = results
-        .cells
-        .iter()
-        .filter(|cell| cells.iter().any(|own| own.point == cell.point))
-        .cloned()
-        .collect();
-    let selected = selected(&own);
-    cells.retain(|cell| selected.contains(&&cell.point));
-    let Some(mut feed) = feeds(cells, request.data.as_ref())?.into_iter().next() else { return Ok(None) };
-    let stored = Stored::read(&[Folder::existing(&request.out)?])?;
-    let shown = shown(&stored, &feed)?;
-    let Some(frame) = most_differing(&stored, &feed, &shown) else { return Ok(None) };
-    let pictures = pictures_of(&mut feed, timer, frame, &shown)?;
-    let named = |point: &&Point| {
-        let picture = pictures.iter().find(|(of, _)| of == *point).map(|(_, picture)| picture.clone());
-        (format!("alpha {}: {}", point.sensor.alpha, labels::stream(point)), picture)
-    };
-    let named: Vec<_> = selected.iter().map(named).collect();
-    let classes = distinct(
-        shown.iter().filter_map(|shown| shown.get(&frame.place)).flatten().map(|found| &*found.class),
-    );
-    Ok(sheet(&named, &classes).map(|sheet| {
-        let (model, sensor) =
-            (labels::model(selected[0]), labels::conditions(&labels::conditions_of(selected[0])));
-        Pictures { title: format!("{}, {model}, {sensor}", frame.name), sheet }
-    }))
+impl Evaluation<'_> {
+    /// Draws the frame in which the cells differ most in the objects that they find: those of the first model, lens, noise and method, for
+    /// each alpha, with the boxes in the folder `out`, where it is saved. Returns the name of the frame, the model, and the sensor but alpha;
+    /// `None` without such cells.
+    ///
+    /// # Errors
+    /// [`GridError`] if a step fails, or the image cannot be written.
+    pub fn draw(self, out: &Path, timer: &dyn Clock, results: &Results) -> Result<Option<String>, GridError> {
+        let of_feeds = || self.feeds.iter().flat_map(|feed| &feed.cells).map(|cell| &cell.key.point);
+        // The folder may have cells of other runs.
+        let own = results.cells.iter().filter(|cell| of_feeds().any(|point| *point == cell.point));
+        let own: Vec<results::Cell> = own.cloned().collect();
+        let selected = selected(&own);
+        let mut feeds = self.feeds.into_iter().map(|mut feed| {
+            feed.cells.retain(|cell| selected.contains(&&cell.key.point));
+            feed
+        });
+        let Some(mut feed) = feeds.find(|feed| !feed.cells.is_empty()) else { return Ok(None) };
+        let stored = Stored::read(&[Folder::existing(out)?])?;
+        let shown = shown(&stored, &feed)?;
+        let Some(frame) = most_differing(&stored, &feed, &shown) else { return Ok(None) };
+        let pictures = pictures_of(&mut feed, timer, frame, &shown)?;
+        let named = |point: &&Point| {
+            let picture = pictures.iter().find(|(of, _)| of == *point).map(|(_, picture)| picture.clone());
+            (format!("alpha {}: {}", point.sensor.alpha, labels::stream(point)), picture)
+        };
+        let named: Vec<_> = selected.iter().map(named).collect();
+        let classes = shown.iter().filter_map(|shown| shown.get(&frame.place)).flatten();
+        let classes = distinct(classes.map(|found| &*found.class));
+        let Some(sheet) = sheet(&named, &classes) else { return Ok(None) };
+        report::save_pictures(out, &sheet)?;
+        let conditions = labels::conditions(&labels::conditions_of(selected[0]));
+        Ok(Some(format!("{}, {}, {conditions}", frame.name, labels::model(selected[0]))))
+    }
 }
 
 /// The points of one cell for each alpha and each stream, in the order of the paper: those of the first model, lens, noise and method.
@@ -102,23 +89,17 @@ type Shown = BTreeMap<usize, Vec<Detection>>;
 fn shown(stored: &Stored, feed: &Feed<'_>) -> Result<Vec<Shown>, GridError> {
     let mut shown = vec![Shown::new(); feed.cells.len()];
     for cell in stored.cells() {
-        let StoredCell { key, found, .. } = cell?;
-        let own = feed.cells.iter().position(|cell| cell.point == key.point && key.frames == feed.name);
+        let CellSlice { key, frames, .. } = cell?;
+        let own = feed.cells.iter().position(|cell| cell.key == key);
         let Some(own) = own else { continue };
-        let least = least_published(&feed.cells[own]);
+        let least = feed.cells[own].detecting().score_threshold;
         let drawn = |boxes: Vec<Detection>| {
             boxes.into_iter().filter(|found| f64::from(found.score) >= least).collect()
         };
         shown[own] =
-            found.into_iter().filter_map(|(place, frame)| Some((place, drawn(frame.boxes?)))).collect();
+            frames.into_iter().filter_map(|frame| Some((frame.place, drawn(frame.boxes?)))).collect();
     }
     Ok(shown)
-}
-
-/// The lowest score that the detector of a cell publishes.
-fn least_published(cell: &Cell<'_>) -> f64 {
-    let detector = cell.stream.way.last().map(|&member| &cell.variant.nodes[member].parameters);
-    detector.map_or(f64::from(LEAST_SHOWN), |parameters| DetectorParameters::from(parameters).score_threshold)
 }
 
 /// The frame in which the numbers of the objects that the cells find differ most; of those, the one with the most objects. Without labels, the
@@ -150,7 +131,7 @@ fn pictures_of(
     shown: &[Shown],
 ) -> Result<Vec<(Point, Picture)>, GridError> {
     let Feed { frames, cells, .. } = feed;
-    let (place, is_still) = (record.place, frames.is_still());
+    let (place, is_still) = (record.place, frames.is_still);
     let slice = frames.inspect(place..place + 1)?;
     let is_ordered = units(cells, is_still).iter().any(|unit| unit.is_ordered);
     let alone: Vec<[&Cell<'_>; 1]> = cells.iter().map(|cell| [cell]).collect();
@@ -166,8 +147,8 @@ fn pictures_of(
             let out = chain.tick(&frame, is_still)?;
             let boxes: Vec<&Detection> = boxes.get(&place).into_iter().flatten().collect();
             let picture = image(&out, &cell.stream.images).filter(|_| index.is_some());
-            let picture = picture.and_then(|shown| picture_of(&shown.frame, &cell.point, &truth, &boxes));
-            pictures.extend(picture.map(|picture| (cell.point.clone(), picture)));
+            let picture = picture.and_then(|shown| picture_of(&shown.frame, &cell.key.point, &truth, &boxes));
+            pictures.extend(picture.map(|picture| (cell.key.point.clone(), picture)));
         }
     }
     Ok(pictures)

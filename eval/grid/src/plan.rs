@@ -4,18 +4,18 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::time::Duration;
 
-use modulo_camera::CameraParameters;
+use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_core::{Psf, TwoGains};
-use modulo_detector::{DetectorParameters, TRUSTED};
+use modulo_detector::{Detector, DetectorParameters, TRUSTED};
 use modulo_runtime::topic::{RECOVERY_TOPIC, addresses};
 use modulo_runtime::{
-    Address, MessageKind, NodeName, ParameterSet as _, Parameters, SensorModel, Topic, Value, sensor_info,
+    Address, MessageKind, Node, NodeName, ParameterSet as _, Parameters, SensorModel, Topic, Value,
 };
-use modulo_unwrap::UnwrapParameters;
+use modulo_unwrap::{UnwrapNode, UnwrapParameters};
 
 use crate::GridError;
 use crate::makers::{self, SPUD_AS_PUBLISHED};
-use crate::results::Point;
+use crate::results::{CellKey, Point};
 
 /// Time between two frames of a source that has neither time stamps nor a rate.
 const NOMINAL_INTERVAL: Duration = Duration::from_millis(100);
@@ -36,6 +36,17 @@ pub struct PlannedNode {
     pub name: NodeName,
     /// Its parameters.
     pub parameters: Parameters,
+}
+
+impl PlannedNode {
+    /// Makes the node.
+    pub(crate) fn make(&self) -> Result<Box<dyn Node>, GridError> {
+        Ok(match self.executable {
+            CAMERA => Box::new(ModuloCamera::new(&(&self.parameters).into())?),
+            UNWRAP => Box::new(UnwrapNode::new(&(&self.parameters).into())?),
+            _ => Box::new(Detector::new(&(&self.parameters).into())?),
+        })
+    }
 }
 
 /// The nodes of a launch file with one value of everything that varies.
@@ -91,8 +102,6 @@ pub struct CameraPlan {
     pub member: usize,
     /// Time between two frames of a source without time stamps.
     pub interval: Duration,
-    /// Topic of the ground truth.
-    pub truth: Option<String>,
     /// The detectors. There is none where only other topics of the camera are of interest.
     pub streams: Vec<DetectorStream>,
 }
@@ -100,27 +109,55 @@ pub struct CameraPlan {
 /// A stream of a variant.
 #[derive(Clone, Debug)]
 pub struct Cell<'a> {
-    /// All that decides its boxes.
-    pub point: Point,
-    /// The variant.
-    pub variant: &'a Variant,
-    /// The camera, without its detectors.
-    pub camera: CameraPlan,
+    /// All that decides its boxes. The frames and the hash of the model are noted when these are opened.
+    pub key: CellKey,
+    /// The nodes of its variant.
+    pub nodes: &'a [PlannedNode],
+    /// Time between two frames of a source without time stamps.
+    pub interval: Duration,
     /// The detector.
     pub stream: DetectorStream,
+}
+
+impl Cell<'_> {
+    /// The node of its camera.
+    pub fn camera(&self) -> &PlannedNode {
+        &self.nodes[self.stream.way[0]]
+    }
+
+    /// The parameters of its camera.
+    pub fn sensing(&self) -> CameraParameters {
+        (&self.camera().parameters).into()
+    }
+
+    /// The parameters of its detector.
+    pub fn detecting(&self) -> DetectorParameters {
+        let detector = self.stream.way.last().expect("a way ends at a detector");
+        (&self.nodes[*detector].parameters).into()
+    }
+
+    /// What tells the sessions of its detector apart: the model, the input size, the engine and the device.
+    pub fn session(&self) -> [String; 4] {
+        let DetectorParameters { model, engine, device, input_size, .. } = self.detecting();
+        [model, input_size, engine.word().to_owned(), device]
+    }
+
+    /// Whether its images depend on the frames before them.
+    pub fn follows(&self) -> bool {
+        self.stream.images.ends_with("auto_exposed") || self.sensing().exposure
+    }
 }
 
 /// The topics of a node by what they are for.
 struct Ports {
     name: String,
-    executable: &'static str,
     /// The period of a source of frames.
     period: Option<Duration>,
     images_in: Vec<String>,
     /// The images of input n, where there are several inputs, go out on output n.
     images_out: Vec<String>,
     boxes: Vec<String>,
-    recovery: Option<String>,
+    unwrapped: Option<Unwrapped>,
     labels: Option<String>,
     /// Whether the node selects its stream by trust.
     is_auto: bool,
@@ -131,13 +168,12 @@ struct Ports {
 type Declared = (Vec<Topic>, Vec<Topic>, Option<Duration>);
 
 fn declared(node: &PlannedNode) -> Result<Declared, GridError> {
-    let image = |name: &str| Topic::new(name, MessageKind::Image);
     Ok(match node.executable {
         CAMERA => {
-            let camera = CameraParameters::from(&node.parameters);
-            (Vec::new(), modulo_camera::outputs(), Some(camera.period()))
+            let period = CameraParameters::from(&node.parameters).period();
+            (Vec::new(), modulo_camera::outputs(), Some(period))
         }
-        UNWRAP => (vec![image("modulo"), sensor_info::topic()], modulo_unwrap::outputs(), None),
+        UNWRAP => (vec![Topic::new("modulo", MessageKind::Image)], modulo_unwrap::outputs(), None),
         DETECTOR => {
             let (inputs, outputs) = modulo_detector::topics(&(&node.parameters).into())?;
             (inputs, outputs, None)
@@ -149,6 +185,8 @@ fn declared(node: &PlannedNode) -> Result<Declared, GridError> {
 impl Ports {
     fn of(node: &PlannedNode) -> Result<Self, GridError> {
         let (inputs, outputs, period) = declared(node)?;
+        let is_auto =
+            node.executable == DETECTOR && DetectorParameters::from(&node.parameters).input == "auto";
         let recovery = outputs.iter().position(|topic| topic.name == RECOVERY_TOPIC);
         let resolved = |topics: &[Topic]| {
             addresses(&node.name, topics).map_err(|why| GridError::Request(why.to_string()))
@@ -157,29 +195,23 @@ impl Ports {
         let topics = |of: &[Address], kind: MessageKind| -> Vec<String> {
             of.iter().filter(|address| address.kind == kind).map(|address| address.topic.clone()).collect()
         };
-        let is_auto =
-            node.executable == DETECTOR && DetectorParameters::from(&node.parameters).input == "auto";
+        let images_out = topics(&outputs, MessageKind::Image);
+        let unwrapped = recovery.map(|place| Unwrapped {
+            picture: images_out[0].clone(),
+            counts: images_out[1].clone(),
+            recovery: outputs[place].topic.clone(),
+        });
         Ok(Self {
             name: node.name.fully_qualified(),
-            executable: node.executable,
             period,
             images_in: topics(&inputs, MessageKind::Image),
-            images_out: topics(&outputs, MessageKind::Image),
+            images_out,
             boxes: topics(&outputs, MessageKind::Detections),
-            recovery: recovery.map(|place| outputs[place].topic.clone()),
+            unwrapped,
             labels: topics(&outputs, MessageKind::LabelInfo).pop(),
             is_auto,
             published: outputs.iter().map(|address| address.topic.clone()).collect(),
         })
-    }
-}
-
-impl Ports {
-    /// The topics of an unwrapping node.
-    fn unwrapped(&self) -> Option<Unwrapped> {
-        let Self { images_out, recovery, executable: UNWRAP, .. } = self else { return None };
-        let [picture, counts, ..] = &images_out[..] else { return None };
-        Some(Unwrapped { picture: picture.clone(), counts: counts.clone(), recovery: recovery.clone()? })
     }
 }
 
@@ -207,8 +239,7 @@ pub fn cameras(nodes: &[PlannedNode], bagged: &[String]) -> Result<Vec<CameraPla
     let camera = |(member, node): (usize, &Ports)| {
         let period = node.period?;
         let interval = if period.is_zero() { NOMINAL_INTERVAL } else { period };
-        let (name, truth) = (node.name.clone(), node.boxes.first().cloned());
-        Some(CameraPlan { name, member, interval, truth, streams: Vec::new() })
+        Some(CameraPlan { name: node.name.clone(), member, interval, streams: Vec::new() })
     };
     let mut cameras: Vec<CameraPlan> = ports.iter().enumerate().filter_map(camera).collect();
     if cameras.is_empty() {
@@ -232,7 +263,7 @@ fn streams(nodes: &[Ports]) -> Result<Vec<DetectorStream>, GridError> {
     for (member, node) in nodes.iter().enumerate().filter(|(_, node)| node.period.is_none()) {
         for (place, (images, detections)) in node.images_in.iter().zip(&node.boxes).enumerate() {
             let mut way = way_to(nodes, (&node.name, images)).map_err(GridError::Request)?;
-            let unwrapped = way.iter().find_map(|&member| nodes[member].unwrapped());
+            let unwrapped = way.iter().find_map(|&member| nodes[member].unwrapped.clone());
             way.push(member);
             let auto = images.strip_suffix(TRUSTED).filter(|_| node.is_auto);
             let name = auto.map_or_else(|| dotted(images), |namespace| dotted(&format!("{namespace}auto")));
@@ -300,38 +331,36 @@ fn way_to(nodes: &[Ports], (reader, wanted): (&str, &str)) -> Result<Vec<usize>,
 /// That of [`cameras`], and [`GridError::Request`] of a wanted stream that no detector reads.
 pub fn cells(variants: &[Variant]) -> Result<Vec<Cell<'_>>, GridError> {
     let mut cells: Vec<Cell<'_>> = Vec::new();
-    for variant in variants {
-        let cameras = cameras(&variant.nodes, &[])?;
+    for Variant { nodes, wanted } in variants {
+        let cameras = cameras(nodes, &[])?;
         let names: Vec<&str> =
             cameras.iter().flat_map(|camera| &camera.streams).map(|stream| stream.name.as_str()).collect();
-        let unknown = variant.wanted.iter().flatten().find(|wanted| !names.contains(&wanted.as_str()));
-        if let Some(unknown) = unknown {
+        if let Some(unknown) = wanted.iter().flatten().find(|wanted| !names.contains(&wanted.as_str())) {
             return Err(GridError::value("stream", unknown, format!("one of {}", names.join(", "))));
         }
-        for camera in &cameras {
-            for stream in &camera.streams {
-                if variant.wanted.as_ref().is_some_and(|wanted| !wanted.contains(&stream.name)) {
+        for CameraPlan { interval, streams, .. } in cameras {
+            for stream in streams {
+                if wanted.as_ref().is_some_and(|wanted| !wanted.contains(&stream.name)) {
                     continue;
                 }
-                let point = point(variant, stream);
-                if let Some(other) = cells.iter().find(|cell| cell.point == point) {
-                    let [own, other] =
-                        [variant, other.variant].map(|variant| source(&variant.nodes[stream.way[0]]));
-                    if own != other {
-                        return Err(GridError::Request(format!(
-                            "{} varies between {other} and {own}, whose cells cannot be told apart; give each --source, or evaluate them \
-                             into folders of their own",
-                            stream.name
-                        )));
-                    }
-                } else {
-                    let camera = CameraPlan { streams: Vec::new(), ..camera.clone() };
-                    cells.push(Cell { point, variant, camera, stream: stream.clone() });
+                let key = CellKey { point: point(nodes, &stream), ..CellKey::default() };
+                let cell = Cell { key, nodes, interval, stream };
+                let Some(other) = cells.iter().find(|other| other.key == cell.key) else {
+                    cells.push(cell);
+                    continue;
+                };
+                let [own, other] = [&cell, other].map(|cell| source(cell.camera()));
+                if own != other {
+                    return Err(GridError::Request(format!(
+                        "{} varies between {other} and {own}, whose cells cannot be told apart; give each --source, or evaluate them \
+                         into folders of their own",
+                        cell.stream.name
+                    )));
                 }
             }
         }
     }
-    cells.sort_by(|a, b| a.point.order(&b.point));
+    cells.sort_by(|a, b| a.key.point.order(&b.key.point));
     Ok(cells)
 }
 
@@ -359,10 +388,10 @@ const UNNAMED: [&str; 10] = [
 ];
 
 /// Returns all that decides the boxes of a stream. What has no effect on it has its default.
-fn point(variant: &Variant, stream: &DetectorStream) -> Point {
-    let on_way = || stream.way.iter().map(|&member| &variant.nodes[member]);
+fn point(nodes: &[PlannedNode], stream: &DetectorStream) -> Point {
+    let on_way = || stream.way.iter().map(|&member| &nodes[member]);
     let of = |executable: &str| on_way().find(|node| node.executable == executable);
-    let camera = CameraParameters::from(&variant.nodes[stream.way[0]].parameters);
+    let camera = CameraParameters::from(&nodes[stream.way[0]].parameters);
     let detector = of(DETECTOR).map(|node| DetectorParameters::from(&node.parameters)).unwrap_or_default();
     let unwrap = of(UNWRAP).map(|node| UnwrapParameters::from(&node.parameters));
     let sensor = sensor_of(&camera.sensor, stream);

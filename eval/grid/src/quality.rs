@@ -10,8 +10,7 @@ use ndarray::{Array3, ArrayView2, Axis};
 use serde::{Deserialize, Serialize};
 
 use crate::GridError;
-use crate::chain::shared;
-use crate::handed::HandedFrame;
+use crate::frames::HandedFrame;
 use crate::messages::{image, recovery};
 use crate::plan::{CAMERA, Cell};
 
@@ -146,10 +145,10 @@ impl TrueExposures {
         out: &[OnTopic],
         (frame, sensor, seed): (&HandedFrame, &SensorModel, u64),
     ) -> Result<Option<RecoveryQuality>, GridError> {
-        let (maker, _) = shared(cell);
-        let is_saturated = maker.executable == CAMERA && cell.stream.images.ends_with("/saturated");
+        let is_published = cell.camera().executable != CAMERA;
+        let is_saturated = !is_published && cell.stream.images.ends_with("/saturated");
         let (shown, unwrapped) = (image(out, &cell.stream.images), &cell.stream.unwrapped);
-        let is_compared = unwrapped.is_some() || is_saturated || maker.executable != CAMERA;
+        let is_compared = unwrapped.is_some() || is_saturated || is_published;
         let Some(shown) = shown.filter(|_| is_compared) else { return Ok(None) };
         let truth = self.of(frame, sensor, seed)?;
         Ok(match unwrapped {

@@ -2,66 +2,151 @@
 
 use std::collections::BTreeMap;
 use std::error::Error;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use modulo_bags::bag::{BagTopic, BagWriter};
+use clap::Args;
+use modulo_bags::bag::{BagTopic, BagWriter, Compression};
 use modulo_core::{Detection, Frame};
 use modulo_draw::{Picture, RgbImage, distinct, sheet};
 use modulo_images::save_png;
-use modulo_runtime::lockstep::OnTopic;
+use modulo_msgs::std_msgs::Time;
+use modulo_runtime::clock::nanos;
+use modulo_runtime::lockstep::{Lockstep, OnTopic};
 use modulo_runtime::sensor::recovery::Recovery;
-use modulo_runtime::{Qos, sensor_info};
+use modulo_runtime::{Clock, Qos, sensor_info};
 
+use crate::GridError;
 use crate::messages::{found, image, recovery};
-use crate::plan::{CameraPlan, DetectorStream};
+use crate::plan::{CameraPlan, DetectorStream, PlannedNode, Variant, cameras};
 
-/// Why a file could not be written.
+/// Why a recording could not be made.
 type Fault = Box<dyn Error + Send + Sync>;
 
 /// The folder of the images with the boxes of all streams.
 pub const BOXES: &str = "boxes";
+
+/// The options of frames that no camera reads.
+const LABELLED: [&str; 4] = ["kitti", "sequence", "yolo", "coco"];
+
+/// What people look at, from a second run of the nodes with the parameters of the launch file.
+#[derive(Args, Clone, Debug)]
+pub struct RecordOptions {
+    /// New bag folder for the messages on --topics; with FILE
+    #[arg(long, value_name = "FOLDER", requires_all = ["topics", "file"], conflicts_with_all = LABELLED)]
+    pub bag: Option<PathBuf>,
+    /// Topics for --bag
+    #[arg(long, value_name = "TOPIC", num_args = 1.., requires = "bag")]
+    pub topics: Vec<String>,
+    /// Also write every image that a detector gets as PNG, and all streams with their boxes; with FILE
+    #[arg(long, requires = "file", conflicts_with_all = LABELLED)]
+    pub images: bool,
+}
 
 /// The recordings of an evaluation.
 #[derive(Default)]
 pub struct Recordings {
     /// The folder of the pictures.
     folder: PathBuf,
-    /// The messages on the topics of the plan.
     bag: Option<BagWriter>,
     /// Whether the images that the detectors get are saved as `FOLDER/STREAM/NUMBER.png`, and those with the boxes of all streams in [`BOXES`].
     images: bool,
     /// The topics whose messages go into the bag.
     bagged: Vec<String>,
+    /// The frames that each camera has sent, over all its sources, by its name.
+    timelines: BTreeMap<String, Timeline>,
     /// The last picture of each stream, by the name of the stream.
     shown: BTreeMap<String, Shown>,
-    /// The error of the first file that could not be written. Nothing is recorded after it.
-    fault: Option<Fault>,
 }
 
-/// The last annotated image of a stream.
-struct Shown {
-    title: String,
-    /// `None` where the frame has none.
-    picture: Option<Picture>,
-    classes: Vec<String>,
+/// Moves the time stamps of several sources so that each frame is later than the one before it.
+#[derive(Default)]
+struct Timeline {
+    frames: u64,
+    /// Time stamp of the last frame, ns.
+    last: Option<u64>,
+    /// Time that is added to the stamps of the current source, ns.
+    shift: u64,
 }
+
+/// The title of the last image of a stream, the image with its boxes where the frame has one, and their classes.
+type Shown = (String, Option<Picture>, Vec<String>);
 
 impl Recordings {
-    /// Creates the recordings of an evaluation, with pictures in `folder`. The folders of the `images`, with the names of the streams, must be
-    /// in it.
-    pub fn new(folder: &Path, bag: Option<(BagWriter, Vec<String>)>, images: bool) -> Self {
-        let (bag, bagged) = bag.unzip();
-        let bagged = bagged.unwrap_or_default();
-        Self { folder: folder.to_owned(), bag, bagged, images, ..Self::default() }
+    /// Creates what `options` ask for, with pictures in `folder`; `None` where they ask for nothing.
+    ///
+    /// # Errors
+    /// [`GridError::Request`] of a topic that no node publishes, of a bag that is there, and of several variants.
+    pub fn create(
+        options: &RecordOptions,
+        variants: &[Variant],
+        folder: &Path,
+    ) -> Result<Option<Self>, GridError> {
+        let RecordOptions { bag, topics, images } = options;
+        cameras(&variants[0].nodes, topics)?;
+        let bag = bag.as_ref().map(|folder| BagWriter::create(folder, Compression::Zstd)).transpose();
+        let bag = bag.map_err(|why| GridError::Request(why.to_string()))?;
+        if bag.is_none() && !images {
+            return Ok(None);
+        }
+        if variants.len() > 1 {
+            let why = "--bag and --images record one variant; give each argument one value";
+            return Err(GridError::Request(why.to_owned()));
+        }
+        Ok(Some(Self {
+            folder: folder.to_owned(),
+            bag,
+            bagged: topics.clone(),
+            images: *images,
+            ..Self::default()
+        }))
     }
 
-    /// Whether nothing is recorded.
-    pub fn is_empty(&self) -> bool {
-        self.bag.is_none() && !self.images
+    /// Runs the cameras of `nodes` to their ends, and records what they send. After each frame it calls `tell`, which may stop the run.
+    ///
+    /// # Errors
+    /// Why a node fails or a file cannot be written; the frames before stay.
+    pub fn record(
+        &mut self,
+        nodes: &[PlannedNode],
+        timer: &dyn Clock,
+        tell: &dyn Fn(&Lockstep<'_>) -> ControlFlow<()>,
+    ) -> Result<(), Fault> {
+        let cameras = cameras(nodes, &[])?;
+        let mut chain = Lockstep::new(timer, self.topics(&cameras));
+        for node in nodes {
+            chain.add(node.make()?, &node.name)?;
+        }
+        let mut running: Vec<&CameraPlan> = cameras.iter().collect();
+        // The time of the chain goes on over all sources, as in one long run. The camera whose frame is due first comes first.
+        let due = |timelines: &BTreeMap<String, Timeline>, camera: &CameraPlan| {
+            let frames = timelines.get(&camera.name).map_or(0, |timeline| timeline.frames);
+            frames.saturating_mul(nanos(camera.interval))
+        };
+        while let Some(next) = (0..running.len()).min_by_key(|&index| due(&self.timelines, running[index])) {
+            let camera = running[next];
+            let before = chain.position(camera.member);
+            let Some(mut out) = chain.tick(camera.member, due(&self.timelines, camera))? else {
+                self.end(running.remove(next));
+                continue;
+            };
+            // A loss that the source tells, such as the cut end of a bag, is no frame and has no number.
+            if out.is_empty() && before.is_some() && chain.position(camera.member) == before {
+                continue;
+            }
+            let timeline = self.timelines.entry(camera.name.clone()).or_default();
+            let number = timeline.frames;
+            timeline.place(&mut out, nanos(camera.interval));
+            self.add(&cameras, (camera, number), &out, next + 1 == running.len())?;
+            if tell(&chain).is_break() {
+                break;
+            }
+        }
+        Ok(())
     }
 
     /// Returns the topics whose messages are needed of `cameras`.
-    pub fn topics(&self, cameras: &[CameraPlan]) -> Vec<String> {
+    fn topics(&self, cameras: &[CameraPlan]) -> Vec<String> {
         let mut topics = self.bagged.clone();
         for stream in cameras.iter().flat_map(|camera| &camera.streams) {
             topics.push(stream.detections.clone());
@@ -78,20 +163,8 @@ impl Recordings {
     }
 
     /// Adds frame `number` of `camera`. With the last camera of a round, in which each one has sent a frame, the annotated images
-    /// of all are drawn. An error is kept for [`Recordings::finish`]: the scores do not depend on recordings.
-    pub(crate) fn add(
-        &mut self,
-        cameras: &[CameraPlan],
-        (camera, number): (&CameraPlan, u64),
-        out: &[OnTopic],
-        ends_round: bool,
-    ) {
-        if self.fault.is_none() {
-            self.fault = self.write(cameras, (camera, number), out, ends_round).err();
-        }
-    }
-
-    fn write(
+    /// of all are drawn.
+    fn add(
         &mut self,
         cameras: &[CameraPlan],
         (camera, number): (&CameraPlan, u64),
@@ -110,7 +183,7 @@ impl Recordings {
                 save_png(&self.file(&stream.name, number)?, &frame.frame)?;
             }
         }
-        let shown = camera.streams.iter().map(|stream| (stream.name.clone(), Shown::of(stream, out)));
+        let shown = camera.streams.iter().map(|stream| (stream.name.clone(), shown(stream, out)));
         self.shown.extend(shown);
         if let Some(sheet) = ends_round.then(|| self.sheet(cameras)).flatten() {
             sheet.save(self.file(BOXES, number)?)?;
@@ -126,10 +199,10 @@ impl Recordings {
     }
 
     /// Notes that `camera` has sent its last frame.
-    pub(crate) fn end(&mut self, camera: &CameraPlan) {
+    fn end(&mut self, camera: &CameraPlan) {
         for stream in &camera.streams {
-            if let Some(shown) = self.shown.get_mut(&stream.name) {
-                shown.title = format!("{}: ended", stream.name);
+            if let Some((title, ..)) = self.shown.get_mut(&stream.name) {
+                *title = format!("{}: ended", stream.name);
             }
         }
     }
@@ -138,46 +211,58 @@ impl Recordings {
     /// has an empty place, so that all sheets have one size.
     fn sheet(&self, cameras: &[CameraPlan]) -> Option<RgbImage> {
         let picture = |DetectorStream { name, .. }: &DetectorStream| match self.shown.get(name) {
-            Some(Shown { title, picture: Some(picture), .. }) => (title.clone(), Some(picture.clone())),
+            Some((title, Some(picture), _)) => (title.clone(), Some(picture.clone())),
             _ => (format!("{name}: no image"), None),
         };
         let pictures: Vec<_> = cameras.iter().flat_map(|camera| &camera.streams).map(picture).collect();
-        let classes = self.shown.values().flat_map(|shown| &shown.classes);
+        let classes = self.shown.values().flat_map(|(_, _, classes)| classes);
         sheet(&pictures, &distinct(classes.map(String::as_str)))
     }
 
     /// Completes the bag.
     ///
     /// # Errors
-    /// The error of the first file that could not be written.
+    /// Why it could not be written.
     pub fn finish(self) -> Result<(), Fault> {
-        let bag = self.bag.map(BagWriter::finish).transpose().map(drop).map_err(Fault::from);
-        self.fault.map_or(Ok(()), Err).and(bag)
+        Ok(self.bag.map(BagWriter::finish).transpose().map(drop)?)
     }
 }
 
-impl Shown {
-    /// What the messages of a frame show of `stream`, with the method that has unwrapped its image and its trust in the title.
-    fn of(stream: &DetectorStream, out: &[OnTopic]) -> Self {
-        let note = stream.unwrapped.as_ref().and_then(|topics| method_of(out, &topics.recovery));
-        let boxes: Vec<Detection> = found(out, &stream.detections).unwrap_or_default();
-        Self {
-            title: note.map_or_else(|| stream.name.clone(), |note| format!("{}: {note}", stream.name)),
-            picture: stream.annotated.as_deref().and_then(|topic| picture(&image(out, topic)?.frame)),
-            classes: boxes.into_iter().map(|found| found.class).collect(),
+impl Timeline {
+    /// Counts a frame, and moves the stamps of its messages to `interval` ns after the frame before, if they are not later than that
+    /// frame. Sources were recorded independently, and a repeated source starts again at its first stamp, but labels and
+    /// images are matched by their stamps: no two frames may share a stamp. All later frames of the source are moved by
+    /// the same time, so that the intervals within a source do not change.
+    fn place(&mut self, out: &mut [OnTopic], interval: u64) {
+        self.frames += 1;
+        let Some((_, first)) = out.first() else { return };
+        // All messages of a frame carry the stamp of its image.
+        let stamp = first.stamp().as_ns();
+        if let Some(last) = self.last.filter(|last| stamp.saturating_add(self.shift) <= *last) {
+            self.shift = last.saturating_add(interval) - stamp;
+        }
+        self.last = Some(stamp.saturating_add(self.shift));
+        if self.shift > 0 {
+            for (_, message) in out {
+                message.set_stamp(Time::from_ns(message.stamp().as_ns().saturating_add(self.shift)));
+            }
         }
     }
 }
 
-/// Returns the method that has unwrapped the image of this frame, and whether it trusts its result.
-fn method_of(out: &[OnTopic], topic: &str) -> Option<String> {
-    let Recovery { method_used, trusted } = recovery(out, topic)?;
-    let trust = match trusted {
-        Some(true) => ", trusted",
-        Some(false) => ", not trusted",
-        None => "",
+/// What the messages of a frame show of `stream`, with the method that has unwrapped its image and its trust in the title.
+fn shown(stream: &DetectorStream, out: &[OnTopic]) -> Shown {
+    let said = stream.unwrapped.as_ref().and_then(|topics| recovery(out, &topics.recovery));
+    let title = match said {
+        None => stream.name.clone(),
+        Some(Recovery { method_used, trusted }) => {
+            let trust = trusted.map_or("", |trusted| if trusted { ", trusted" } else { ", not trusted" });
+            format!("{}: {method_used}{trust}", stream.name)
+        }
     };
-    Some(format!("{method_used}{trust}"))
+    let picture = stream.annotated.as_deref().and_then(|topic| picture(&image(out, topic)?.frame));
+    let boxes: Vec<Detection> = found(out, &stream.detections).unwrap_or_default();
+    (title, picture, boxes.into_iter().map(|found| found.class).collect())
 }
 
 /// A frame as it is. `None` unless it is 8-bit RGB.

@@ -215,6 +215,17 @@ impl fmt::Display for Point {
     }
 }
 
+/// A cell, the frames that it sees, and the file of its model.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CellKey {
+    /// The stream and its settings.
+    pub point: Point,
+    /// The camera and how its images are read, as in the names of the files of frames.
+    pub frames: String,
+    /// sha256 of the model, hexadecimal.
+    pub model: String,
+}
+
 /// The figures of one cell.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Cell {

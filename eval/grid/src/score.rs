@@ -19,9 +19,9 @@ use crate::data::LabelNames;
 use crate::frames::FrameRecord;
 use crate::metric::{bootstrap, latency};
 use crate::quality::{ImageSimilarity, RECOVERY_DEFINITION, RecoveryQuality};
-use crate::results::{Cell, ClassScore, FIGURES, Input, Point, Results, Setup};
-use crate::store::{CellKey, Folder, FrameFound};
-use crate::stored::{IDEAL, Scene, Stored, StoredCell};
+use crate::results::{Cell, CellKey, ClassScore, FIGURES, Input, Point, Results, Setup};
+use crate::store::{CellSlice, Folder, FrameFound};
+use crate::stored::{IDEAL, Scene, Stored};
 use crate::verdict::{self, Judged};
 
 /// Least share of exact wrap counts of a frame that may be trusted: docs/explanation/trust.md promises it.
@@ -71,21 +71,18 @@ pub fn score(folders: &[Folder], options: &ScoreOptions) -> Result<Results, Grid
         ..Setup::default()
     };
     let mut cells = Vec::new();
-    for stored_cell in stored.cells() {
-        let StoredCell { key: CellKey { point, frames, model }, classes, found } = stored_cell?;
-        let Some(scene) = stored.scenes.get(&frames) else { continue };
-        let other = setup.models.insert(point.model.clone(), model.clone()).filter(|other| *other != model);
-        if other.is_some() {
-            let why =
-                format!("two files were model {} in the cells, which cannot be shown together", point.model);
+    rules.score(&stored, |scorer| {
+        let CellKey { point: Point { model: name, .. }, model, .. } = &scorer.cell.key;
+        if setup.models.insert(name.clone(), model.clone()).is_some_and(|other| other != *model) {
+            let why = format!("two files were model {name} in the cells, which cannot be shown together");
             return Err(GridError::of_file(folders[0].path(), why));
         }
-        let scorer = Scorer::new(&rules, (scene, &found), &point, &classes);
         input.drawn = Some(scorer.units.drawn);
         scorer.note_classes(&mut input.without_twin);
         setup.class_map.clone_from(&scorer.map.table);
-        cells.push(scorer.cell(point.clone()));
-    }
+        cells.push(scorer.figures());
+        Ok(())
+    })?;
     cells.sort_by(|(a, _), (b, _)| a.point.order(&b.point));
     let (mut cells, judged): (Vec<Cell>, Vec<Judged>) = cells.into_iter().unzip();
     for folder in folders {
@@ -113,21 +110,6 @@ fn take_times(folder: &Folder, cells: &mut [Cell]) -> Result<(), GridError> {
         }
     }
     Ok(())
-}
-
-/// Passes each cell in `folders` to `with`, with the frames that it is scored on.
-pub(crate) fn scorers(
-    folders: &[Folder],
-    options: &ScoreOptions,
-    mut with: impl FnMut(&Point, &Scorer<'_>) -> Result<(), GridError>,
-) -> Result<(), GridError> {
-    let stored = Stored::read(folders)?;
-    let rules = Rules::new(&stored, options)?;
-    stored.cells().try_for_each(|cell| {
-        let StoredCell { key: CellKey { point, frames, .. }, classes, found } = cell?;
-        let scene = stored.scenes.get(&frames);
-        scene.map_or(Ok(()), |scene| with(&point, &Scorer::new(&rules, (scene, &found), &point, &classes)))
-    })
 }
 
 fn distinct(texts: impl Iterator<Item = String>) -> String {
@@ -161,20 +143,22 @@ fn input(stored: &Stored) -> Input {
 }
 
 /// The rules of scoring.
-struct Rules {
+pub(crate) struct Rules {
     class_map: Option<ClassMap>,
-    groups: ClassGroups,
+    /// The groups in which classes are scored.
+    pub groups: ClassGroups,
     /// Whether each class is a group of its own.
     by_class: bool,
     /// Whether the user has named the groups, which are scored then whatever the model knows.
     are_given: bool,
-    difficulty: Difficulty,
+    /// The objects that are scored.
+    pub difficulty: Difficulty,
     /// A line about labels that no group holds.
     unnamed: Option<String>,
 }
 
 impl Rules {
-    fn new(stored: &Stored, options: &ScoreOptions) -> Result<Self, GridError> {
+    pub(crate) fn new(stored: &Stored, options: &ScoreOptions) -> Result<Self, GridError> {
         let class_map = options.class_map.as_deref().map(ClassMap::read).transpose()?;
         let mut groups =
             options.groups.as_deref().map_or_else(|| Ok(ClassGroups::default()), ClassGroups::read)?;
@@ -207,6 +191,19 @@ impl Rules {
         })
     }
 
+    /// Passes each cell to `with`, with the frames that it is scored on.
+    pub(crate) fn score(
+        &self,
+        stored: &Stored,
+        mut with: impl FnMut(&Scorer<'_>) -> Result<(), GridError>,
+    ) -> Result<(), GridError> {
+        stored.cells().try_for_each(|cell| {
+            let cell = cell?;
+            let scene = stored.scenes.get(&cell.key.frames);
+            scene.map_or(Ok(()), |scene| with(&Scorer::new(self, scene, &cell)))
+        })
+    }
+
     /// The mapping from the classes of a model to those of the labels.
     fn map(&self, names: LabelNames) -> ClassMap {
         match &self.class_map {
@@ -218,7 +215,7 @@ impl Rules {
 }
 
 /// A frame that is scored.
-pub struct ScoredFrame<'a> {
+pub(crate) struct ScoredFrame<'a> {
     /// The frame.
     pub record: &'a FrameRecord,
     /// Its labelled objects.
@@ -228,100 +225,70 @@ pub struct ScoredFrame<'a> {
 }
 
 /// The ground truth and what a cell has found in it.
-pub struct Scorer<'a> {
+pub(crate) struct Scorer<'a> {
+    /// How it is scored.
+    pub rules: &'a Rules,
+    /// The cell.
+    pub cell: &'a CellSlice,
     /// The labelled frames.
     pub frames: Vec<ScoredFrame<'a>>,
     /// Mapping from the classes of the model to those of the labels.
     map: ClassMap,
-    /// The groups in which classes are scored.
-    pub groups: &'a ClassGroups,
-    /// The classes of the labels that the model can find.
+    /// The classes of the labels, and those of them that the model can find.
+    labels: BTreeSet<String>,
     mapped: BTreeSet<String>,
-    model: &'a str,
-    classes: &'a [String],
-    are_groups_given: bool,
-    /// The objects that are scored.
-    pub difficulty: Difficulty,
     units: bootstrap::Units,
-    /// The number of frames without an answer, labelled or not.
-    unanswered: usize,
-    /// The quality of the images of all frames, labelled or not.
-    recoveries: Vec<RecoveryQuality>,
 }
 
 /// Detections of each frame, in the classes of the labels.
-pub type Found = Vec<Vec<Detection>>;
+pub(crate) type Found = Vec<Vec<Detection>>;
 
 impl<'a> Scorer<'a> {
     /// The labelled frames of `scene` that a cell has seen.
-    fn new(
-        rules: &'a Rules,
-        (scene, found): (&'a Scene, &'a BTreeMap<usize, FrameFound>),
-        point: &'a Point,
-        classes: &'a [String],
-    ) -> Self {
-        let scored = |(place, record): (&usize, &'a FrameRecord)| {
-            Some(ScoredFrame { record, truth: record.truth.as_deref()?, found: found.get(place)? })
+    fn new(rules: &'a Rules, scene: &'a Scene, cell: &'a CellSlice) -> Self {
+        let scored = |found: &'a FrameFound| {
+            let record = scene.frames.get(&found.place)?;
+            Some(ScoredFrame { record, truth: record.truth.as_deref()?, found })
         };
-        let frames: Vec<ScoredFrame<'a>> = scene.frames.iter().filter_map(scored).collect();
+        let frames: Vec<ScoredFrame<'a>> = cell.frames.iter().filter_map(scored).collect();
         let drives: Vec<_> = frames.iter().map(|frame| frame.record.drive.clone()).collect();
         // All cells and reports use the same draws.
         let units = bootstrap::Units::new(&drives, 0);
         let map = rules.map(scene.names);
-        let labels: BTreeSet<String> = frames
-            .iter()
-            .flat_map(|frame| frame.truth)
-            .map(|label| label.class.clone())
-            .filter(|class| class != DONT_CARE)
-            .collect();
-        let known: BTreeSet<String> = classes.iter().filter_map(|class| map.mapped(class)).collect();
+        let classes = frames.iter().flat_map(|frame| frame.truth).map(|label| &label.class);
+        let labels: BTreeSet<String> = classes.filter(|class| *class != DONT_CARE).cloned().collect();
+        let known: BTreeSet<String> = cell.classes.iter().filter_map(|class| map.mapped(class)).collect();
         // A model without class names may find every class.
-        let mapped = if classes.is_empty() { labels } else { labels.intersection(&known).cloned().collect() };
-        let recoveries = found.values().filter_map(|frame| frame.recovery.clone()).collect();
-        let unanswered = found.values().filter(|frame| frame.boxes.is_none()).count();
-        Self {
-            recoveries,
-            unanswered,
-            frames,
-            map,
-            groups: &rules.groups,
-            are_groups_given: rules.are_given,
-            mapped,
-            model: &point.model,
-            classes,
-            difficulty: rules.difficulty,
-            units,
-        }
+        let can_find = |class: &&String| cell.classes.is_empty() || known.contains(*class);
+        let mapped = labels.iter().filter(can_find).cloned().collect();
+        Self { rules, cell, frames, map, labels, mapped, units }
     }
 
     /// Notes the classes without a counterpart.
     fn note_classes(&self, without_twin: &mut BTreeMap<String, Vec<String>>) {
-        let labels: BTreeSet<&String> = self
-            .frames
-            .iter()
-            .flat_map(|frame| frame.truth)
-            .map(|label| &label.class)
-            .filter(|class| *class != DONT_CARE)
-            .collect();
-        let of_labels = labels.into_iter().filter(|class| !self.mapped.contains(*class)).cloned();
-        without_twin.insert(format!("labels, for {}", self.model), of_labels.collect());
-        let of_model = self.classes.iter().filter(|class| self.map.mapped(class).is_none()).cloned();
-        without_twin.insert(self.model.to_owned(), of_model.collect());
+        let model = &self.cell.key.point.model;
+        let of_labels = self.labels.difference(&self.mapped).cloned().collect();
+        without_twin.insert(format!("labels, for {model}"), of_labels);
+        let of_model = self.cell.classes.iter().filter(|class| self.map.mapped(class).is_none()).cloned();
+        without_twin.insert(model.clone(), of_model.collect());
     }
 
-    /// The figures of the cell at `point`.
-    fn cell(&self, point: Point) -> (Cell, Judged) {
-        let found = self.mapped_detections();
+    /// The figures of the cell, and what a verdict on it is based on.
+    fn figures(&self) -> (Cell, Judged) {
+        let (point, found) = (&self.cell.key.point, self.mapped_detections());
         let (groups, unknown) = self.groups(&found);
-        let judged = self.judged(&point, &groups);
+        let scored = groups.iter().filter(|(_, images)| objects(images) > 0);
+        let samples = scored.map(|(group, images)| ((*group).to_owned(), average::Sample::new(images, 0.5)));
+        let (units, frames) = (self.units.clone(), self.frames.len());
+        let judged = Judged { point: point.clone(), samples: samples.collect(), units, frames };
         let mut interval95 = self.intervals(&groups);
         interval95.extend(
             self.units.interval(|times| judged.ap50(times)).map(|bounds| ("ap50".to_owned(), bounds)),
         );
         let cell = Cell {
-            point,
-            frames: self.frames.len(),
-            unanswered: self.unanswered,
+            point: point.clone(),
+            frames,
+            unanswered: self.cell.frames.iter().filter(|frame| frame.boxes.is_none()).count(),
             ap50: by_group(&groups, |images| average::ap(images, 0.5)),
             ap50_95: average::mean(groups.values().filter_map(|images| average::ap50_95(images))),
             objects: by_group(&groups, objects),
@@ -330,51 +297,49 @@ impl<'a> Scorer<'a> {
             difficulty: self.difficulties(&found),
             interval95,
             // The times are measured in a pass of their own.
-            ..recovered(&self.recoveries)
+            ..recovered(self.cell.frames.iter().filter_map(|frame| frame.recovery.as_ref()))
         };
         (cell, judged)
     }
 
     /// The images of each group, and the number of objects of those that the model has no class for.
     fn groups(&self, found: &Found) -> (BTreeMap<&str, Vec<ImageBoxes>>, BTreeMap<String, usize>) {
-        let of = |group| (group, self.of_group(found, group, self.difficulty));
-        let mut groups: BTreeMap<&str, Vec<ImageBoxes>> = self.groups.names().into_iter().map(of).collect();
+        let of = |group| (group, self.of_group(found, group, self.rules.difficulty));
+        let mut groups: BTreeMap<&str, Vec<ImageBoxes>> =
+            self.rules.groups.names().into_iter().map(of).collect();
         let unknown = groups.extract_if(.., |group, images| objects(images) > 0 && !self.knows(group));
         let unknown = unknown.map(|(group, images)| (group.to_owned(), objects(&images))).collect();
         (groups, unknown)
     }
 
-    /// What a verdict on the cell at `point` is based on.
-    fn judged(&self, point: &Point, groups: &BTreeMap<&str, Vec<ImageBoxes>>) -> Judged {
-        let scored = groups.iter().filter(|(_, images)| objects(images) > 0);
-        let samples = scored.map(|(group, images)| ((*group).to_owned(), average::Sample::new(images, 0.5)));
-        let (units, frames) = (self.units.clone(), self.frames.len());
-        Judged { point: point.clone(), samples: samples.collect(), units, frames }
-    }
-
     /// Whether the model has a class of a group.
     fn knows(&self, group: &str) -> bool {
-        let of_model = self.classes.iter().filter_map(|class| self.map.mapped(class));
-        self.are_groups_given
-            || self.classes.is_empty()
-            || of_model.into_iter().any(|class| self.groups.of(&class) == Some(group))
+        let mut of_model = self.cell.classes.iter().filter_map(|class| self.map.mapped(class));
+        self.rules.are_given
+            || self.cell.classes.is_empty()
+            || of_model.any(|class| self.rules.groups.of(&class) == Some(group))
     }
 
     /// The detections in the classes of the labels. Classes without a counterpart are dropped.
-    pub(crate) fn mapped_detections(&self) -> Found {
+    pub fn mapped_detections(&self) -> Found {
         self.frames.iter().map(|frame| self.map.all(frame.found.boxes.iter().flatten())).collect()
     }
 
-    fn of_group(&self, found: &Found, group: &str, difficulty: Difficulty) -> Vec<ImageBoxes> {
-        self.images(found, difficulty, |class| self.groups.membership(class, group))
+    /// The boxes of a group in each frame.
+    pub fn of_group(&self, found: &Found, group: &str, difficulty: Difficulty) -> Vec<ImageBoxes> {
+        self.images(found, difficulty, |class| self.rules.groups.membership(class, group))
     }
 
     /// The images for one class. Classes of its group that the model cannot find are ignored.
     fn of_class(&self, found: &Found, class: &str) -> Vec<ImageBoxes> {
-        let group = self.groups.of(class);
-        self.images(found, self.difficulty, |other| match other {
+        let group = self.rules.groups.of(class);
+        self.images(found, self.rules.difficulty, |other| match other {
             other if other == class => Membership::Member,
-            other if group.is_some() && self.groups.of(other) == group && !self.mapped.contains(other) => {
+            other
+                if group.is_some()
+                    && self.rules.groups.of(other) == group
+                    && !self.mapped.contains(other) =>
+            {
                 Membership::Ignored
             }
             _ => Membership::Other,
@@ -402,7 +367,7 @@ impl<'a> Scorer<'a> {
     }
 
     fn difficulties(&self, found: &Found) -> BTreeMap<Difficulty, BTreeMap<String, Option<f64>>> {
-        let groups = self.groups.names();
+        let groups = self.rules.groups.names();
         let score = |difficulty: Difficulty| {
             let ap = |group: &&str| {
                 (String::from(*group), average::ap(&self.of_group(found, group, difficulty), 0.5))
@@ -423,8 +388,7 @@ impl<'a> Scorer<'a> {
 }
 
 /// A cell with the figures of its recovered or saturated images alone.
-fn recovered(all: &[RecoveryQuality]) -> Cell {
-    let recoveries = all.iter();
+fn recovered<'a>(recoveries: impl Iterator<Item = &'a RecoveryQuality> + Clone) -> Cell {
     let samples: u64 = recoveries.clone().map(|r| r.samples).sum();
     let exact: u64 = recoveries.clone().map(|r| r.exact).sum();
     let (psnr_db, ssim) = ImageSimilarity::mean(recoveries.clone().map(|r| &r.ideal));

@@ -16,7 +16,7 @@ use sha2::{Digest as _, Sha256};
 
 use crate::frames::{FrameRecord, Slice};
 use crate::quality::RecoveryQuality;
-use crate::results::{CellTimes, FIGURES, Point, RESULTS, Results};
+use crate::results::{CellKey, CellTimes, FIGURES, Point, RESULTS, Results};
 use crate::{GridError, rows};
 
 /// The file that marks a folder of results.
@@ -49,17 +49,6 @@ pub struct CellSlice {
     pub places: [usize; 2],
     /// The frames.
     pub frames: Vec<FrameFound>,
-}
-
-/// A cell, the frames that it sees, and the file of its model.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct CellKey {
-    /// The stream and its settings.
-    pub point: Point,
-    /// The camera and how its images are read, as in the names of the files of frames.
-    pub frames: String,
-    /// sha256 of the model, hexadecimal.
-    pub model: String,
 }
 
 /// A frame of a cell.
@@ -143,19 +132,20 @@ impl Folder {
     /// # Errors
     /// Those of [`Folder::take`].
     pub fn open(path: &Path, fresh: bool) -> Result<Self, GridError> {
-        let taken = Self::take(Some(path))?;
+        let _taken = Self::take(Some(path))?;
         let folder = Self { path: path.to_owned() };
-        match fresh {
-            true => [FRAMES, CELLS, PLANS, TIMES].iter().try_for_each(|name| folder.remove(name))?,
-            false if path.join(MARKER).exists() => folder.check()?,
-            false => {}
+        for old in [FRAMES, CELLS, PLANS, TIMES].map(|name| path.join(name)).iter().filter(|_| fresh) {
+            match fs::remove_dir_all(old) {
+                Err(why) if why.kind() != ErrorKind::NotFound => return Err(GridError::io(old, why)),
+                _ => {}
+            }
         }
-        if !path.join(MARKER).exists() {
+        if fresh || !path.join(MARKER).exists() {
             let program = concat!("modulo ", env!("CARGO_PKG_VERSION")).to_owned();
             folder.put(MARKER, &Marker { format: FIGURES, program })?;
+            return Ok(folder);
         }
-        drop(taken);
-        Ok(folder)
+        Self::existing(path)
     }
 
     /// Opens a folder to read it.
@@ -163,37 +153,21 @@ impl Folder {
     /// # Errors
     /// [`GridError`] of a folder without results, or with those of another version.
     pub fn existing(path: &Path) -> Result<Self, GridError> {
-        let folder = Self { path: path.to_owned() };
-        folder.check()?;
-        Ok(folder)
-    }
-
-    fn check(&self) -> Result<(), GridError> {
-        let path = self.path.join(MARKER);
-        let Some(marker) = read::<Marker>(&path)? else {
-            if self.path.join(RESULTS).exists() {
-                return Err(GridError::of_file(&self.path, OLDER));
+        let marker = path.join(MARKER);
+        let Some(Marker { format, program }) = read::<Marker>(&marker)? else {
+            if path.join(RESULTS).exists() {
+                return Err(GridError::of_file(path, OLDER));
             }
             let why = "there are no results; modulo eval --out writes them";
-            return Err(GridError::Results(format!("{}: {why}", path.display())));
+            return Err(GridError::Results(format!("{}: {why}", marker.display())));
         };
-        if marker.format == FIGURES {
-            return Ok(());
+        if format == FIGURES {
+            return Ok(Self { path: path.to_owned() });
         }
-        let Marker { format, program } = marker;
         let why = format!(
             "holds results of {program} in format {format}, and this version has {FIGURES}; choose another folder"
         );
-        Err(GridError::of_file(&self.path, why))
-    }
-
-    /// Removes a folder of this version.
-    fn remove(&self, name: &str) -> Result<(), GridError> {
-        let path = self.path.join(name);
-        match fs::remove_dir_all(&path) {
-            Err(why) if why.kind() != ErrorKind::NotFound => Err(GridError::io(&path, why)),
-            _ => Ok(()),
-        }
+        Err(GridError::of_file(path, why))
     }
 
     /// Returns the path of the folder.
@@ -234,7 +208,7 @@ impl Folder {
     }
 
     /// Stores the points that a run was asked for.
-    pub fn put_plan(&self, points: &[Point]) -> Result<(), GridError> {
+    pub fn put_plan(&self, points: &[&Point]) -> Result<(), GridError> {
         self.put(&format!("{PLANS}/{}.json", digest(&points)), &points)
     }
 
@@ -285,33 +259,27 @@ impl Folder {
         Ok(names)
     }
 
+    /// Returns the content of the files in a folder of this one, each with its name up to the first point.
     fn all<T: DeserializeOwned>(&self, folder: &str) -> Result<Vec<(String, T)>, GridError> {
-        let mut all = Vec::new();
-        for name in self.files(folder)? {
-            let value = read(&self.path.join(folder).join(&name))?;
-            all.extend(value.map(|value| (name, value)));
-        }
-        Ok(all)
+        let read = |(name, path): (String, PathBuf)| Ok(read(&path)?.map(|value| (name, value)));
+        self.named(folder)?.into_iter().map(read).filter_map(Result::transpose).collect()
     }
 
-    /// Returns the frames, by the name of their data.
-    pub fn slices(&self) -> Result<BTreeMap<String, Vec<Slice>>, GridError> {
-        let mut slices: BTreeMap<String, Vec<Slice>> = BTreeMap::new();
-        for (file, slice) in self.all::<Slice>(FRAMES)? {
-            let name = file.split('.').next().unwrap_or_default();
-            slices.entry(name.to_owned()).or_default().push(slice);
-        }
-        Ok(slices)
+    /// Returns the paths of the files in a folder of this one, each with its name up to the first point.
+    fn named(&self, folder: &str) -> Result<Vec<(String, PathBuf)>, GridError> {
+        let path = |file: &String| self.path.join(folder).join(file);
+        let name = |file: &String| file.split('.').next().unwrap_or_default().to_owned();
+        Ok(self.files(folder)?.iter().map(|file| (name(file), path(file))).collect())
     }
 
-    /// Returns the names of the files of each cell.
-    pub fn cells(&self) -> Result<BTreeMap<String, Vec<PathBuf>>, GridError> {
-        let mut cells: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
-        for file in self.files(CELLS)? {
-            let name = file.split('.').next().unwrap_or_default().to_owned();
-            cells.entry(name).or_default().push(self.path.join(CELLS).join(&file));
-        }
-        Ok(cells)
+    /// Returns the frames, with the name of their data.
+    pub fn slices(&self) -> Result<Vec<(String, Slice)>, GridError> {
+        self.all(FRAMES)
+    }
+
+    /// Returns the files of the cells, with the name of the cell.
+    pub fn cells(&self) -> Result<Vec<(String, PathBuf)>, GridError> {
+        self.named(CELLS)
     }
 
     /// Returns the points that runs were asked for.

@@ -10,7 +10,7 @@ use crate::GridError;
 use crate::data::LabelNames;
 use crate::frames::{FrameRecord, Slice};
 use crate::pictures::LEAST_SHOWN;
-use crate::store::{self, CellKey, CellSlice, Folder, FrameFound};
+use crate::store::{self, CellSlice, Folder, FrameFound};
 
 /// The stream of what a camera without a limit of light would take.
 pub const IDEAL: &str = "ideal";
@@ -65,17 +65,6 @@ pub struct Stored {
     files: BTreeMap<String, Vec<PathBuf>>,
 }
 
-/// What is stored of a cell.
-#[derive(Default)]
-pub struct StoredCell {
-    /// The cell.
-    pub key: CellKey,
-    /// The classes that its model knows.
-    pub classes: Vec<String>,
-    /// What it has found, by the places of the frames.
-    pub found: BTreeMap<usize, FrameFound>,
-}
-
 impl Stored {
     /// Reads the frames in folders.
     ///
@@ -84,12 +73,11 @@ impl Stored {
     pub fn read(folders: &[Folder]) -> Result<Self, GridError> {
         let mut stored = Self { scenes: BTreeMap::new(), files: BTreeMap::new() };
         for folder in folders {
-            for (name, slices) in folder.slices()? {
-                let scene = stored.scenes.entry(name).or_default();
-                slices.into_iter().try_for_each(|slice| scene.add(folder, slice))?;
+            for (name, slice) in folder.slices()? {
+                stored.scenes.entry(name).or_default().add(folder, slice)?;
             }
-            for (name, own) in folder.cells()? {
-                stored.files.entry(name).or_default().extend(own);
+            for (name, file) in folder.cells()? {
+                stored.files.entry(name).or_default().push(file);
             }
         }
         Ok(stored)
@@ -110,8 +98,10 @@ impl Stored {
         let [ideal] = &cells[..] else { return Ok(None) };
         let Some(scene) = self.scenes.get_mut(&ideal.key.frames) else { return Ok(None) };
         scene.names = LabelNames::Model;
+        let found: BTreeMap<usize, &FrameFound> =
+            ideal.frames.iter().map(|frame| (frame.place, frame)).collect();
         for (place, frame) in &mut scene.frames {
-            let boxes = ideal.found.get(place).and_then(|found| found.boxes.as_ref());
+            let boxes = found.get(place).and_then(|found| found.boxes.as_ref());
             let label = |Detection { bbox, class, .. }: &Detection| GroundTruth {
                 bbox: *bbox,
                 class: class.clone(),
@@ -129,18 +119,19 @@ impl Stored {
         )))
     }
 
-    /// Reads each cell.
-    pub fn cells(&self) -> impl Iterator<Item = Result<StoredCell, GridError>> {
+    /// Reads each cell, all slices of it as one.
+    pub fn cells(&self) -> impl Iterator<Item = Result<CellSlice, GridError>> {
         self.files.values().map(|paths| {
-            let mut cell = StoredCell::default();
+            let (mut cell, mut found) = (CellSlice::default(), BTreeMap::new());
             for path in paths {
-                let Some(CellSlice { key, classes, frames, .. }) = store::read(path)? else { continue };
-                cell.key = key;
-                if !classes.is_empty() {
-                    cell.classes = classes;
+                let Some(slice) = store::read::<CellSlice>(path)? else { continue };
+                cell.key = slice.key;
+                if !slice.classes.is_empty() {
+                    cell.classes = slice.classes;
                 }
-                cell.found.extend(frames.into_iter().map(|frame| (frame.place, frame)));
+                found.extend(slice.frames.into_iter().map(|frame| (frame.place, frame)));
             }
+            cell.frames = found.into_values().collect();
             Ok(cell)
         })
     }

@@ -11,17 +11,17 @@ use clap::Args;
 use clap::builder::RangedU64ValueParser;
 use modulo_detector::Sessions;
 use modulo_runtime::Clock;
-use modulo_runtime::clock::cpu_time_ns;
+use modulo_runtime::clock::{cpu_time_ns, utc};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
 
 use crate::GridError;
-use crate::chain::{Chain, boxes_are_there};
+use crate::chain::Chain;
 use crate::feeds::Feed;
-use crate::frames::{Frames, Walk};
-use crate::handed::HandedFrame;
+use crate::frames::{Frames, HandedFrame, Walk};
 use crate::labels::SENSE;
+use crate::messages::found;
 use crate::metric::latency;
 use crate::plan::Cell;
 use crate::progress::GridEvent;
@@ -41,12 +41,6 @@ pub struct Timing {
     /// Threads of one inference where times are measured. 0: one for each core, as the detector node has it
     #[arg(long, default_value_t = 0, value_parser = RangedU64ValueParser::<usize>::new().range(..=64))]
     pub threads: usize,
-    /// Name of the machine and time of the start, which name the pass.
-    #[arg(skip)]
-    pub pass: String,
-    /// Name of the processor.
-    #[arg(skip)]
-    pub processor: String,
 }
 
 /// (stage, nanoseconds) in the order of the stages.
@@ -68,11 +62,24 @@ impl Clock for SwitchClock<'_> {
     }
 }
 
+/// The name of a pass: the machine, and the time of the start.
+fn pass(clock: &dyn Clock) -> String {
+    let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_else(|_| "unknown".into());
+    format!("{} {}Z", host.trim(), utc(clock.now_ns() / 1_000_000_000).replace(' ', "T"))
+}
+
+/// The model of the processor, or its architecture.
+fn processor() -> String {
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+    match model {
+        Some((_, name)) => name.split_whitespace().collect::<Vec<_>>().join(" "),
+        None => std::env::consts::ARCH.to_owned(),
+    }
+}
+
 /// Measures the times of the cells of `feeds` if some of them have none or were measured in another pass, and stores them. Returns whether it
 /// did.
-///
-/// # Errors
-/// [`GridError`] of a node that fails, and of a file that cannot be written.
 pub fn measure(
     timing: &Timing,
     folder: &Folder,
@@ -80,11 +87,11 @@ pub fn measure(
     feeds: &mut [Feed<'_>],
     (results, tell): (&Results, &(dyn Fn(GridEvent<'_>) + Sync)),
 ) -> Result<bool, GridError> {
-    let pass = |point: &Point| {
-        let cell = results.cells.iter().find(|cell| cell.point == *point);
-        cell.and_then(|cell| Some(cell.frame_ms.as_ref()?.pass.clone()))
+    let known = |own: &Cell<'_>| {
+        let cell = results.cells.iter().find(|cell| cell.point == own.key.point)?;
+        Some(cell.frame_ms.as_ref()?.pass.clone())
     };
-    let mut passes = feeds.iter().flat_map(|feed| &feed.cells).map(|cell| pass(&cell.point));
+    let mut passes = feeds.iter().flat_map(|feed| &feed.cells).map(known);
     let first = passes.next().flatten();
     if first.is_some() && passes.all(|pass| pass == first) {
         return Ok(false);
@@ -92,16 +99,17 @@ pub fn measure(
     let count = feeds.iter().map(|feed| feed.cells.len()).sum::<usize>();
     tell(GridEvent::Cell { frames: (0, (count * timing.time_frames) as u64), name: "times" });
     let clock = SwitchClock { wall: timer, counts_cpu: AtomicBool::new(false) };
-    let mut times = Vec::new();
-    for feed in feeds {
-        for group in
-            feed.cells.chunk_by(|a, b| (&a.point.model, &a.point.input) == (&b.point.model, &b.point.input))
-        {
-            let done = || tell(GridEvent::Frame);
-            times.extend(measure_group(timing, &clock, &mut feed.frames, group, &done)?);
+    let (pass, processor, mut timed) = (pass(timer), processor(), Vec::new());
+    for Feed { frames, cells, .. } in feeds {
+        let detector = |cell: &Cell<'_>| (cell.key.point.model.clone(), cell.key.point.input.clone());
+        for group in cells.chunk_by(|a, b| detector(a) == detector(b)) {
+            timed.extend(measure_group(timing, &clock, frames, group, &|| tell(GridEvent::Frame))?);
         }
     }
-    folder.put_times(&times)?;
+    for (_, CellTimes { frame_ms, device, .. }) in &mut timed {
+        (frame_ms.pass, device.processor) = (pass.clone(), processor.clone());
+    }
+    folder.put_times(&timed)?;
     Ok(true)
 }
 
@@ -128,7 +136,7 @@ fn measure_group(
         chain.complete(Some(&sessions), timing.threads)?;
         timed.push(TimedCell { cell: cell[0], chain, wall: Vec::new(), cpu: Vec::new() });
     }
-    let (mut sizes, mut index, is_still) = (BTreeSet::new(), 0, frames.is_still());
+    let (mut sizes, mut index, is_still) = (BTreeSet::new(), 0, frames.is_still);
     let slice = frames.inspect(0..timing.time_frames)?;
     while index < timing.time_frames && !slice.frames.is_empty() {
         for frame in Walk::new(frames, &slice, false)?.take(timing.time_frames - index) {
@@ -146,7 +154,7 @@ fn measure_group(
             index += 1;
         }
     }
-    Ok(timed.into_iter().filter_map(|one| one.times(timing)).collect())
+    Ok(timed.into_iter().filter_map(TimedCell::times).collect())
 }
 
 impl TimedCell<'_> {
@@ -170,11 +178,11 @@ impl TimedCell<'_> {
     /// The durations of all stages of one frame. `None` if a node gave no answer.
     fn run(&mut self, frame: &HandedFrame, is_still: bool) -> Result<Option<Stages>, GridError> {
         let out = self.chain.tick(frame, is_still)?;
-        Ok(boxes_are_there(self.cell, &out).then(|| self.chain.stages().to_vec()))
+        Ok(found(&out, &self.cell.stream.detections).map(|_| self.chain.stages().to_vec()))
     }
 
     /// The times; without an answered frame there are none.
-    fn times(self, timing: &Timing) -> Option<(Point, CellTimes)> {
+    fn times(self) -> Option<(Point, CellTimes)> {
         let Self { cell, wall, cpu, chain } = self;
         let sums = |frames: &[Stages]| {
             let sum = |frame: &Stages| {
@@ -191,14 +199,14 @@ impl TimedCell<'_> {
         let of =
             |wanted: &str| status.iter().find(|(name, _)| name == wanted).map(|(_, value)| value.clone());
         let device = Device {
-            processor: timing.processor.clone(),
             engine: of("engine").expect("the status of a detector names its engine"),
             threads: of("threads")
                 .and_then(|threads| threads.parse().ok())
                 .expect("the status of a detector has the number of its threads"),
+            ..Device::default()
         };
-        let frame_ms = FrameTime { p50, interval95, cpu_ms, frames: wall.len(), pass: timing.pass.clone() };
+        let frame_ms = FrameTime { p50, interval95, cpu_ms, frames: wall.len(), ..FrameTime::default() };
         let latency_ms = latency::by_stage(wall.iter().map(Vec::as_slice));
-        Some((cell.point.clone(), CellTimes { latency_ms, frame_ms, device }))
+        Some((cell.key.point.clone(), CellTimes { latency_ms, frame_ms, device }))
     }
 }

@@ -5,7 +5,8 @@ use std::str::FromStr;
 
 use clap::Parser;
 use modulo_camera::CameraParameters;
-use modulo_runtime::sensor::options::{SensorCommand, SensorOptions};
+use modulo_detector::EngineChoice;
+use modulo_runtime::sensor::options::{CHIP, CodingOptions, SensorCommand, SensorOptions};
 use modulo_runtime::{ParameterSet as _, Value};
 
 use crate::GridError;
@@ -31,11 +32,6 @@ impl FromStr for Varied {
 }
 
 impl Varied {
-    /// One value of `name`.
-    pub fn one(name: &str, value: String) -> Self {
-        Self::new(name, [value])
-    }
-
     fn new<S: Into<String>>(name: impl Into<String>, values: impl IntoIterator<Item = S>) -> Self {
         Self { name: name.into(), values: values.into_iter().map(Into::into).collect() }
     }
@@ -75,8 +71,12 @@ const METHOD: [&str; 2] = ["unwrap.method", "method"];
 
 /// Short forms of `--vary`. Without a launch file, some of them have several values by default.
 #[derive(Clone, Debug, PartialEq, Parser)]
+#[command(next_help_heading = "Short forms of --vary")]
 #[command(mut_arg("alpha", |option| option.default_value("1.5,2,3,4")))]
 pub struct Axes {
+    /// Parameter file of the camera with the values of the chip and the lens, such as sensors/mosaic.yaml
+    #[arg(long = "sensor", value_name = "FILE", conflicts_with = CHIP)]
+    pub sensor_file: Option<PathBuf>,
     /// Streams to evaluate, of those that detectors read
     /// [default without FILE: ideal,saturated,modulo,recovered]
     #[arg(long, value_delimiter = ',')]
@@ -97,6 +97,18 @@ pub struct Axes {
     /// Input sizes of the model: auto (no resizing) or WIDTHxHEIGHT [default: auto]
     #[arg(long, value_delimiter = ',')]
     pub input: Vec<String>,
+    /// Inference engine
+    #[arg(long, value_parser = words(EngineChoice::WORDS))]
+    pub engine: Option<EngineChoice>,
+    /// Device that runs the model: cpu, cuda or tensorrt, the last two with the number of a GPU where it is not the first
+    #[arg(long)]
+    pub device: Option<String>,
+    /// How the samples of the images stand for radiance.
+    #[command(flatten)]
+    pub coding: CodingOptions,
+    /// Seed of the noise
+    #[arg(long, allow_negative_numbers = true, value_parser = clap::value_parser!(i64).range(0..))]
+    pub seed: Option<i64>,
 }
 
 /// Gives the nodes of the launch file with these arguments.
@@ -135,7 +147,7 @@ impl Axes {
         if let Some(Varied { name, .. }) = varied.iter().find(is_idle) {
             return Err(GridError::value("vary", name, "a parameter that decides boxes or images"));
         }
-        let own = self.varied(is_short, varied);
+        let own = self.varied(is_short, varied)?;
         // A parameter of a node is set after a short form, which is that of all nodes.
         let all: Vec<&Varied> = own.iter().chain(varied).collect();
         refuse_twice(&all)?;
@@ -156,14 +168,19 @@ impl Axes {
     }
 
     /// These options as what varies. What is among `varied` needs no default.
-    fn varied(&self, is_short: bool, varied: &[Varied]) -> Vec<Varied> {
+    fn varied(&self, is_short: bool, varied: &[Varied]) -> Result<Vec<Varied>, GridError> {
+        let mut sensor = self.sensor.clone();
+        if let Some(file) = &self.sensor_file {
+            let chip = CameraParameters::read_sensor(file);
+            sensor.take_chip(&chip.map_err(|why| GridError::Request(why.to_string()))?);
+        }
         let text = |values: &[Value]| values.iter().map(Value::plain).collect::<Vec<_>>();
         let of_sensor =
             |(name, values): &(&str, Vec<Value>)| Varied::new(format!("{CAMERA}.{name}"), text(values));
-        let mut all: Vec<Varied> = self.sensor.given().map(of_sensor).collect();
+        let mut all: Vec<Varied> = sensor.given().map(of_sensor).collect();
         let own = |words: &[&str]| words.iter().map(|&word| word.to_owned()).collect::<Vec<_>>();
         let deblur = self.deblur.map(own).unwrap_or_default();
-        let alphas = self.sensor.sensors(&["alpha"]).into_iter().map(|sensor| sensor.alpha.to_string());
+        let alphas = sensor.sensors().into_iter().map(|sensor| sensor.alpha.to_string());
         let paths = self.model.iter().map(|path| path.display().to_string());
         let axes: [(&str, Vec<String>, Vec<String>); 5] = [
             ("modulo_camera.alpha", Vec::new(), alphas.collect()),
@@ -179,7 +196,17 @@ impl Axes {
             all.push(if needs_default { Varied::new(name, default) } else { axis });
         }
         all.retain(|axis| !axis.values.is_empty());
-        all
+        let CodingOptions { white, black, knees } = &self.coding;
+        let given = [
+            ("detector.engine", self.engine.map(|engine| engine.word().to_owned())),
+            ("detector.device", self.device.clone()),
+            ("modulo_camera.seed", self.seed.map(|seed| seed.to_string())),
+            ("modulo_camera.white", (*white != 0.0).then(|| white.to_string())),
+            ("modulo_camera.black", (*black != 0.0).then(|| black.to_string())),
+            ("modulo_camera.knees", knees.as_ref().map(ToString::to_string)),
+        ];
+        all.extend(given.into_iter().filter_map(|(name, value)| Some(Varied::new(name, [value?]))));
+        Ok(all)
     }
 
     /// The variants of a combination: that of the nodes of the suite, and those whose images no node makes.

@@ -37,9 +37,7 @@ impl Judged {
         let lead = |times: &[u64]| Some(self.ap50(times)? - other.ap50(times)?);
         self.units.interval(lead).is_some_and(|[low, _]| low > 0.0)
     }
-}
 
-impl Judged {
     /// The number of objects of all groups that are found in each frame with a score at which boxes are drawn.
     fn found(&self) -> Vec<u64> {
         let mut found = vec![0; self.frames];

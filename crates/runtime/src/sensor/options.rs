@@ -43,7 +43,7 @@ pub struct SensorOptions<C> {
 impl<C> SensorOptions<C> {
     /// Returns the sensor with the first value of each parameter.
     pub fn first(&self) -> SensorModel {
-        self.sensors(&[]).remove(0)
+        self.sensors().remove(0)
     }
 
     /// Returns the parameters that were given, with their values.
@@ -51,22 +51,18 @@ impl<C> SensorOptions<C> {
         self.values.iter().filter(|(name, _)| self.given.contains(name))
     }
 
-    /// Returns the sensor of each combination of the values of `varied`, the last fastest; other parameters have their
-    /// first.
-    pub fn sensors(&self, varied: &[&str]) -> Vec<SensorModel> {
-        let place = |name: &str| varied.iter().position(|other| *other == name);
-        let mut ordered: Vec<_> = self.values.iter().collect();
-        ordered.sort_by_key(|(name, _)| place(name));
-        let mut all = vec![Parameters::declare(SensorModel::descriptors())];
-        for (name, values) in ordered {
-            let values = if place(name).is_some() { &values[..] } else { &values[..1] };
-            let with = |sensor: &Parameters, value: &Value| {
-                let set = sensor.with(&[((*name).to_owned(), value.clone())], false);
-                set.expect("the command line has refused all other values")
-            };
-            all = all.iter().flat_map(|sensor| values.iter().map(move |value| with(sensor, value))).collect();
-        }
-        all.iter().map(SensorModel::from).collect()
+    /// Returns the sensor of each alpha; other parameters have their first value.
+    pub fn sensors(&self) -> Vec<SensorModel> {
+        let first = self.values.iter().map(|(name, values)| ((*name).to_owned(), values[0].clone()));
+        let first: Vec<(String, Value)> = first.collect();
+        let sensor = Parameters::declare(SensorModel::descriptors());
+        let with = |sensor: &Parameters, pairs: &[_]| {
+            sensor.with(pairs, false).expect("the command line has refused all other values")
+        };
+        let (sensor, alphas) =
+            (with(&sensor, &first), self.values.iter().filter(|(name, _)| *name == "alpha"));
+        let of = |alpha: &Value| (&with(&sensor, &[("alpha".to_owned(), alpha.clone())])).into();
+        alphas.flat_map(|(_, values)| values).map(of).collect()
     }
 
     /// Takes the chip and the lens of `sensor`.

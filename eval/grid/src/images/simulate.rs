@@ -109,7 +109,7 @@ impl SimulationRequest {
             let normal = RefCell::new(model.auto_exposure()?);
             Ok((model, normal))
         };
-        self.sensor.sensors(&["alpha"]).into_iter().map(camera).collect()
+        self.sensor.sensors().into_iter().map(camera).collect()
     }
 
     fn white(&self) -> Result<White, ImageError> {

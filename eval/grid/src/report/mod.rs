@@ -20,6 +20,7 @@ pub fn page(results: &Results, charts: &[NamedChart], picture: Option<&str>) -> 
     let (done, all) = (results.cells.len(), results.setup.grid.len());
     let title = format!("modulo eval: {}", results.setup.source);
     let body = html! {
+        h1 { (title) }
         @if done < all {
             p.warning { (done) " of " (all) " cells are here: this is a part of the grid, or a run that was ended." }
         }
@@ -35,14 +36,9 @@ pub fn page(results: &Results, charts: &[NamedChart], picture: Option<&str>) -> 
         @if !charts.is_empty() { (figures(charts)) }
         (tables::cells(results))
         (setup(results))
+        script { (PreEscaped(include_str!("sort.js"))) }
     };
-    html(&title, body)
-}
-
-/// A page with the style of all reports, whose tables can be sorted.
-pub(crate) fn html(title: &str, body: Markup) -> String {
-    let body = html! { h1 { (title) } (body) script { (PreEscaped(include_str!("sort.js"))) } };
-    html_page(title, include_str!("style.css"), body)
+    html_page(&title, include_str!("style.css"), body)
 }
 
 /// All charts. The first one of each kind is open.
@@ -123,10 +119,7 @@ pub fn write(folder: &Path, results: &Results) -> Result<PathBuf, GridError> {
 }
 
 /// Writes pictures into `folder`, where [`write()`] finds them.
-///
-/// # Errors
-/// [`GridError`] if they cannot be written.
-pub fn save_pictures(folder: &Path, pictures: &RgbImage) -> Result<(), GridError> {
+pub(crate) fn save_pictures(folder: &Path, pictures: &RgbImage) -> Result<(), GridError> {
     let path = folder.join(GRID);
     // Another process on this folder may read it at any time.
     let unfinished = folder.join(format!("{}.{GRID}", std::process::id()));

@@ -121,8 +121,10 @@ pub fn cells(results: &Results) -> Markup {
     let timed = |stage: &&str| results.cells.iter().any(|cell| cell.latency_ms.contains_key(*stage));
     let stages: Vec<&str> = STAGES.into_iter().filter(timed).collect();
     let settings = GridSetting::columns(&results.cells);
-    let columns = (&settings[..], &groups[..], &stages[..]);
-    let rows: Vec<Vec<Td>> = results.cells.iter().map(|cell| cell_row(cell, columns)).collect();
+    let row = |cell: &Cell| cell_row(cell, (&settings, &groups, &stages)).into_iter().unzip();
+    // Without a cell, the head is there all the same.
+    let (head, _): (Vec<String>, Vec<Td>) = row(results.cells.first().unwrap_or(&Cell::default()));
+    let rows: Vec<Vec<Td>> = results.cells.iter().map(|cell| row(cell).1).collect();
     html! {
         h2 { "All cells" }
         p {
@@ -130,58 +132,51 @@ pub fn cells(results: &Results) -> Markup {
             "other ones, and a trusted frame is wrong if less than 99.9 % of its samples are exact. Click on the name of a column to sort by it. These and more "
             "figures are in results.json beside this page, and the boxes of each frame in the folder cells."
         }
-        (table(&cell_head(columns), &rows))
+        (table(&head, &rows))
     }
 }
 
-/// The columns of the table of all cells: settings, groups, stages.
-type Columns<'a> = (&'a [GridSetting], &'a [String], &'a [&'a str]);
-
-fn cell_head((settings, groups, stages): Columns<'_>) -> Vec<String> {
-    let settings = settings.iter().map(|setting| setting.column());
-    let point = std::iter::once("stream".to_owned()).chain(settings);
-    let point = point.chain(["model", "input", "frames"].map(str::to_owned));
-    let ap50 = groups.iter().map(|group| format!("AP50 {group}"));
-    let figures = [
-        "AP50:95",
-        "exact samples",
-        "wholly exact frames",
-        "trusted frames",
-        "trusted but wrong frames",
-        "PSNR dB",
-        "SSIM",
-        "ms a frame",
-        "CPU ms",
-    ];
-    let stages = stages.iter().map(|stage| format!("{stage} ms p50 / p95 / p99"));
-    point.chain(ap50).chain(figures.map(str::to_owned)).chain(stages).collect()
-}
-
-fn cell_row(cell: &Cell, (settings, groups, stages): Columns<'_>) -> Vec<Td> {
+/// The columns of a cell with their names: settings, figures, `groups` and `stages`.
+fn cell_row(
+    cell: &Cell,
+    (settings, groups, stages): (&[GridSetting], &[String], &[&str]),
+) -> Vec<(String, Td)> {
     let point = &cell.point;
-    let mut row = vec![Td::Text(labels::stream(point))];
-    row.extend(settings.iter().map(|setting| Td::setting(setting.of(point))));
-    row.extend([point.model.clone(), point.input.clone()].map(Td::Text));
-    row.push(Td::Number(frames(cell), Some(cell.frames as f64)));
-    row.extend(groups.iter().map(|group| Td::percent(cell.ap50_of(group))));
-    row.push(Td::percent(cell.ap50_95));
-    row.extend([cell.exact_k, cell.exact_frames, cell.trusted].map(Td::percent));
-    row.push(Td::number(cell.trusted_wrong.map(|count| count as f64), 0));
-    row.extend([Td::number(cell.psnr_db, 2), Td::number(cell.ssim, 4)]);
-    let time = cell.frame_ms.as_ref();
-    let text = time.map(|time| {
-        let [p50, low, high] = [time.p50, time.interval95[0], time.interval95[1]].map(|ms| number(ms, 1));
-        format!("{p50} ({low} to {high})")
-    });
-    row.push(Td::Number(text.unwrap_or_else(|| "-".to_owned()), time.map(|time| time.p50)));
-    row.push(Td::number(time.map(|time| time.cpu_ms), 1));
+    let of = |name: &str, td| (name.to_owned(), td);
+    let mut row = vec![of("stream", Td::Text(labels::stream(point)))];
+    row.extend(settings.iter().map(|setting| (setting.column(), Td::setting(setting.of(point)))));
+    row.extend([
+        of("model", Td::Text(point.model.clone())),
+        of("input", Td::Text(point.input.clone())),
+        of("frames", Td::Number(frames(cell), Some(cell.frames as f64))),
+    ]);
+    row.extend(groups.iter().map(|group| (format!("AP50 {group}"), Td::percent(cell.ap50_of(group)))));
+    row.extend([
+        of("AP50:95", Td::percent(cell.ap50_95)),
+        of("exact samples", Td::percent(cell.exact_k)),
+        of("wholly exact frames", Td::percent(cell.exact_frames)),
+        of("trusted frames", Td::percent(cell.trusted)),
+        of("trusted but wrong frames", Td::number(cell.trusted_wrong.map(|count| count as f64), 0)),
+        of("PSNR dB", Td::number(cell.psnr_db, 2)),
+        of("SSIM", Td::number(cell.ssim, 4)),
+        of("ms a frame", time(cell)),
+        of("CPU ms", Td::number(cell.frame_ms.as_ref().map(|time| time.cpu_ms), 1)),
+    ]);
     let stage = |stage: &&str| {
         let time = cell.latency_ms.get(*stage);
         let text = time.map(|time| [time.p50, time.p95, time.p99].map(|ms| number(ms, 1)).join(" / "));
-        Td::Number(text.unwrap_or_else(|| "-".to_owned()), time.map(|time| time.p50))
+        let shown = Td::Number(text.unwrap_or_else(|| "-".to_owned()), time.map(|time| time.p50));
+        (format!("{stage} ms p50 / p95 / p99"), shown)
     };
     row.extend(stages.iter().map(stage));
     row
+}
+
+/// The time of a frame with its interval.
+fn time(cell: &Cell) -> Td {
+    let Some(time) = &cell.frame_ms else { return Td::number(None, 1) };
+    let [p50, low, high] = [time.p50, time.interval95[0], time.interval95[1]].map(|ms| number(ms, 1));
+    Td::Number(format!("{p50} ({low} to {high})"), Some(time.p50))
 }
 
 fn frames(cell: &Cell) -> String {

@@ -36,6 +36,24 @@ pub struct Trial {
 }
 
 impl Trial {
+    /// Compares a result with what is expected of it.
+    fn of(row: Row) -> Self {
+        let case = cases().into_iter().find(|case| case.name == row.file).expect("a row is of a case");
+        let expected = case.expected(&row.method);
+        let mut trial = Self { expected: expected.words(), row, verdict: Judgement::Held };
+        trial.verdict = expected.judge(trial.result(), trial.is_trusted(), case.is_observable());
+        trial
+    }
+
+    /// `scene, method: what` for a broken expectation, and for a documented failure that no longer occurs.
+    pub fn what(&self) -> String {
+        let Self { row: Row { file, method, .. }, expected, verdict } = self;
+        match verdict {
+            Judgement::Broken(how) => format!("{file}, {method}: {how}"),
+            _ => format!("{file}, {method}: expected was \"{expected}\""),
+        }
+    }
+
     /// The accuracy.
     pub fn result(&self) -> &Simulated {
         self.row.simulated.as_ref().expect("the images of all scenes are simulated")
@@ -52,24 +70,12 @@ impl Trial {
     }
 }
 
-/// The outcome of all expectations.
-#[derive(Clone, Debug, Default)]
-pub struct StabilityOutcome {
-    /// One for each scene and method. Also in [`RESULTS`](crate::results::RESULTS).
-    pub trials: Vec<Trial>,
-    /// Number of expectations that held.
-    pub held: usize,
-    /// `scene, method: what` for each documented failure that no longer occurs.
-    pub better: Vec<String>,
-    /// `scene, method: what` for each broken expectation.
-    pub broken: Vec<String>,
-}
-
-/// Runs all methods on all scenes, and writes [`RESULTS`](crate::results::RESULTS) and the pictures into the folder `out`.
+/// Runs all methods on all scenes, and writes [`RESULTS`](crate::results::RESULTS), the trials of each scene and method, and the pictures
+/// into the folder `out`.
 ///
 /// # Errors
-/// [`GridError`] if `out` cannot be written. A broken expectation is not an error: see [`StabilityOutcome`].
-pub fn run(out: &Path, tell: &dyn Fn(GridEvent<'_>)) -> Result<StabilityOutcome, GridError> {
+/// [`GridError`] if `out` cannot be written, or a scene cannot be exposed. A broken expectation is not an error.
+pub fn run(out: &Path, tell: &dyn Fn(GridEvent<'_>)) -> Result<Vec<Trial>, GridError> {
     let pictures = out.join(PICTURES);
     std::fs::create_dir_all(&pictures).map_err(|why| GridError::io(&pictures, why))?;
     let options = RunOptions { method: vec![ALL.to_owned()], threads: 1, repeats: 1, exr: false, out: None };
@@ -81,10 +87,12 @@ pub fn run(out: &Path, tell: &dyn Fn(GridEvent<'_>)) -> Result<StabilityOutcome,
     });
     let capture = |name: &str, case: &&Case, (): &()| capture(out, name, case);
     let run = runner::run(by, (scenes, cases.len()), &[()], capture, tell)?;
-    let mut outcome = StabilityOutcome { broken: run.skipped, ..StabilityOutcome::default() };
-    run.rows.into_iter().for_each(|row| outcome.judge(row));
-    save(out, &outcome.trials)?;
-    Ok(outcome)
+    if let [why, ..] = &run.skipped[..] {
+        return Err(GridError::Results(why.clone()));
+    }
+    let trials: Vec<Trial> = run.rows.into_iter().map(Trial::of).collect();
+    save(out, &trials)?;
+    Ok(trials)
 }
 
 /// Exposes the sensor of a case, and writes the true and the modulo image into the folder `out`. The methods are told the range alone.
@@ -99,31 +107,14 @@ fn capture(out: &Path, name: &str, case: &Case) -> Result<Capture, GridError> {
     Ok(Capture { y, sensor, scene, name, counts: false, full_scale: 1.0, truth })
 }
 
-impl StabilityOutcome {
-    /// Compares a result with what is expected of it.
-    fn judge(&mut self, row: Row) {
-        let case = cases().into_iter().find(|case| case.name == row.file).expect("a row is of a case");
-        let (expected, place) = (case.expected(&row.method), format!("{}, {}", row.file, row.method));
-        let mut trial = Trial { expected: expected.words(), row, verdict: Judgement::Held };
-        trial.verdict = expected.judge(trial.result(), trial.is_trusted(), case.is_observable());
-        match &trial.verdict {
-            Judgement::Held => self.held += 1,
-            Judgement::Better => self.better.push(format!("{place}: expected was \"{}\"", trial.expected)),
-            Judgement::Broken(how) => self.broken.push(format!("{place}: {how}")),
-        }
-        self.trials.push(trial);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn a_result_that_is_worse_than_expected_is_named() {
-        let mut outcome = StabilityOutcome::default();
-        for (file, exact_k) in [("step_120", 0.9), ("step_140", 1.0), ("step_200", 0.9)] {
-            outcome.judge(Row {
+        let trials = [("step_120", 0.9), ("step_140", 1.0), ("step_200", 0.9)].map(|(file, exact_k)| {
+            Trial::of(Row {
                 file: file.to_owned(),
                 sensor: Default::default(),
                 method: "lines".to_owned(),
@@ -133,9 +124,12 @@ mod tests {
                 most_k: 3,
                 ms: 1.0,
                 simulated: Some(Simulated { exact_k, ..Simulated::default() }),
-            });
-        }
-        assert_eq!(outcome.broken, ["step_120, lines: 90.00 % exact, 100.00 % expected"]);
-        assert!(outcome.held == 1 && outcome.better[0].starts_with("step_140, lines: expected was \"fails"));
+            })
+        });
+        let [broken, better, held] = &trials;
+        assert!(matches!(broken.verdict, Judgement::Broken(_)));
+        assert_eq!(broken.what(), "step_120, lines: 90.00 % exact, 100.00 % expected");
+        assert_eq!((&better.verdict, &held.verdict), (&Judgement::Better, &Judgement::Held));
+        assert!(better.what().starts_with("step_140, lines: expected was \"fails"), "{}", better.what());
     }
 }

@@ -2,8 +2,7 @@
 //! labels.
 
 use std::ops::{ControlFlow, Range};
-use std::path::Path;
-use std::time::Duration;
+use std::path::{Path, PathBuf};
 
 use clap::Parser as _;
 use modulo_ap::Difficulty;
@@ -12,18 +11,16 @@ use modulo_bags::source::{GroundTruth, SourceOptions, open};
 use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_core::Frame;
 use modulo_detector::DetectorParameters;
-use modulo_eval::data::Data;
-use modulo_eval::plan::{CAMERA, CameraPlan, DETECTOR, PlannedNode, UNWRAP, cells};
+use modulo_eval::data::DataOptions;
+use modulo_eval::plan::{CAMERA, DETECTOR, PlannedNode, UNWRAP, Variant, cells};
 use modulo_eval::progress::Listener;
-use modulo_eval::record::Timelines;
-use modulo_eval::recordings::Recordings;
+use modulo_eval::recordings::{RecordOptions, Recordings};
 use modulo_eval::results::{Cell, Results};
-use modulo_eval::run::{Request, run};
+use modulo_eval::run::{Evaluation, Request};
 use modulo_eval::score::{ScoreOptions, score};
 use modulo_eval::store::Folder;
-use modulo_eval::timing::Timing;
 use modulo_eval::variants::{Axes, Varied};
-use modulo_eval::{GridError, coco, draw_pictures, report};
+use modulo_eval::{GridError, coco, report};
 use modulo_images::save_png;
 use modulo_runtime::lockstep::Lockstep;
 use modulo_runtime::{ManualClock, Message, NodeName, ParameterSet as _, Parameters, SystemClock};
@@ -53,30 +50,30 @@ fn axes(options: &str) -> Axes {
     Axes::parse_from(["eval"].into_iter().chain(options.split_whitespace()))
 }
 
-/// A run without a launch file on `data`.
-fn request(data: Data, options: &str, out: &Path) -> Request {
-    Request {
-        variants: axes(options).variants(&nodes, &[], true).expect("possible"),
-        data: Some(data),
-        places: 0..usize::MAX,
-        jobs: 2,
-        timing: Timing::default(),
-        score: ScoreOptions::default(),
-        fresh: false,
-        out: out.to_owned(),
-    }
+/// A run without a launch file.
+struct Run {
+    variants: Vec<Variant>,
+    request: Request,
+    out: PathBuf,
 }
 
-fn results(request: &Request) -> Result<Results, GridError> {
-    run(request, &SystemClock::default(), &Listener { tell: &|_| {}, stopped: &|| false })
+impl Run {
+    fn new(sources: &[&str], options: &str, out: &Path) -> Self {
+        let source = sources.iter().map(|&source| source.to_owned()).collect();
+        let data = DataOptions { source, ..DataOptions::default() };
+        let variants = axes(options).variants(&nodes, &[], true).expect("possible");
+        Self { variants, request: Request { data, jobs: 2, ..Request::default() }, out: out.to_owned() }
+    }
+
+    fn results(&self) -> Results {
+        let listener = Listener { tell: &|_| {}, stopped: &|| false };
+        let mut evaluation = Evaluation::new(&self.request, &self.variants).expect("possible");
+        evaluation.run(&self.out, &SystemClock::default(), &listener).expect("evaluated")
+    }
 }
 
 /// Without an option, the values of the command line.
 const STILL: &str = "--method auto --deblur off --alpha 4 --headroom 1";
-
-fn scenes(specs: &[&str]) -> Data {
-    Data::Any(specs.iter().map(|&spec| spec.to_owned()).collect())
-}
 
 fn cell<'r>(results: &'r Results, stream: &str) -> &'r Cell {
     results.cells.iter().rev().find(|cell| cell.point.is(stream)).expect("the cell")
@@ -85,7 +82,7 @@ fn cell<'r>(results: &'r Results, stream: &str) -> &'r Cell {
 /// The settings of the cells of these options.
 fn points(options: &str) -> Result<Vec<modulo_eval::results::Point>, GridError> {
     let variants = axes(options).variants(&nodes, &[], true)?;
-    Ok(cells(&variants)?.into_iter().map(|cell| cell.point).collect())
+    Ok(cells(&variants)?.into_iter().map(|cell| cell.key.point).collect())
 }
 
 #[test]
@@ -119,10 +116,10 @@ fn a_cell_has_what_decides_its_boxes() {
     let varied = [vary("unwrap.budget=50,225"), vary("modulo_camera.seed=0,1")];
     let variants = axes(STILL).variants(&nodes, &varied, false).expect("possible");
     let cells = cells(&variants).expect("possible");
-    let budgets = |stream: &str| cells.iter().filter(|cell| cell.point.is(stream)).count();
+    let budgets = |stream: &str| cells.iter().filter(|cell| cell.key.point.is(stream)).count();
     assert_eq!((budgets("recovered"), budgets("ideal")), (4, 2), "the ideal image is not unwrapped");
-    let named = cells.iter().filter(|cell| cell.point.more.contains_key("unwrap.budget"));
-    let named: Vec<_> = named.map(|cell| cell.point.more["unwrap.budget"].as_str()).collect();
+    let named = cells.iter().filter(|cell| cell.key.point.more.contains_key("unwrap.budget"));
+    let named: Vec<_> = named.map(|cell| cell.key.point.more["unwrap.budget"].as_str()).collect();
     assert_eq!(named, ["50"; 4], "recovered and metered with two seeds; the default has no name");
 }
 
@@ -132,7 +129,7 @@ fn what_varies_has_no_default_and_is_given_once() {
     let points = |options: &str, varied: &str| {
         let varied = varied.split_whitespace().map(|text| text.parse().expect("a name with values"));
         let variants = axes(options).variants(&nodes, &varied.collect::<Vec<Varied>>(), true)?;
-        Ok::<_, GridError>(cells(&variants)?.into_iter().map(|cell| cell.point).collect::<Vec<_>>())
+        Ok::<_, GridError>(cells(&variants)?.into_iter().map(|cell| cell.key.point).collect::<Vec<_>>())
     };
     let varied = "modulo_camera.alpha=6 unwrap.method=lines unwrap.deblur=false detector.model=a.onnx,b.onnx \
                   detector_recovered.input_size=96x64";
@@ -183,7 +180,7 @@ const DAY: &str = "scene://day?seed=3&frames=3&width=320&height=128";
 fn two_runs_are_the_same() {
     let run = || {
         let folder = tempfile::tempdir().expect("a folder");
-        results(&request(scenes(&[DAY]), "--stream ideal --alpha 2", folder.path())).expect("evaluated").cells
+        Run::new(&[DAY], "--stream ideal --alpha 2", folder.path()).results().cells
     };
     let steady = run();
     assert!(steady[0].ap50["vehicle"].is_some_and(|ap| ap > 0.2), "{:?}", steady[0].ap50);
@@ -211,15 +208,15 @@ const ALL: Range<usize> = 0..usize::MAX;
 fn an_exposure_that_follows_the_frames_is_the_same_however_it_is_cut() {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = |seed: u8| format!("scene://glare?seed={seed}&frames=60&width=160&height=64&light=tunnels");
-    let data = || Data::Any([3, 4].map(scene).to_vec());
+    let [first, second] = [3, 4].map(scene);
     let options =
         "--stream auto_exposed,metered,recovered --method auto --deblur off --alpha 4 --exposure-delay 1,3";
     let cut = |name: &str, jobs, slices: &[Range<usize>]| {
-        let mut request = request(data(), options, &folder.path().join(name));
-        request.jobs = jobs;
+        let mut run = Run::new(&[&first, &second], options, &folder.path().join(name));
+        run.request.jobs = jobs;
         let runs = slices.iter().map(|places| {
-            request.places = places.clone();
-            results(&request).expect("results")
+            run.request.places = Some(places.clone());
+            run.results()
         });
         runs.last().expect("a slice")
     };
@@ -241,10 +238,9 @@ fn an_exposure_that_follows_the_frames_is_the_same_however_it_is_cut() {
 fn scores_follow_from_the_boxes_that_are_stored() {
     let folder = tempfile::tempdir().expect("a folder");
     let run = |name: &str, places: Range<usize>| {
-        let mut request =
-            request(scenes(&[DAY]), "--stream ideal,saturated --alpha 2", &folder.path().join(name));
-        request.places = places;
-        (results(&request).expect("evaluated"), Folder::existing(&request.out).expect("results"))
+        let mut run = Run::new(&[DAY], "--stream ideal,saturated --alpha 2", &folder.path().join(name));
+        run.request.places = Some(places);
+        (run.results(), Folder::existing(&run.out).expect("results"))
     };
     let (whole, one) = run("whole", 0..3);
     let parts = [run("first", 0..1).1, run("rest", 1..3).1];
@@ -307,10 +303,11 @@ fn runs_that_begin_at_the_same_time_share_a_folder() {
 fn the_report_has_the_frame_in_which_the_streams_differ_and_is_written_again_the_same() {
     let folder = tempfile::tempdir().expect("a folder");
     let streams = format!("{STILL} --stream ideal,recovered");
-    let request = request(scenes(&[DAY]), &streams, folder.path());
-    let results = results(&request).expect("results");
-    let pictures = draw_pictures(&request, &SystemClock::default(), &results).expect("pictures");
-    report::save_pictures(folder.path(), &pictures.expect("pictures").sheet).expect("kept");
+    let run = Run::new(&[DAY], &streams, folder.path());
+    let results = run.results();
+    let evaluation = Evaluation::new(&run.request, &run.variants).expect("possible");
+    let title = evaluation.draw(folder.path(), &SystemClock::default(), &results).expect("drawn");
+    assert!(title.is_some_and(|title| title.contains("demo")));
     let page =
         std::fs::read_to_string(report::write(folder.path(), &results).expect("a page")).expect("readable");
     assert!(page.contains("recovered (auto") && page.contains("data:image/jpeg;base64,"));
@@ -369,29 +366,21 @@ fn write_kitti(folder: &Path, frames: u8, seed: u8) {
 
 /// Records a camera at rate 0 over each of `sources` into `bag`.
 fn record(sources: &[&Path], more: &[(&str, &str)], bag: &Path) {
+    let all = nodes(&[]).expect("nodes");
+    let nodes = |source: &Path| {
+        let source = [("source", source.to_str().expect("UTF-8")), ("rate", "0"), ("optical_black", "0")];
+        let mut nodes = [all[0].clone(), all.last().expect("a detector").clone()].to_vec();
+        nodes[0].parameters = nodes[0].parameters.with_text(&[&source, more].concat()).expect("possible");
+        nodes
+    };
     let topics = ["/ideal", "/ground_truth"].map(str::to_owned).to_vec();
-    let cameras = [CameraPlan {
-        name: "/camera".to_owned(),
-        member: 0,
-        interval: Duration::from_millis(100),
-        truth: Some(topics[1].clone()),
-        streams: Vec::new(),
-    }];
-    let mut timelines = Timelines::default();
-    let recorder = BagWriter::create(bag, Compression::None).expect("a new bag");
-    let recorder = Some((recorder, topics.clone()));
-    let mut recordings = Recordings::new(&bag.with_extension("out"), recorder, false);
+    let options = RecordOptions { bag: Some(bag.to_owned()), topics, images: false };
+    let variants = [Variant { nodes: nodes(sources[0]), wanted: None }];
+    let out = bag.with_extension("out");
+    let mut recordings = Recordings::create(&options, &variants, &out).expect("new").expect("a bag");
     for source in sources {
-        let source = source.to_str().expect("UTF-8");
-        let pairs = [&[("source", source), ("rate", "0"), ("optical_black", "0")], more].concat();
-        let parameters = CameraParameters::from_text(&pairs).expect("possible");
-        let timer = ManualClock::default();
-        let mut chain = Lockstep::new(&timer, topics.clone());
-        let camera = ModuloCamera::new(&parameters).expect("a camera");
-        chain.add(Box::new(camera), &NodeName::new("camera", "/", &[]).expect("a name")).expect("a node");
-        timelines
-            .record(&mut chain, &cameras, &mut recordings, &|_| ControlFlow::Continue(()))
-            .expect("recorded");
+        let go_on = |_: &Lockstep<'_>| ControlFlow::Continue(());
+        recordings.record(&nodes(source), &ManualClock::default(), &go_on).expect("recorded");
     }
     recordings.finish().expect("finished");
 }
