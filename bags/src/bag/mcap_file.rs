@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use mcap::read::ChannelAccumulator;
-use mcap::records::{ChunkIndex, Record};
+use mcap::records::{ChunkIndex, MessageHeader, Record};
 use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
 use mcap::{McapError, Summary};
 
@@ -91,10 +91,8 @@ impl McapFile {
         messages.retain(|(_, header, _)| header.log_time >= wanted.start);
         // The sort is stable, so messages of one time stay in the order of the file.
         messages.sort_by_key(|(_, header, _)| header.log_time);
-        let mut items: Vec<_> = messages
-            .into_iter()
-            .map(|(topic, header, data)| self.message(topic, header.log_time, header.publish_time, data))
-            .collect();
+        let mut items: Vec<_> =
+            messages.into_iter().map(|(topic, header, data)| self.message(topic, &header, data)).collect();
         if unknown > 0 {
             let why = chunk::fault("the index does not know their channel");
             let left_out = chunk::left_out(&self.path, chunk.chunk_start_offset, Some(unknown), &why);
@@ -104,14 +102,15 @@ impl McapFile {
     }
 
     fn loose_message(&self, file: &File, wanted: &Wanted, loose: &UnchunkedMessage) -> Item {
-        let topic = wanted.topics.get(&loose.channel).expect("only wanted messages are kept");
+        let topic = wanted.topics.get(&loose.header.channel_id).expect("only wanted messages are kept");
         let mut data = vec![0; loose.length];
         file.read_exact_at(&mut data, loose.offset).map_err(|e| FileError::new(&self.path, e))?;
-        self.message(topic, loose.log_time, loose.publish_time, data)
+        self.message(topic, &loose.header, data)
     }
 
-    fn message(&self, topic: &Arc<BagTopic>, log_time: u64, publish_time: u64, data: Vec<u8>) -> Item {
+    fn message(&self, topic: &Arc<BagTopic>, header: &MessageHeader, data: Vec<u8>) -> Item {
         let data = unpacked(data).map_err(|why| LeftOut::one(&self.path, topic, why))?;
+        let MessageHeader { log_time, publish_time, .. } = *header;
         Ok(RawMessage { topic: Arc::clone(topic), log_time, publish_time, data })
     }
 }
@@ -218,11 +217,12 @@ impl Storage for McapFile {
         };
         let chunks = self.index.chunk_indexes.iter().filter(is_wanted).cloned();
         let mut inputs: Vec<_> = chunks.map(|chunk| chunk_input(&self, &file, &wanted, chunk)).collect();
-        let is_wanted =
-            |m: &&UnchunkedMessage| m.log_time >= wanted.start && wanted.topics.contains_key(&m.channel);
+        let is_wanted = |m: &&UnchunkedMessage| {
+            m.header.log_time >= wanted.start && wanted.topics.contains_key(&m.header.channel_id)
+        };
         let rest: Vec<_> = self.loose.iter().filter(is_wanted).copied().collect();
         if let Some(first) = rest.first() {
-            let (index, start) = (Arc::clone(&self), first.log_time);
+            let (index, start) = (Arc::clone(&self), first.header.log_time);
             let messages = rest.into_iter().map(move |loose| index.loose_message(&file, &wanted, &loose));
             inputs.push(MergeInput { start, open: Box::new(move || Ok(Box::new(messages))) });
         }

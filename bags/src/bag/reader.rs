@@ -35,8 +35,8 @@ use crate::FileError;
 pub struct BagReader {
     path: PathBuf,
     files: Vec<(PathBuf, Arc<dyn Storage>)>,
-    ros_distro: Option<String>,
-    custom_data: CustomData,
+    /// What `metadata.yaml` says; nothing where it cannot be used.
+    metadata: Metadata,
     warnings: Vec<BagWarning>,
 }
 
@@ -71,19 +71,18 @@ impl BagReader {
         warnings.extend(files.iter().flat_map(|(_, file)| file.summary().warnings.iter().cloned()));
         // Files without messages have no start and must not come first.
         files.sort_by_key(|(_, file)| file.summary().span.map_or(u64::MAX, |(start, _)| start));
-        let ros_distro = metadata.as_ref().and_then(|metadata| metadata.ros_distro.clone());
-        let custom_data =
-            metadata.as_ref().map_or_else(CustomData::new, |metadata| metadata.custom_data.clone());
-        let mut bag = Self { path: path.to_owned(), files, ros_distro, custom_data, warnings };
-        if let Some(metadata) = metadata {
-            bag.compare(&metadata);
+        let is_described = metadata.is_some();
+        let metadata = metadata.unwrap_or_default();
+        let mut bag = Self { path: path.to_owned(), files, metadata, warnings };
+        if is_described {
+            bag.compare();
         }
         Ok(bag)
     }
 
-    /// Notes where `metadata` contradicts the files.
-    fn compare(&mut self, metadata: &Metadata) {
-        let mut contradictions = Vec::new();
+    /// Notes where the metadata contradict the files.
+    fn compare(&mut self) {
+        let (metadata, mut contradictions) = (&self.metadata, Vec::new());
         let (stated, found) = (&metadata.storage_identifier, self.storage_id());
         if stated != found {
             contradictions.push(format!("its storage_identifier is '{stated}', its files are {found}"));
@@ -123,12 +122,12 @@ impl BagReader {
 
     /// Returns the ROS distribution that `metadata.yaml` names.
     pub fn ros_distro(&self) -> Option<&str> {
-        self.ros_distro.as_deref()
+        self.metadata.ros_distro.as_deref()
     }
 
     /// Returns what the user has noted in `metadata.yaml`.
     pub(super) fn custom_data(&self) -> &CustomData {
-        &self.custom_data
+        &self.metadata.custom_data
     }
 
     /// Returns what the files hold beside their messages, such as attachments, each with its file.
