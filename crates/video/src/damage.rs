@@ -18,6 +18,11 @@ pub(crate) struct Packet {
     pub dts: Option<i64>,
     /// Place in the file.
     pub pos: Option<i64>,
+    /// How long its frame is shown.
+    pub duration: Option<i64>,
+    pub is_key: bool,
+    /// Whether it is decoded for others and not shown, as an edit list has it.
+    pub is_hidden: bool,
     /// Whether another recording begins with it, whose frames cannot be predicted from those before.
     pub is_joint: bool,
     /// Whether the file ends within it.
