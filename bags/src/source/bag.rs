@@ -19,7 +19,7 @@ use modulo_runtime::{MessageKind, StreamScale};
 use serde::de::DeserializeOwned;
 
 use super::pictures::{Picture, eight_bits};
-use super::{GroundTruth, Source, SourceError, SourceFrame, SourceOptions, from_detections};
+use super::{Frames, GroundTruth, Source, SourceError, SourceFrame, SourceOptions, from_detections};
 use crate::GROUND_TRUTH_TOPIC;
 use crate::bag::{BagError, BagReader, Messages, RawMessage, Selection, TopicCount};
 
@@ -32,7 +32,8 @@ pub struct BagSource {
     white: White,
     labels: HashMap<u64, Vec<GroundTruth>>,
     camera_info: Option<Arc<CameraInfo>>,
-    losses: Vec<String>,
+    /// One line for each part of the bag that cannot be read.
+    pub losses: Vec<String>,
 }
 
 impl BagSource {
@@ -130,14 +131,14 @@ pub struct RecordedImage {
     pub ground_truth: Option<Vec<GroundTruth>>,
 }
 
-impl Source for BagSource {
+impl Frames for BagSource {
     fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
         let message = self.messages.next()?;
         Some(message.map_err(SourceError::from).and_then(|message| self.frame(&message)))
     }
 
     /// Decodes only the images that decide how the later ones are read.
-    fn skip(&mut self, frames: u64) {
+    fn pass(&mut self, frames: u64) {
         for _ in 0..frames {
             match self.messages.next() {
                 None => return,
@@ -147,21 +148,15 @@ impl Source for BagSource {
         }
     }
 
-    fn len(&self) -> Option<usize> {
-        usize::try_from(self.frames).ok()
-    }
-
-    fn camera_info(&self) -> Option<Arc<CameraInfo>> {
-        self.camera_info.clone()
-    }
-
-    fn losses(&self) -> Vec<String> {
-        self.losses.clone()
-    }
-
-    fn rewind(&mut self) -> Result<(), SourceError> {
+    fn rewind(&mut self) {
         self.messages = self.bag.messages(&self.selection);
-        Ok(())
+    }
+}
+
+impl From<BagSource> for Source {
+    fn from(bag: BagSource) -> Self {
+        let (len, camera_info) = (usize::try_from(bag.frames).ok(), bag.camera_info.clone());
+        Self { len, camera_info, losses: bag.losses.clone(), ..Self::over(bag) }
     }
 }
 

@@ -10,12 +10,11 @@ use std::path::{Path, PathBuf};
 
 use modulo_core::BBox;
 
-use super::folder::{FolderSource, list_images, stem};
+use super::folder::{list_images, stem};
 use super::labels::{
-    ImageLabels, LabelSet, LabelledSource, Skipped, kept, rows, text_beside, texts_without_image,
-    without_image,
+    ImageLabels, LabelSet, Skipped, kept, rows, text_beside, texts_without_image, without_image,
 };
-use super::{GroundTruth, SourceError, SourceOptions};
+use super::{GroundTruth, Source, SourceError, SourceOptions};
 
 /// Folders of a KITTI folder: images, and labels by preference.
 const LAYOUTS: [(&str, &[&str]); 2] =
@@ -34,7 +33,7 @@ pub(super) fn is_at(path: &Path) -> bool {
     layout(path).is_some() || tracking_file(path).is_some()
 }
 
-impl LabelledSource {
+impl Source {
     /// Opens a KITTI folder, which holds `image_2` or `image_02`, or is a drive of the tracking set; with a `list` only its frames, in that
     /// order, of which a frame without an image is one that cannot be read. Of `options`, the topic is not used.
     ///
@@ -56,7 +55,7 @@ impl LabelledSource {
         };
         let Some(list) = list else {
             let labels = files.read(&images, true)?;
-            return Ok(Self::of(FolderSource::all_of(images, options)?, labels));
+            return Self::of_images(images, labels, true, options);
         };
         let by_name: BTreeMap<String, &PathBuf> = images.iter().map(|image| (stem(image), image)).collect();
         let folder = images.first().and_then(|image| image.parent()).unwrap_or(path);
@@ -65,7 +64,7 @@ impl LabelledSource {
         };
         let images: Vec<_> = list.frames.iter().map(image).collect();
         let labels = files.read(&images, false)?;
-        Ok(Self::of(FolderSource::of(images, options)?, labels))
+        Self::of_images(images, labels, false, options)
     }
 }
 

@@ -4,11 +4,8 @@
 //! change within the drive. `SOURCE?light=NAME` names the change.
 
 use std::path::Path;
-use std::sync::Arc;
 
-use modulo_msgs::sensor_msgs::CameraInfo;
-
-use super::{Source, SourceError, SourceFrame};
+use super::SourceError;
 
 /// A change of the light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,52 +64,6 @@ pub fn split(spec: &str) -> Result<(String, Option<Light>), SourceError> {
     Ok((if query.is_empty() { name.to_owned() } else { format!("{name}?{query}") }, Some(light)))
 }
 
-/// A source under changing light.
-pub(super) struct RelitSource {
-    pub source: Box<dyn Source>,
-    pub light: Light,
-    /// The number of the next frame.
-    pub number: u64,
-}
-
-impl Source for RelitSource {
-    fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
-        let mut next = self.source.next()?;
-        if let Ok(frame) = &mut next {
-            let factor = self.light.factor(self.number) as f32;
-            frame.radiance.mapv_inplace(|radiance| factor * radiance);
-        }
-        self.number += 1;
-        Some(next)
-    }
-
-    fn skip(&mut self, frames: u64) {
-        self.source.skip(frames);
-        self.number += frames;
-    }
-
-    fn len(&self) -> Option<usize> {
-        self.source.len()
-    }
-
-    fn camera_info(&self) -> Option<Arc<CameraInfo>> {
-        self.source.camera_info()
-    }
-
-    fn warnings(&self) -> Vec<String> {
-        self.source.warnings()
-    }
-
-    fn losses(&self) -> Vec<String> {
-        self.source.losses()
-    }
-
-    fn rewind(&mut self) -> Result<(), SourceError> {
-        self.number = 0;
-        self.source.rewind()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::{SourceOptions, open};
@@ -135,8 +86,8 @@ mod tests {
     fn a_source_under_changing_light_is_the_source_times_the_factor() {
         let frames = |spec: &str, skipped: u64| {
             let mut source = open(spec, &SourceOptions::default()).expect("a scene");
-            source.skip(skipped);
-            std::iter::from_fn(move || source.next()).map(|frame| frame.expect("a frame").radiance)
+            source.pass(skipped);
+            source.map(|frame| frame.expect("a frame").radiance)
         };
         let plain = "scene://day?seed=3&width=48&height=16&frames=60";
         for skipped in [0, 45] {

@@ -11,14 +11,13 @@ use modulo_core::BBox;
 
 use super::classes::YoloClasses;
 use super::data_set::images_of;
-use super::folder::FolderSource;
 use super::kitti::{number, whole};
 use super::labels::{
-    ImageLabels, LabelSet, LabelledSource, around, read_text, text_beside, texts_without_image, without_image,
+    ImageLabels, LabelSet, around, read_text, text_beside, texts_without_image, without_image,
 };
-use super::{GroundTruth, SourceError, SourceOptions};
+use super::{GroundTruth, Source, SourceError, SourceOptions};
 
-impl LabelledSource {
+impl Source {
     /// Opens the YOLO data set at `path`: a folder that holds `images` and `labels`, a folder of images whose path has a part `images`, one with
     /// images and labels side by side, a `data.yaml` or `obj.data`, of which the part for validation is read, or a list of images. A class is
     /// called by its number where no file names the classes. Of `options`, the topic is not used.
@@ -36,9 +35,7 @@ impl LabelledSource {
         let image = images.first().map_or(path, PathBuf::as_path);
         let classes = YoloClasses::of(path, image, &folders)?;
         let labels = labels(&images, &folders, &classes, is_whole);
-        let frames =
-            if is_whole { FolderSource::all_of(images, options) } else { FolderSource::of(images, options) };
-        Ok(Self::of(frames?, labels))
+        Self::of_images(images, labels, is_whole, options)
     }
 }
 

@@ -141,7 +141,7 @@ fn detector(node: &PlannedNode, threads: usize) -> DetectorParameters {
 fn camera(node: &PlannedNode, handed: &Handed) -> Result<Box<dyn Node>, GridError> {
     let parameters = CameraParameters { frames: 0, r#loop: false, ..(&node.parameters).into() };
     Ok(match node.executable {
-        CAMERA => Box::new(ModuloCamera::over(Box::new(handed.clone()), &parameters)?),
+        CAMERA => Box::new(ModuloCamera::over(handed.clone(), &parameters)?),
         _ => Box::new(PublishedSpud::new(&parameters.sensor, parameters.seed, handed.clone())?),
     })
 }

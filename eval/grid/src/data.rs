@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use modulo_bags::source::{self, FrameList, LabelledSource, Source, SourceError, SourceFrame, SourceOptions};
+use modulo_bags::source::{self, FrameList, Frames, Source, SourceError, SourceFrame, SourceOptions};
 use modulo_camera::CameraParameters;
 use serde::{Deserialize, Serialize};
 
@@ -45,22 +45,18 @@ pub enum LabelNames {
 }
 
 /// A source, and the drive that all its frames come from, if it is known.
-pub type Drive = (Option<String>, Box<dyn Source>);
+pub type Drive = (Option<String>, Source);
 
 impl Data {
     /// Opens the sources, each of which is a drive or has frames that belong to none.
     pub(crate) fn open(&self, options: &SourceOptions) -> Result<Vec<Drive>, SourceError> {
-        let source: Box<dyn Source> = match self {
-            Self::Kitti { folder, list } => Box::new(LabelledSource::kitti(folder, list.as_ref(), options)?),
-            Self::Yolo(path) => Box::new(LabelledSource::yolo(path, options)?),
-            Self::Coco { annotations, images } => {
-                Box::new(LabelledSource::coco(annotations, images.as_deref(), options)?)
-            }
+        let source = match self {
+            Self::Kitti { folder, list } => Source::kitti(folder, list.as_ref(), options)?,
+            Self::Yolo(path) => Source::yolo(path, options)?,
+            Self::Coco { annotations, images } => Source::coco(annotations, images.as_deref(), options)?,
             Self::Sequences(folders) => {
                 let name = |folder: &PathBuf| Some(folder.file_name()?.to_string_lossy().into_owned());
-                let drive = |folder| {
-                    Ok((name(folder), Box::new(LabelledSource::kitti(folder, None, options)?) as Box<_>))
-                };
+                let drive = |folder| Ok((name(folder), Source::kitti(folder, None, options)?));
                 return folders.iter().map(drive).collect();
             }
             Self::Any(specs) => {
@@ -70,9 +66,14 @@ impl Data {
             Self::Own(camera) => {
                 let topic = Some(camera.source_topic.clone()).filter(|topic| !topic.is_empty());
                 let options = SourceOptions { topic, ..options.clone() };
-                let source = source::open(&camera.source, &options)?;
-                let most = usize::try_from(camera.frames).ok().filter(|frames| *frames > 0);
-                Box::new(Limited { source, most, repeats: camera.r#loop, taken: 0, is_vain: true })
+                let mut source = source::open(&camera.source, &options)?;
+                let [warnings, losses] = [&mut source.warnings, &mut source.losses].map(std::mem::take);
+                let (most, repeats) = (usize::try_from(camera.frames).ok().filter(|n| *n > 0), camera.r#loop);
+                let all = source.len.filter(|_| !repeats);
+                let len = all.into_iter().chain(most).min();
+                let mut limited = Source::over(Limited { source, most, repeats, taken: 0, is_vain: true });
+                (limited.len, limited.warnings, limited.losses) = (len, warnings, losses);
+                limited
             }
         };
         Ok(vec![(None, source)])
@@ -123,7 +124,7 @@ impl Data {
 
 /// A source of a number of frames, which may start again for them.
 struct Limited {
-    source: Box<dyn Source>,
+    source: Source,
     most: Option<usize>,
     repeats: bool,
     taken: usize,
@@ -131,7 +132,7 @@ struct Limited {
     is_vain: bool,
 }
 
-impl Source for Limited {
+impl Frames for Limited {
     fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
         if self.most.is_some_and(|most| self.taken >= most) {
             return None;
@@ -139,9 +140,7 @@ impl Source for Limited {
         let mut next = self.source.next();
         if next.is_none() && self.repeats && !self.is_vain {
             self.is_vain = true;
-            if let Err(why) = self.source.rewind() {
-                return Some(Err(why));
-            }
+            self.source.rewind();
             next = self.source.next();
         }
         self.taken += 1;
@@ -149,21 +148,8 @@ impl Source for Limited {
         next
     }
 
-    fn len(&self) -> Option<usize> {
-        let all = self.source.len().filter(|_| !self.repeats);
-        self.most.map_or(all, |most| Some(all.map_or(most, |all| all.min(most))))
-    }
-
-    fn warnings(&self) -> Vec<String> {
-        self.source.warnings()
-    }
-
-    fn losses(&self) -> Vec<String> {
-        self.source.losses()
-    }
-
-    fn rewind(&mut self) -> Result<(), SourceError> {
+    fn rewind(&mut self) {
         (self.taken, self.is_vain) = (0, true);
-        self.source.rewind()
+        self.source.rewind();
     }
 }

@@ -86,7 +86,7 @@ impl Frames {
     /// Reads and checks the frames at `places`, or as many of them as there are. All are read once before the first cell: a frame that turned
     /// out to be damaged in the middle of a run would be scored in some cells only.
     pub fn inspect(&mut self, places: Range<usize>) -> Result<Slice, SourceError> {
-        self.seek(places.start)?;
+        self.seek(places.start);
         let data = &self.data;
         let mut slice = Slice {
             source: data.name(),
@@ -102,28 +102,27 @@ impl Frames {
             slice.places[1] += 1;
             self.note(raw, &mut slice, &mut names);
         }
-        let found = self.drives.iter().flat_map(|(_, source)| [source.losses(), source.warnings()].concat());
-        slice.warnings = found.collect();
+        let found = self.drives.iter().flat_map(|(_, source)| source.losses.iter().chain(&source.warnings));
+        slice.warnings = found.cloned().collect();
         Ok(slice)
     }
 
     /// Goes to the frame at `place`.
-    fn seek(&mut self, place: usize) -> Result<(), SourceError> {
-        self.drives.iter_mut().try_for_each(|(_, source)| source.rewind())?;
+    fn seek(&mut self, place: usize) {
+        self.drives.iter_mut().for_each(|(_, source)| source.rewind());
         (self.place, self.drive, self.start) = (0, 0, 0);
         while let Some((_, source)) = self.drives.get_mut(self.drive) {
-            let Some(length) = source.len() else { break };
+            let Some(length) = source.len else { break };
             if self.start + length > place {
                 // Its frames need not be read to be skipped.
-                source.skip((place - self.start) as u64);
+                source.pass((place - self.start) as u64);
                 self.place = place;
-                return Ok(());
+                return;
             }
             self.start += length;
             (self.place, self.drive) = (self.start, self.drive + 1);
         }
         while self.place < place && self.raw().is_some() {}
-        Ok(())
     }
 
     /// Reads the next frame.
@@ -225,9 +224,9 @@ pub struct Walk<'a> {
 impl<'a> Walk<'a> {
     /// Starts at the first frame of `slice`, or with `is_led` at that of its drive.
     pub fn new(frames: &'a mut Frames, slice: &'a Slice, is_led: bool) -> Result<Self, SourceError> {
-        frames.seek(slice.places[0])?;
+        frames.seek(slice.places[0]);
         if is_led && frames.start < slice.places[0] {
-            frames.seek(frames.start)?;
+            frames.seek(frames.start);
         }
         Ok(Self { frames, slice, next: 0 })
     }

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use modulo_bags::source::{Source, SourceError, SourceFrame};
+use modulo_bags::source::{Frames, SourceError, SourceFrame};
 
 /// A frame on its way to a camera.
 #[derive(Clone, Debug)]
@@ -31,19 +31,13 @@ impl Handed {
     }
 }
 
-impl Source for Handed {
+impl Frames for Handed {
     fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
         self.take().map(|handed| Ok(handed.frame))
     }
 
     /// The frames before are not read here.
-    fn skip(&mut self, _: u64) {}
+    fn pass(&mut self, _: u64) {}
 
-    fn len(&self) -> Option<usize> {
-        None
-    }
-
-    fn rewind(&mut self) -> Result<(), SourceError> {
-        Ok(())
-    }
+    fn rewind(&mut self) {}
 }

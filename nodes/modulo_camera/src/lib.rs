@@ -87,12 +87,16 @@ impl ModuloCamera {
         Self::with(CameraInput::open(parameters)?, parameters)
     }
 
-    /// Creates a camera over a source that is open already; the parameter `source` is not looked at.
+    /// Creates a camera over frames that others have opened; the parameter `source` is not looked at.
     ///
     /// # Errors
     /// [`ParameterError`] with the parameter that is not possible.
-    pub fn over(source: Box<dyn Source>, parameters: &CameraParameters) -> Result<Self, ParameterError> {
-        Self::with(CameraInput::Frames(FrameReader::new(source, parameters.r#loop)), parameters)
+    pub fn over(
+        frames: impl source::Frames + 'static,
+        parameters: &CameraParameters,
+    ) -> Result<Self, ParameterError> {
+        let reader = FrameReader::new(Source::over(frames), parameters.r#loop);
+        Self::with(CameraInput::Frames(reader), parameters)
     }
 
     fn with(input: CameraInput, parameters: &CameraParameters) -> Result<Self, ParameterError> {
@@ -425,7 +429,7 @@ enum CameraInput {
 
 /// A source that is read once or again and again.
 struct FrameReader {
-    source: Box<dyn Source>,
+    source: Source,
     /// The next answer of the source, if it was asked for it before the frame was due.
     ahead: Option<Option<Result<SourceFrame, SourceError>>>,
     repeat: bool,
@@ -453,14 +457,14 @@ impl CameraInput {
         let topic = Some(parameters.source_topic.clone()).filter(|t| !t.is_empty());
         let options = SourceOptions { coding, topic };
         let source = source::open(spec, &options).map_err(|why| refuse(why.to_string()))?;
-        source.warnings().iter().for_each(|warning| tracing::warn!("{warning}"));
+        source.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
         Ok(Self::Frames(FrameReader::new(source, parameters.r#loop)))
     }
 
     /// Returns the calibration of the camera that has taken the images.
     fn calibration(&self) -> Calibration {
         match self {
-            Self::Frames(reader) => Calibration::recorded(reader.source.camera_info()),
+            Self::Frames(reader) => Calibration::recorded(reader.source.camera_info.clone()),
             Self::Live(..) => Calibration::recorded(None),
             Self::Topic { name, .. } => Calibration::beside(name),
         }
@@ -469,8 +473,8 @@ impl CameraInput {
 
 impl FrameReader {
     /// Returns the frames of `source` from its first one on; after its last one it is over, or starts again.
-    fn new(source: Box<dyn Source>, repeat: bool) -> Self {
-        let losses = source.losses();
+    fn new(source: Source, repeat: bool) -> Self {
+        let losses = source.losses.clone();
         Self { source, ahead: None, repeat, given: false, bad: None, losses }
     }
 
@@ -478,17 +482,17 @@ impl FrameReader {
     ///
     /// # Errors
     /// [`StepError::Skip`] for a frame that cannot be read, [`StepError::Fatal`] when the source is over and its only frame was not
-    /// good, and when it is to start again, but cannot, or no frame of it was good.
+    /// good, and when it is to start again, but no frame of it was good.
     fn next_frame(&mut self) -> Result<Option<SourceFrame>, StepError> {
         let mut next = self.ahead.take().unwrap_or_else(|| self.source.next());
         if next.is_none() {
             // A source without a single good frame would repeat its errors without end.
-            let is_vain = !self.given && (self.repeat || self.source.len() == Some(1));
+            let is_vain = !self.given && (self.repeat || self.source.len == Some(1));
             if let Some(why) = self.bad.take().filter(|_| is_vain) {
                 return Err(StepError::Fatal(format!("no frame of the source is good: {why}")));
             }
             if self.repeat {
-                self.source.rewind().map_err(|why| StepError::Fatal(why.to_string()))?;
+                self.source.rewind();
                 self.given = false;
                 next = self.source.next();
             }
@@ -505,16 +509,15 @@ impl FrameReader {
     /// Resumes after the first `frames` frames, good and bad ones, of all rounds.
     fn skip(&mut self, frames: u64) {
         // The position counts on over all rounds of a loop, so only its rest lies in this round.
-        let round = self.source.len().map(|frames| frames as u64).filter(|frames| self.repeat && *frames > 0);
+        let round = self.source.len.map(|frames| frames as u64).filter(|frames| self.repeat && *frames > 0);
         let mut rest = frames;
         if let Some(round) = round.filter(|round| frames >= *round) {
             // Any frame of the rounds before may have decided how this one is read.
-            self.source.skip(round);
-            // A source that is gone is reported by the next frame.
-            let _ = self.source.rewind();
+            self.source.pass(round);
+            self.source.rewind();
             rest = frames % round;
         }
-        self.source.skip(rest);
+        self.source.pass(rest);
         // An earlier life has sent frames, so the source is not without a good one.
         self.given = frames > 0;
     }
