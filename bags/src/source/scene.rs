@@ -22,7 +22,7 @@ impl Frames for SceneFrames {
         if self.spec.frames > 0 && self.frame >= self.spec.frames {
             return None;
         }
-        let rendered = self.spec.scene().render(self.frame, self.spec.height, self.spec.width);
+        let rendered = self.spec.scene.render(self.frame, self.spec.height, self.spec.width);
         let name = format!("{:06}", self.frame);
         // A scene without an end may run past the largest number.
         self.frame = self.frame.wrapping_add(1);
