@@ -29,7 +29,7 @@ use modulo_runtime::{
 
 use crate::LiveError;
 use crate::control::{PlayerAction, PlayerCommand, PlayerReply, Service};
-use crate::play::{NextMessage, PlaybackClock, Player};
+use crate::play::{PlaybackClock, Player};
 use crate::remap::TopicRemaps;
 use modulo_bags::bag::{BagError, BagTopic, RawMessage, TopicCount, qos};
 
@@ -220,7 +220,8 @@ struct Replay<'a> {
     pace: PlaybackClock,
     /// The readers of the last frame, which are waited for at rate 0.
     pacing: Pacing,
-    ahead: Option<NextMessage>,
+    /// The next message behind its position.
+    ahead: Option<(u64, RawMessage)>,
     publishers: Publishers,
     time: Option<RegularPublisher>,
     status: RegularPublisher,
@@ -262,7 +263,7 @@ impl Replay<'_> {
         if let Some(time) = &mut self.time {
             time.publish(now, || cdr::to_vec(&rosgraph_msgs::Clock { clock: Time::from_ns(log_time) }))?;
         }
-        let (start, end) = self.player.window();
+        let (start, end) = self.player.window;
         let seconds = |ns: u64| Duration::from_nanos(ns).as_secs_f64().to_string();
         let times = [("start_s", start), ("position_s", log_time - start), ("duration_s", end - start)];
         self.status.publish(now, || {
@@ -284,9 +285,10 @@ impl Replay<'_> {
 
     /// Returns whether the next message is the image of a frame that comes too early for the readers of the last one.
     fn waits_for_readers(&mut self) -> bool {
-        let Some(next) = self.ahead.as_ref().filter(|_| self.pace.rate() == 0.0) else { return false };
-        let Some(stamp) = image_stamp(&next.message) else { return false };
-        let Some(to) = self.publishers.of(&next.message) else { return false };
+        let next = self.ahead.as_ref().filter(|_| self.pace.rate() == 0.0);
+        let Some((_, message)) = next else { return false };
+        let Some(stamp) = image_stamp(message) else { return false };
+        let Some(to) = self.publishers.of(message) else { return false };
         if self.pacing.adds(stamp, &to.name) {
             return false;
         }
@@ -299,8 +301,8 @@ impl Replay<'_> {
 
     /// Returns the ticks until the next message is due; `None` while paused, and at the end.
     fn ticks_until_due(&self, now: u64) -> Option<u64> {
-        let due = self.ahead.as_ref()?;
-        Some(self.pace.ticks_of(due.position)?.saturating_sub(now))
+        let (due, _) = self.ahead.as_ref()?;
+        Some(self.pace.ticks_of(*due)?.saturating_sub(now))
     }
 
     /// Returns the time until something is due; `None` while only an order can change anything.
@@ -320,10 +322,10 @@ impl Replay<'_> {
 
     /// Sends the next message. Where no time passes by itself, its position is the new one.
     fn send_next(&mut self, now: u64) -> Result<(), TransportError> {
-        let Some(due) = self.ahead.take() else { return Ok(()) };
-        self.publishers.send(due.message)?;
+        let Some((due, message)) = self.ahead.take() else { return Ok(()) };
+        self.publishers.send(message)?;
         if self.pace.rate() == 0.0 || self.pace.is_paused() {
-            self.pace.jump(now, due.position);
+            self.pace.jump(now, due);
         }
         Ok(())
     }
