@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use modulo_core::Frame;
-use modulo_images::{ImageError, SampleDepth, White, decode, sample_depth};
+use modulo_images::{ImageError, White, decode, sample_depth};
 use modulo_msgs::cdr;
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_msgs::image::restore;
@@ -90,8 +90,7 @@ impl BagSource {
 
     /// Learns the white level from a message that is skipped. Unreadable messages do not affect it, as in `frame`.
     fn learn(&mut self, message: &RawMessage) {
-        let depths = [SampleDepth::U8, SampleDepth::U16, SampleDepth::F32];
-        if depths.into_iter().all(|depth| self.white.is_settled(depth)) {
+        if [8, 16, 32].into_iter().all(|depth| self.white.is_settled(depth)) {
             return;
         }
         if message.topic.type_name == MessageKind::CompressedImage.type_name() {
@@ -108,15 +107,10 @@ impl BagSource {
 
     fn frame(&mut self, message: &RawMessage) -> Result<SourceFrame, SourceError> {
         let RecordedImage { header, pixels, ground_truth } = self.image(message)?;
-        let stamp = header.stamp.as_ns();
-        Ok(SourceFrame {
-            radiance: self.white.radiance(&pixels, origin(message))?,
-            name: stamp.to_string(),
-            stamp_ns: Some(stamp),
-            frame_id: header.frame_id,
-            ground_truth,
-            full_resets: None,
-        })
+        let (stamp, frame_id) = (header.stamp.as_ns(), header.frame_id);
+        let radiance = self.white.radiance(&pixels, origin(message))?;
+        let frame = SourceFrame::new(stamp.to_string(), radiance);
+        Ok(SourceFrame { stamp_ns: Some(stamp), frame_id, ground_truth, ..frame })
     }
 }
 
