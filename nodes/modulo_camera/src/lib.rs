@@ -24,7 +24,7 @@ use modulo_runtime::parameter::file as parameter_file;
 use modulo_runtime::ros_args::ArgsError;
 use modulo_runtime::secret::without_secrets;
 use modulo_runtime::sensor::recovery::Recovery;
-use modulo_runtime::topic::{ImageCompression, RECOVERY_TOPIC};
+use modulo_runtime::topic::{ImageCompression, RECOVERY_TOPIC, camera_info_topic};
 use modulo_runtime::{
     Context, Flow, Job, Message, MessageKind, Node, NodeName, ParameterError, ParameterSet as _, Parameters,
     Part, PlannedInputs, SensorModel, StampedFrame, StepError, StreamKind, SystemClock, Topic, Trigger,
@@ -153,7 +153,7 @@ impl ModuloCamera {
         }
         let CameraInput::Frames(reader) = &mut self.input else { return Ok(None) };
         // Reported before the first frame, so that no limit hides it; it is no frame, so it has no number.
-        if let Some(why) = reader.losses.pop() {
+        if let Some(why) = reader.source.losses.pop() {
             return Err(StepError::Skip(why));
         }
         let frame = reader.next_frame();
@@ -162,17 +162,11 @@ impl ModuloCamera {
         frame
     }
 
-    /// Exposes to frame number `number` and sends the streams that are wanted. Noise is seeded by the number, so that a
+    /// Exposes to the frame that was taken last and sends the streams that are wanted. Noise is seeded by its number, so that a
     /// frame looks the same whatever came before it.
-    fn sense(
-        &mut self,
-        number: u64,
-        radiance: &Array3<f32>,
-        header: &Header,
-        cx: &mut Context<'_>,
-    ) -> Result<(), String> {
+    fn sense(&mut self, radiance: &Array3<f32>, header: &Header, cx: &mut Context<'_>) -> Result<(), String> {
         // All seeds are allowed, so their sum with the number may pass the end of the range.
-        let seed = self.parameters.seed.unsigned_abs().wrapping_add(number);
+        let seed = self.parameters.seed.unsigned_abs().wrapping_add(self.frames_read - 1);
         self.sensed += 1;
         if let Some(control) = &mut self.control {
             control.exposed(header.stamp);
@@ -232,7 +226,7 @@ impl ModuloCamera {
             cx.emit(GROUND_TRUTH, to_detections(truth, &header));
         }
         let radiance = frame.radiance_for(&self.model).map_err(|why| why.to_string());
-        let sensed = radiance.and_then(|radiance| self.sense(self.frames_read - 1, &radiance, &header, cx));
+        let sensed = radiance.and_then(|radiance| self.sense(&radiance, &header, cx));
         let CameraInput::Frames(reader) = &mut self.input else { return Ok(()) };
         sensed.map_err(|why| reader.refuse(format!("frame {}: {why}", frame.name)))?;
         reader.given = true;
@@ -247,7 +241,7 @@ impl ModuloCamera {
         self.frames_read += 1;
         let radiance = live.pixels.radiance(coding, self.frames_read).map_err(|why| why.to_string());
         let header = self.header(Time::from_ns(live.stamp_ns), FRAME_ID);
-        let sensed = radiance.and_then(|radiance| self.sense(self.frames_read - 1, &radiance, &header, cx));
+        let sensed = radiance.and_then(|radiance| self.sense(&radiance, &header, cx));
         sensed.map_err(StepError::Skip)
     }
 }
@@ -370,7 +364,7 @@ impl Node for ModuloCamera {
                 self.frames_read += 1;
                 let radiance = radiance.map_err(|why| StepError::Skip(why.to_string()))?;
                 let header = self.header(image.header.stamp, &image.header.frame_id);
-                self.sense(self.frames_read - 1, &radiance, &header, cx).map_err(StepError::Skip)?;
+                self.sense(&radiance, &header, cx).map_err(StepError::Skip)?;
             }
             Trigger::Message { message: Message::CameraInfo(info), .. } => self.calibration.info = Some(info),
             Trigger::Message { message: Message::Diagnostics(recovery), .. } => self.follow(&recovery)?,
@@ -437,19 +431,16 @@ struct FrameReader {
     given: bool,
     /// The fault of the last bad frame.
     bad: Option<String>,
-    /// Losses of the source that were not reported yet.
-    losses: Vec<String>,
 }
 
 impl CameraInput {
     fn open(parameters: &CameraParameters) -> Result<Self, ParameterError> {
         let (spec, coding) = (&parameters.source, parameters.coding()?);
+        let refuse = |why: String| ParameterError::new("source", spec, why);
         if let Some(name) = topic_of(spec)? {
-            let white =
-                White::new(coding).map_err(|why| ParameterError::new("source", spec, why.to_string()))?;
+            let white = White::new(coding).map_err(|why| refuse(why.to_string()))?;
             return Ok(Self::Topic { name: name.to_owned(), white });
         }
-        let refuse = |why: String| ParameterError::new("source", spec, why);
         if let Ok(Some(VideoAddress::Live(address))) = VideoAddress::of(spec) {
             let video = LiveVideo::open(address, Arc::new(SystemClock::default()));
             return Ok(Self::Live(video.map_err(|why| refuse(why.to_string()))?, coding));
@@ -463,19 +454,19 @@ impl CameraInput {
 
     /// Returns the calibration of the camera that has taken the images.
     fn calibration(&self) -> Calibration {
-        match self {
-            Self::Frames(reader) => Calibration::recorded(reader.source.camera_info.clone()),
-            Self::Live(..) => Calibration::recorded(None),
-            Self::Topic { name, .. } => Calibration::beside(name),
-        }
+        let (topic, info) = match self {
+            Self::Frames(reader) => (None, reader.source.camera_info.clone()),
+            Self::Live(..) => (None, None),
+            Self::Topic { name, .. } => (Some(camera_info_topic(name)), None),
+        };
+        Calibration { topic, info, ..Calibration::default() }
     }
 }
 
 impl FrameReader {
     /// Returns the frames of `source` from its first one on; after its last one it is over, or starts again.
     fn new(source: Source, repeat: bool) -> Self {
-        let losses = source.losses.clone();
-        Self { source, ahead: None, repeat, given: false, bad: None, losses }
+        Self { source, ahead: None, repeat, given: false, bad: None }
     }
 
     /// Returns the next frame; `None` at the end.
