@@ -224,7 +224,7 @@ impl Storage for McapFile {
         if let Some(first) = rest.first() {
             let (index, start) = (Arc::clone(&self), first.header.log_time);
             let messages = rest.into_iter().map(move |loose| index.loose_message(&file, &wanted, &loose));
-            inputs.push(MergeInput { start, open: Box::new(move || Ok(Box::new(messages))) });
+            inputs.push((start, Box::new(move || Ok(Box::new(messages)))));
         }
         Ok(Box::new(Merge::of(inputs)))
     }
@@ -246,7 +246,7 @@ fn chunk_input(
             Err(chunk::left_out(&index.path, chunk.chunk_start_offset, messages, &why).into())
         }
     };
-    MergeInput { start, open: Box::new(open) }
+    (start, Box::new(open))
 }
 
 fn read_summary(file: &mut File, size: u64) -> Option<Summary> {
@@ -306,9 +306,8 @@ fn topic(channel: &mcap::Channel<'_>) -> BagTopic {
     // A channel may have no schema, and a recorder may leave these entries out: both are empty then.
     let mut metadata = channel.metadata.clone();
     let [type_hash, qos] = [TYPE_HASH, QOS].map(|key| metadata.remove(key).unwrap_or_default());
-    let (type_name, schema_encoding, schema) = match channel.schema.as_ref() {
-        Some(schema) => (schema.name.clone(), schema.encoding.clone(), schema.data.to_vec()),
-        None => (String::new(), String::new(), Vec::new()),
-    };
+    let schema = channel.schema.as_ref();
+    let schema = schema.map(|schema| (schema.name.clone(), schema.encoding.clone(), schema.data.to_vec()));
+    let (type_name, schema_encoding, schema) = schema.unwrap_or_default();
     BagTopic { name: channel.topic.clone(), type_name, type_hash, qos, schema_encoding, schema, metadata }
 }

@@ -8,8 +8,8 @@ use std::sync::Arc;
 use modulo_runtime::clock::utc;
 use modulo_runtime::embedded::locate;
 
-use super::metadata::{self, CustomData, Metadata};
-use super::storage::{self, Merge, MergeInput, Storage};
+use super::metadata::{self, Metadata};
+use super::storage::{self, Merge, OpenInput, Storage};
 use super::{BagError, BagWarning, Extra, ExtraKind, Selection, TopicCount};
 use crate::FileError;
 
@@ -36,7 +36,7 @@ pub struct BagReader {
     path: PathBuf,
     files: Vec<(PathBuf, Arc<dyn Storage>)>,
     /// What `metadata.yaml` says; nothing where it cannot be used.
-    metadata: Metadata,
+    pub(super) metadata: Metadata,
     warnings: Vec<BagWarning>,
 }
 
@@ -115,21 +115,6 @@ impl BagReader {
         self.files.iter().map(|(path, _)| path.as_path())
     }
 
-    /// Returns the size of all files, bytes.
-    pub fn size(&self) -> u64 {
-        self.files.iter().map(|(_, file)| file.summary().size).sum()
-    }
-
-    /// Returns the ROS distribution that `metadata.yaml` names.
-    pub fn ros_distro(&self) -> Option<&str> {
-        self.metadata.ros_distro.as_deref()
-    }
-
-    /// Returns what the user has noted in `metadata.yaml`.
-    pub(super) fn custom_data(&self) -> &CustomData {
-        &self.metadata.custom_data
-    }
-
     /// Returns what the files hold beside their messages, such as attachments, each with its file.
     pub fn extras(&self) -> impl Iterator<Item = (&Path, &Extra)> {
         self.files.iter().flat_map(|(path, file)| file.summary().extras.iter().map(|extra| (&**path, extra)))
@@ -175,7 +160,8 @@ impl BagReader {
             // A file that ends before the start is never opened.
             let (start, _) = file.summary().span.filter(|(_, end)| *end >= from)?;
             let (file, selection) = (Arc::clone(file), selection.clone());
-            Some(MergeInput { start, open: Box::new(move || file.messages(&selection)) })
+            let open: OpenInput = Box::new(move || file.messages(&selection));
+            Some((start, open))
         });
         Merge::of(inputs.collect())
     }
@@ -265,9 +251,13 @@ impl fmt::Display for BagInfo<'_> {
         let (start, end) = bag.span().unwrap_or((0, 0));
         let duration = end.saturating_sub(start);
         writeln!(f, "Files:             {}", files.join("\n                   "))?;
-        writeln!(f, "Bag size:          {}", size_text(bag.size()))?;
+        writeln!(
+            f,
+            "Bag size:          {}",
+            size_text(bag.files.iter().map(|(_, file)| file.summary().size).sum())
+        )?;
         writeln!(f, "Storage id:        {}", bag.storage_id())?;
-        writeln!(f, "ROS Distro:        {}", bag.ros_distro().unwrap_or("unknown"))?;
+        writeln!(f, "ROS Distro:        {}", bag.metadata.ros_distro.as_deref().unwrap_or("unknown"))?;
         writeln!(f, "Duration:          {}.{:09}s", duration / NS, duration % NS)?;
         writeln!(f, "Start:             {}", date_text(start))?;
         writeln!(f, "End:               {}", date_text(end))?;

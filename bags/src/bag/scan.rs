@@ -59,7 +59,7 @@ pub(super) fn scan(path: &Path, file: &File, size: u64, index: Option<&Summary>)
     let offset = walk.offset.min(size);
     // The CRC of the data needs the whole file. Chunks have CRCs of their own, and where damage is known it says nothing new.
     let is_read = index.is_none() || !walk.found.loose.is_empty() || walk.passed_unknown;
-    let mut scan = walk.finish(offset, end.as_ref().err());
+    let mut scan = walk.finish(offset, end.err());
     if let Ok(saved) = end
         && saved != 0
         && is_read
@@ -82,13 +82,16 @@ pub(super) fn crc_of(file: &File, start: u64, end: u64) -> io::Result<u32> {
     Ok(hasher.finalize())
 }
 
-/// The CRC of the data, at their end, or why a walk cannot go on before it.
-type WalkEnd = Result<u32, String>;
-
 /// A record, or what stands in place of one.
 enum Step {
-    Record { opcode: u8, length: u64 },
-    End(WalkEnd),
+    Record {
+        opcode: u8,
+        length: u64,
+    },
+    /// The end of the data, with their CRC.
+    End(u32),
+    /// Why a walk cannot go on.
+    Broken(&'static str),
 }
 
 struct Walk<'a> {
@@ -105,7 +108,8 @@ struct Walk<'a> {
 }
 
 impl Walk<'_> {
-    fn walk(&mut self) -> io::Result<WalkEnd> {
+    /// Returns the CRC of the data at their end, or why the walk has ended before it.
+    fn walk(&mut self) -> io::Result<Result<u32, &'static str>> {
         let mut chunks = self.index.map_or(&[][..], |index| &index.chunk_indexes).iter().peekable();
         loop {
             if let Some(chunk) = chunks.next_if(|chunk| chunk.chunk_start_offset == self.offset) {
@@ -115,10 +119,15 @@ impl Walk<'_> {
             let next = chunks.peek().map(|chunk| chunk.chunk_start_offset);
             match (self.step(next.unwrap_or(self.size))?, next) {
                 (Step::Record { opcode, length }, _) => self.record(opcode, length),
-                (Step::End(end), None) => return Ok(end),
+                (Step::End(crc), None) => return Ok(Ok(crc)),
+                (Step::Broken(why), None) => return Ok(Err(why)),
                 // The index knows where the next chunk begins, whatever is broken before it.
-                (Step::End(end), Some(next)) => {
-                    self.skip(&end.err().unwrap_or("an end of the data before their end".to_owned()));
+                (step, Some(next)) => {
+                    self.skip(if let Step::Broken(why) = step {
+                        why
+                    } else {
+                        "an end of the data before their end"
+                    });
                     self.offset = next;
                 }
             }
@@ -127,7 +136,7 @@ impl Walk<'_> {
 
     /// Looks at the record at the present offset, which has to end before `limit`.
     fn step(&self, limit: u64) -> io::Result<Step> {
-        let broken = |why: &str| Ok(Step::End(Err(why.to_owned())));
+        let broken = |why| Ok(Step::Broken(why));
         let Some(left) = limit.checked_sub(self.offset + RECORD_HEAD) else {
             return broken(match self.size {
                 0 => "the file is empty: its recorder has written nothing",
@@ -146,7 +155,7 @@ impl Walk<'_> {
             op::DATA_END if length >= 4 => {
                 let mut crc = [0; 4];
                 self.file.read_exact_at(&mut crc, self.offset + RECORD_HEAD)?;
-                Ok(Step::End(Ok(u32::from_le_bytes(crc))))
+                Ok(Step::End(u32::from_le_bytes(crc)))
             }
             op::DATA_END | op::FOOTER => broken("no end of data"),
             _ => Ok(Step::Record { opcode, length }),
@@ -256,7 +265,7 @@ impl Walk<'_> {
     }
 
     /// Returns what was found up to `offset`, where the walk has ended; before the end of the data because of `why`.
-    fn finish(self, offset: u64, why: Option<&String>) -> Scan {
+    fn finish(self, offset: u64, why: Option<&str>) -> Scan {
         let (path, messages, mut found) = (self.path, self.stats.message_count, self.found);
         // The sort is stable, so messages of one time stay in the order of the file.
         found.loose.sort_by_key(|message| message.header.log_time);

@@ -88,13 +88,10 @@ pub(super) fn files_in(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
     Ok(files)
 }
 
-type OpenInput = Box<dyn FnOnce() -> Result<Cursor, BagError> + Send>;
+pub(super) type OpenInput = Box<dyn FnOnce() -> Result<Cursor, BagError> + Send>;
 
-pub(super) struct MergeInput {
-    /// No message of it is earlier, ns since the epoch.
-    pub(super) start: u64,
-    pub(super) open: OpenInput,
-}
+/// What opens an input, behind the time of its start, ns since the epoch: no message of it is earlier.
+pub(super) type MergeInput = (u64, OpenInput);
 
 enum Input {
     Closed(OpenInput),
@@ -112,9 +109,8 @@ pub struct Merge(BTreeMap<(u64, bool, usize), Input>);
 impl Merge {
     /// Merges `inputs`. Of messages with the same time, the one of the earlier input is first.
     pub(super) fn of(mut inputs: Vec<MergeInput>) -> Self {
-        inputs.sort_by_key(|input| input.start);
-        let closed =
-            |(place, input): (_, MergeInput)| ((input.start, true, place), Input::Closed(input.open));
+        inputs.sort_by_key(|(start, _)| *start);
+        let closed = |(place, (start, open)): (_, MergeInput)| ((start, true, place), Input::Closed(open));
         Self(inputs.into_iter().enumerate().map(closed).collect())
     }
 

@@ -73,8 +73,9 @@ impl Source {
             SourceError::label(annotations, why.line(), &format!("is no COCO annotation file: {why}"))
         })?;
         let mut unlisted = Skipped::default();
+        let entries = file.images.iter().map(|entry| entry.0.as_ref());
         let entries: Vec<&ImageEntry> =
-            file.images.iter().filter_map(|entry| readable(entry, &mut unlisted)).collect();
+            entries.filter_map(|entry| entry.map_err(|why| unlisted.add(why)).ok()).collect();
         if entries.is_empty() {
             let why = unlisted.line("images cannot be read").unwrap_or_else(|| "lists no image".to_owned());
             return Err(SourceError::of(annotations, &why));
@@ -93,11 +94,6 @@ impl Source {
         let paths = paths.into_iter().filter(|path| listed.insert(path.clone())).collect();
         Self::of_images(paths, labels, false, options)
     }
-}
-
-/// Returns the value of an entry, or counts it.
-fn readable<'a, T>(entry: &'a Listed<T>, unread: &mut Skipped) -> Option<&'a T> {
-    entry.0.as_ref().map_err(|why| unread.add(why)).ok()
 }
 
 /// Returns the place of an image in `folder`, and never outside of it: an annotation file may come from anywhere. A path of another machine

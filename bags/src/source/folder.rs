@@ -1,6 +1,7 @@
 //! [`open`]: the images of a folder, sorted by name with numbers by their value; one file is a folder of one.
 
 use std::collections::{BTreeSet, HashMap};
+use std::fs::DirEntry;
 use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
 
@@ -114,17 +115,13 @@ pub fn images_of(folder: &Path) -> Result<(Vec<PathBuf>, Option<String>), Source
 
 /// Returns the images that lie in `folder` itself, sorted by [`by_number`].
 pub(super) fn images_in(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
-    let io = |e| FileError::new(folder, e);
-    let mut images = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(io)? {
-        let path = entry.map_err(io)?.path();
-        if is_image(&path) && !is_hidden(&path) {
-            // A link to nowhere, such as git-annex leaves, is an image that cannot be read.
-            if path.exists() {
-                check_regular(&path).map_err(|why| FileError::new(&path, why))?;
-            }
-            images.push(path);
-        }
+    let entries = std::fs::read_dir(folder).and_then(Iterator::collect::<Result<Vec<_>, _>>);
+    let entries = entries.map_err(|why| FileError::new(folder, why))?;
+    let images = entries.iter().map(DirEntry::path);
+    let mut images: Vec<_> = images.filter(|path| is_image(path) && !is_hidden(path)).collect();
+    // A link to nowhere, such as git-annex leaves, is an image that cannot be read.
+    for image in images.iter().filter(|image| image.exists()) {
+        check_regular(image).map_err(|why| FileError::new(image, why))?;
     }
     // The path decides between names that differ only in zeros without a value.
     images.sort_by_cached_key(|path| (path.file_stem().map(by_number), path.clone()));

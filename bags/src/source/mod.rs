@@ -38,11 +38,11 @@ pub use classes::NAME_FILES;
 pub use folder::images_of;
 pub use kitti::FrameList;
 pub use labels::Skipped;
-pub use light::Light;
 pub use pictures::{Picture, Pictures, of_radiance};
 
 use crate::FileError;
 use crate::bag::BagError;
+use light::Light;
 
 /// Error: a frame could not be read. The message names the file, the fault and the possible values.
 #[derive(Debug, thiserror::Error)]
@@ -214,7 +214,7 @@ pub const FRAME_ID: &str = "camera_optical";
 
 /// Opens what `spec` names: a scene (`scene://PRESET?seed=N`), a bag (a `.mcap` or `.db3` file, or a
 /// folder with `metadata.yaml` or such files), a KITTI folder (with `image_2` or `image_02`), a folder of images,
-/// one image, a video ([`VideoAddress`]), or a spike recording (`PATH.npz?window=N`), each under changing [`Light`] with `?light=NAME` behind it.
+/// one image, a video ([`VideoAddress`]), or a spike recording (`PATH.npz?window=N`), each under changing light with `?light=NAME` behind it.
 ///
 /// # Errors
 /// [`SourceError`] when the path is missing, holds no frame, or cannot be read.
