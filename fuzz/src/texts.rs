@@ -110,7 +110,7 @@ pub fn yolo(data: &[u8]) {
 
 fn all(source: &mut Source) {
     let mut read = 0;
-    while let Some(frame) = source.next() {
+    for frame in source.by_ref() {
         read += 1;
         if let Ok(Some(labels)) = frame.map(|frame| frame.ground_truth) {
             check_labels(&labels);

@@ -82,16 +82,13 @@ pub(super) fn crc_of(file: &File, start: u64, end: u64) -> io::Result<u32> {
     Ok(hasher.finalize())
 }
 
+/// The CRC of the data, at their end, or why a walk cannot go on before it.
+type WalkEnd = Result<u32, &'static str>;
+
 /// A record, or what stands in place of one.
 enum Step {
-    Record {
-        opcode: u8,
-        length: u64,
-    },
-    /// The end of the data, with their CRC.
-    End(u32),
-    /// Why a walk cannot go on.
-    Broken(&'static str),
+    Record { opcode: u8, length: u64 },
+    End(WalkEnd),
 }
 
 struct Walk<'a> {
@@ -108,8 +105,7 @@ struct Walk<'a> {
 }
 
 impl Walk<'_> {
-    /// Returns the CRC of the data at their end, or why the walk has ended before it.
-    fn walk(&mut self) -> io::Result<Result<u32, &'static str>> {
+    fn walk(&mut self) -> io::Result<WalkEnd> {
         let mut chunks = self.index.map_or(&[][..], |index| &index.chunk_indexes).iter().peekable();
         loop {
             if let Some(chunk) = chunks.next_if(|chunk| chunk.chunk_start_offset == self.offset) {
@@ -119,15 +115,10 @@ impl Walk<'_> {
             let next = chunks.peek().map(|chunk| chunk.chunk_start_offset);
             match (self.step(next.unwrap_or(self.size))?, next) {
                 (Step::Record { opcode, length }, _) => self.record(opcode, length),
-                (Step::End(crc), None) => return Ok(Ok(crc)),
-                (Step::Broken(why), None) => return Ok(Err(why)),
+                (Step::End(end), None) => return Ok(end),
                 // The index knows where the next chunk begins, whatever is broken before it.
-                (step, Some(next)) => {
-                    self.skip(if let Step::Broken(why) = step {
-                        why
-                    } else {
-                        "an end of the data before their end"
-                    });
+                (Step::End(end), Some(next)) => {
+                    self.skip(end.err().unwrap_or("an end of the data before their end"));
                     self.offset = next;
                 }
             }
@@ -136,7 +127,7 @@ impl Walk<'_> {
 
     /// Looks at the record at the present offset, which has to end before `limit`.
     fn step(&self, limit: u64) -> io::Result<Step> {
-        let broken = |why| Ok(Step::Broken(why));
+        let broken = |why| Ok(Step::End(Err(why)));
         let Some(left) = limit.checked_sub(self.offset + RECORD_HEAD) else {
             return broken(match self.size {
                 0 => "the file is empty: its recorder has written nothing",
@@ -155,7 +146,7 @@ impl Walk<'_> {
             op::DATA_END if length >= 4 => {
                 let mut crc = [0; 4];
                 self.file.read_exact_at(&mut crc, self.offset + RECORD_HEAD)?;
-                Ok(Step::End(u32::from_le_bytes(crc)))
+                Ok(Step::End(Ok(u32::from_le_bytes(crc))))
             }
             op::DATA_END | op::FOOTER => broken("no end of data"),
             _ => Ok(Step::Record { opcode, length }),

@@ -58,17 +58,6 @@ impl ImageLabels {
         Self { objects: Ok(objects), in_shares: false, sizes: Vec::new() }
     }
 
-    /// Reads the file of labels at `path`, whose lines are read by `parse`.
-    pub fn read(
-        path: &Path,
-        parse: impl Fn(&str) -> Result<GroundTruth, String>,
-        unread: &mut Skipped,
-    ) -> Self {
-        let rows = rows(path, parse).map_err(|why| why.to_string());
-        let objects = rows.map(|rows| kept(rows, unread));
-        Self { objects, ..Self::of(Vec::new()) }
-    }
-
     /// Returns the objects in px of the image `name`, which has this height and width.
     pub fn on(&self, name: &Path, (height, width): (usize, usize)) -> Result<Vec<GroundTruth>, SourceError> {
         let objects = self.objects.clone().map_err(SourceError::Unreadable)?;
@@ -100,6 +89,25 @@ pub(super) struct LabelSet {
     pub warnings: Vec<String>,
 }
 
+impl LabelSet {
+    /// Reads the text of labels of each image, which lies beside the first of its `places` that has one. Its lines are read by `parse`.
+    pub fn of_texts(
+        images: &[PathBuf],
+        places: impl Fn(&Path) -> Vec<PathBuf>,
+        parse: impl Fn(&str) -> Result<GroundTruth, String>,
+        in_shares: bool,
+    ) -> Self {
+        let mut labels = Self::default();
+        for image in images {
+            let Some(file) = places(image).iter().find_map(|place| text_beside(place)) else { continue };
+            let rows = rows(&file, &parse).map_err(|why| why.to_string());
+            let objects = rows.map(|rows| kept(rows, &mut labels.unread));
+            labels.of_image.insert(image.clone(), ImageLabels { objects, in_shares, sizes: Vec::new() });
+        }
+        labels
+    }
+}
+
 /// Returns a line that counts the labels `names`, which have no image, and names the first one.
 pub(super) fn without_image<T: Into<String>>(
     what: &str,
@@ -117,7 +125,7 @@ pub(super) fn texts_without_image(folders: &[PathBuf], images: &[PathBuf]) -> Ve
 }
 
 /// Returns the file of labels beside `path`, which has another extension; programs of Windows may write that of labels in capitals.
-pub(super) fn text_beside(path: &Path) -> Option<PathBuf> {
+fn text_beside(path: &Path) -> Option<PathBuf> {
     ["txt", "TXT"].map(|extension| path.with_extension(extension)).into_iter().find(|path| path.is_file())
 }
 

@@ -51,7 +51,7 @@ impl Pictures {
             opened.losses = mem::take(&mut bag.losses);
             opened.frames = Box::new(iter::from_fn(move || bag.next_picture()));
         } else if path.is_dir() {
-            (opened.files, opened.warnings) = files_below(&path)?;
+            opened.take_folder(&path)?;
         } else if path.is_file() && is_image(&path) {
             opened.files.push_back((PathBuf::from(stem(&path)), one_image(&path)?));
         } else {
@@ -71,20 +71,21 @@ impl Pictures {
         }
         Ok(opened)
     }
-}
 
-/// Returns the names and the paths of the images in a folder and in all folders below it, and a line for what is left out.
-fn files_below(folder: &Path) -> Result<(VecDeque<(PathBuf, PathBuf)>, Vec<String>), SourceError> {
-    let images = images_below(folder)?;
-    if images.is_empty() {
-        return Err(no_image(folder, "", &[]));
+    /// Takes the images in a folder and in all folders below it.
+    fn take_folder(&mut self, folder: &Path) -> Result<(), SourceError> {
+        let images = images_below(folder)?;
+        if images.is_empty() {
+            return Err(no_image(folder, "", &[]));
+        }
+        let folders: BTreeSet<_> = images.iter().filter_map(|image| image.parent()).collect();
+        self.warnings.extend(others(folders));
+        let name = |image: &PathBuf| {
+            image.strip_prefix(folder).expect("it was found below the folder").with_extension("")
+        };
+        self.files.extend(images.iter().map(|image| (name(image), image.clone())));
+        Ok(())
     }
-    let folders: BTreeSet<_> = images.iter().filter_map(|image| image.parent()).collect();
-    let warnings = others(folders).into_iter().collect();
-    let name = |image: &PathBuf| {
-        image.strip_prefix(folder).expect("it was found below the folder").with_extension("")
-    };
-    Ok((images.iter().map(|image| (name(image), image.clone())).collect(), warnings))
 }
 
 impl Iterator for Pictures {

@@ -12,9 +12,7 @@ use modulo_core::BBox;
 use super::classes::YoloClasses;
 use super::data_set::images_of;
 use super::kitti::{number, whole};
-use super::labels::{
-    ImageLabels, LabelSet, around, read_text, text_beside, texts_without_image, without_image,
-};
+use super::labels::{LabelSet, around, read_text, texts_without_image, without_image};
 use super::{GroundTruth, Source, SourceError, SourceOptions};
 
 impl Source {
@@ -41,16 +39,11 @@ impl Source {
 
 /// Reads the labels of `images` in `folders`, which have no others where the images are all of theirs.
 fn labels(images: &[PathBuf], folders: &[PathBuf], classes: &YoloClasses, is_whole: bool) -> LabelSet {
-    let mut labels = LabelSet::default();
-    for image in images {
-        let Some(file) = places(image).iter().find_map(|place| text_beside(place)) else { continue };
-        let label = |text: &str| {
-            let (class, bbox) = parse(text, classes.key_points)?;
-            Ok(GroundTruth { bbox, class: classes.name(class)?, truncated: -1.0, occluded: -1 })
-        };
-        let read = ImageLabels::read(&file, label, &mut labels.unread);
-        labels.of_image.insert(image.clone(), ImageLabels { in_shares: true, ..read });
-    }
+    let label = |text: &str| {
+        let (class, bbox) = parse(text, classes.key_points)?;
+        Ok(GroundTruth { bbox, class: classes.name(class)?, truncated: -1.0, occluded: -1 })
+    };
+    let mut labels = LabelSet::of_texts(images, places, label, true);
     if is_whole {
         let texts = texts_without_image(folders, images).into_iter();
         // Other texts, such as lists of names, may lie beside the labels.

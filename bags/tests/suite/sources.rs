@@ -134,7 +134,7 @@ proptest! {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let images: Vec<Frame> = kinds.iter().map(|kind| telling(*kind)).collect();
         write_sources(&images, folder.path());
-        let whole: Vec<_> = open_sources(folder.path()).iter_mut().map(|s| read_on(s)).collect();
+        let whole: Vec<_> = open_sources(folder.path()).iter_mut().map(read_on).collect();
         for position in 0..=images.len() + 1 {
             for (index, source) in open_sources(folder.path()).iter_mut().enumerate() {
                 source.pass(position as u64);
@@ -512,7 +512,7 @@ fn walk(path: &Path, topic: Option<&str>) -> (usize, usize) {
     let options = SourceOptions { topic: topic.map(str::to_owned), ..SourceOptions::default() };
     let mut source = open(&path.display().to_string(), &options).unwrap_or_else(|e| panic!("{e}"));
     let (mut frames, mut objects) = (0, 0);
-    while let Some(frame) = source.next() {
+    for frame in source.by_ref() {
         let frame = frame.unwrap_or_else(|e| panic!("{e}"));
         assert!(frame.radiance.iter().all(|v| (0.0..1.0).contains(v)), "{}", frame.name);
         assert!(frame.radiance.iter().any(|v| *v > 0.1), "{} is dark", frame.name);

@@ -96,7 +96,7 @@ impl ModuloCamera {
         parameters: &CameraParameters,
     ) -> Result<Self, ParameterError> {
         let reader = FrameReader::new(Source::over(frames), parameters.r#loop);
-        Self::with(CameraInput::Frames(reader), parameters)
+        Self::with(CameraInput::Frames(reader.into()), parameters)
     }
 
     fn with(input: CameraInput, parameters: &CameraParameters) -> Result<Self, ParameterError> {
@@ -318,9 +318,8 @@ impl Node for ModuloCamera {
         }
         let CameraInput::Frames(reader) = &mut self.input else { return };
         reader.ahead = reader.ahead.take().or_else(|| Some(reader.source.next()));
-        let CameraInput::Frames(FrameReader { ahead: Some(Some(Ok(frame))), .. }) = &self.input else {
-            return;
-        };
+        let CameraInput::Frames(reader) = &self.input else { return };
+        let Some(Some(Ok(frame))) = &reader.ahead else { return };
         // Images of a folder get their stamp when they are sent.
         let header = self.header(Time::from_ns(frame.stamp_ns.unwrap_or(0)), &frame.frame_id);
         self.describe(&frame.radiance, &header, cx);
@@ -409,7 +408,7 @@ fn not_opened(source: &str) -> ParameterError {
 /// A source of frames, or a topic that brings them.
 enum CameraInput {
     /// Read frame by frame.
-    Frames(FrameReader),
+    Frames(Box<FrameReader>),
     /// A camera whose newest frame is taken.
     Live(LiveVideo, Coding),
     /// Brought by a topic.
@@ -449,7 +448,7 @@ impl CameraInput {
         let options = SourceOptions { coding, topic };
         let source = source::open(spec, &options).map_err(|why| refuse(why.to_string()))?;
         source.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
-        Ok(Self::Frames(FrameReader::new(source, parameters.r#loop)))
+        Ok(Self::Frames(FrameReader::new(source, parameters.r#loop).into()))
     }
 
     /// Returns the calibration of the camera that has taken the images.
