@@ -59,12 +59,9 @@ pub fn capture(
     let queue = Arc::new(Queue::new(clock.clone(), WAITING));
     // The recorder sleeps in the queue, and a stop must not wait for the end of that sleep.
     stop.wakes(&queue);
-    let node_name = NodeName { name: NODE.into(), namespace: "/".into(), remaps: Vec::new() };
-    // Nodes that wait for a recorder find it by this name.
-    let _node = transport.announce(&node_name)?;
     let mut capture = CaptureLoop {
         transport,
-        node_name,
+        node_name: NodeName { name: NODE.into(), namespace: "/".into(), remaps: Vec::new() },
         recorder,
         queue,
         glimpsed: BTreeMap::new(),
@@ -76,6 +73,8 @@ pub fn capture(
         numbered: BTreeSet::new(),
         cut: BTreeMap::new(),
     };
+    // Nodes that wait for a recorder find it by this name.
+    let _node = transport.announce(&capture.node_name)?;
     while stop.urgency() == Urgency::None {
         capture.subscribe_new(topics, clock.ticks_ns())?;
         capture.look_for_links();
