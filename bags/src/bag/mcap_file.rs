@@ -17,7 +17,7 @@ use super::chunk::{self, MAX_CHUNK, RECORD_HEAD};
 use super::definition::complete;
 use super::scan::{MESSAGE_HEAD, Scan, UnchunkedMessage, crc_of, scan};
 use super::storage::{Cursor, FileSummary, Item, Merge, MergeInput, Storage};
-use super::{BagError, BagTopic, BagWarning, LeftOut, RawMessage, Selection, TopicCount, unpacked};
+use super::{BagError, BagTopic, BagWarning, Extra, LeftOut, RawMessage, Selection, TopicCount, unpacked};
 use crate::FileError;
 
 /// The length of the footer with the magic bytes behind it: opcode, length, two offsets and the CRC.
@@ -58,7 +58,7 @@ impl McapFile {
             warnings.insert(0, BagWarning::skipped(path, 0, "it is not that of an MCAP file"));
         }
         let topics = cdr_topics(path, &summary, &mut warnings);
-        let summed = FileSummary { extras, ..sum(&summary, &topics, size, warnings) };
+        let summed = sum(&summary, &topics, size, (extras, warnings));
         Ok(Self { path: path.to_owned(), index: summary, loose, topics, summary: summed })
     }
 
@@ -109,7 +109,7 @@ impl McapFile {
     }
 
     fn message(&self, topic: &Arc<BagTopic>, header: &MessageHeader, data: Vec<u8>) -> Item {
-        let data = unpacked(data).map_err(|why| LeftOut::one(&self.path, topic, why))?;
+        let data = unpacked(data).map_err(|why| LeftOut::of_topic(&self.path, &topic.name, 1, why))?;
         let MessageHeader { log_time, publish_time, .. } = *header;
         Ok(RawMessage { topic: Arc::clone(topic), log_time, publish_time, data })
     }
@@ -169,7 +169,7 @@ fn sum(
     index: &Summary,
     topics: &HashMap<u16, Arc<BagTopic>>,
     size: u64,
-    warnings: Vec<BagWarning>,
+    (extras, warnings): (Vec<Extra>, Vec<BagWarning>),
 ) -> FileSummary {
     let stats = index.stats.as_ref();
     let span = stats.filter(|stats| stats.message_count > 0);
@@ -185,7 +185,7 @@ fn sum(
         size,
         span: span.map(|stats| (stats.message_start_time, stats.message_end_time)),
         topics: topics.into_iter().map(counted).collect(),
-        extras: Vec::new(),
+        extras,
         warnings,
     }
 }

@@ -200,10 +200,6 @@ impl LeftOut {
     fn of_topic(path: &Path, topic: &str, messages: u64, why: String) -> Self {
         Self { path: path.to_owned(), place: format!("{TOPIC} '{topic}'"), messages: Some(messages), why }
     }
-
-    fn one(path: &Path, topic: &BagTopic, why: String) -> Self {
-        Self::of_topic(path, &topic.name, 1, why)
-    }
 }
 
 /// Something that is missing in a bag that can still be read.

@@ -252,7 +252,7 @@ pub fn copy(bag: &BagReader, out: &Path, options: impl Into<WriteOptions>) -> Re
         match message {
             Ok(message) => match writer.topic(&message.topic) {
                 Err(why @ BagError::TypeConflict(..)) => {
-                    leave_out(LeftOut::one(bag.path(), &message.topic, why.to_string()));
+                    leave_out(LeftOut::of_topic(bag.path(), &message.topic.name, 1, why.to_string()));
                 }
                 id => writer.write(id?, message.log_time, message.publish_time, &message.data)?,
             },

@@ -95,8 +95,7 @@ impl ModuloCamera {
         frames: impl source::Frames + 'static,
         parameters: &CameraParameters,
     ) -> Result<Self, ParameterError> {
-        let reader = FrameReader::new(Source::over(frames), parameters.r#loop);
-        Self::with(CameraInput::Frames(reader.into()), parameters)
+        Self::with(CameraInput::of(Source::over(frames), parameters.r#loop), parameters)
     }
 
     fn with(input: CameraInput, parameters: &CameraParameters) -> Result<Self, ParameterError> {
@@ -433,6 +432,11 @@ struct FrameReader {
 }
 
 impl CameraInput {
+    /// Returns the frames of `source` from its first one on; after its last one it is over, or starts again.
+    fn of(source: Source, repeat: bool) -> Self {
+        Self::Frames(Box::new(FrameReader { source, ahead: None, repeat, given: false, bad: None }))
+    }
+
     fn open(parameters: &CameraParameters) -> Result<Self, ParameterError> {
         let (spec, coding) = (&parameters.source, parameters.coding()?);
         let refuse = |why: String| ParameterError::new("source", spec, why);
@@ -448,7 +452,7 @@ impl CameraInput {
         let options = SourceOptions { coding, topic };
         let source = source::open(spec, &options).map_err(|why| refuse(why.to_string()))?;
         source.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
-        Ok(Self::Frames(FrameReader::new(source, parameters.r#loop).into()))
+        Ok(Self::of(source, parameters.r#loop))
     }
 
     /// Returns the calibration of the camera that has taken the images.
@@ -463,11 +467,6 @@ impl CameraInput {
 }
 
 impl FrameReader {
-    /// Returns the frames of `source` from its first one on; after its last one it is over, or starts again.
-    fn new(source: Source, repeat: bool) -> Self {
-        Self { source, ahead: None, repeat, given: false, bad: None }
-    }
-
     /// Returns the next frame; `None` at the end.
     ///
     /// # Errors
