@@ -1,8 +1,6 @@
 //! Files and arguments that a user writes: launch files, parameters, and labels of images.
 
-use modulo_bags::source::{
-    GroundTruth, LabelledSource, Source, SourceOptions, from_detections, to_detections,
-};
+use modulo_bags::source::{GroundTruth, Source, SourceOptions, from_detections, to_detections};
 use modulo_launch::substitution::pieces;
 use modulo_launch::{NodeParameter, resolve, ros_arguments};
 use modulo_runtime::parameter::file;
@@ -79,7 +77,7 @@ pub fn kitti(data: &[u8]) {
         ("drives/label_02/7.txt", data),
     ]);
     for path in [folder.path().to_owned(), folder.path().join("drives/image_02/7")] {
-        if let Ok(mut source) = LabelledSource::kitti(&path, None, &SourceOptions::default()) {
+        if let Ok(mut source) = Source::kitti(&path, None, &SourceOptions::default()) {
             all(&mut source);
         }
     }
@@ -90,7 +88,7 @@ pub fn coco(data: &[u8]) {
     let folder = super::folder(&[("a.json", data), ("images/a.png", PIXEL)]);
     let images = folder.path().join("images");
     if let Ok(mut source) =
-        LabelledSource::coco(&folder.path().join("a.json"), Some(&images), &SourceOptions::default())
+        Source::coco(&folder.path().join("a.json"), Some(&images), &SourceOptions::default())
     {
         all(&mut source);
     }
@@ -105,20 +103,20 @@ pub fn yolo(data: &[u8]) {
         ("labels/0.txt", labels),
         ("data.yaml", names.get(1..).unwrap_or(b"names: []")),
     ]);
-    if let Ok(mut source) = LabelledSource::yolo(folder.path(), &SourceOptions::default()) {
+    if let Ok(mut source) = Source::yolo(folder.path(), &SourceOptions::default()) {
         all(&mut source);
     }
 }
 
-fn all(source: &mut dyn Source) {
+fn all(source: &mut Source) {
     let mut read = 0;
-    while let Some(frame) = source.next() {
+    for frame in source.by_ref() {
         read += 1;
         if let Ok(Some(labels)) = frame.map(|frame| frame.ground_truth) {
             check_labels(&labels);
         }
     }
-    assert_eq!(source.len(), Some(read));
+    assert_eq!(source.len, Some(read));
 }
 
 /// Boxes are finite and not inside out, and none is lost on the way through a message.

@@ -24,7 +24,7 @@ pub struct Bag(Mutex<BagSource>);
 
 /// The radiance of the frames of a source of the camera.
 #[pyclass(frozen, module = "modulo_camera._core")]
-pub struct Source(Mutex<Box<dyn source::Source>>);
+pub struct Source(Mutex<source::Source>);
 
 #[pymethods]
 impl Bag {
@@ -56,7 +56,7 @@ impl Source {
     fn new(py: Python<'_>, parameters: &Bound<'_, PyDict>) -> PyResult<Self> {
         let (source, options) = options(parameters)?;
         let source = py.detach(|| source::open(&source, &options)).map_err(value_error)?;
-        warn(py, [source.losses(), source.warnings()].concat().into_iter())?;
+        warn(py, [&*source.losses, &*source.warnings].concat().into_iter())?;
         Ok(Self(Mutex::new(source)))
     }
 
@@ -65,7 +65,7 @@ impl Source {
     }
 
     fn __next__<'py>(&self, py: Python<'py>) -> PyResult<Option<Frame<'py>>> {
-        let Some(frame) = next(py, &self.0, |source| source.next())? else { return Ok(None) };
+        let Some(frame) = next(py, &self.0, source::Source::next)? else { return Ok(None) };
         let radiance = to_numpy(py, frame.radiance, true);
         let objects = objects(frame.ground_truth);
         Ok(Some((radiance, frame.name, frame.stamp_ns, frame.frame_id, "none", objects)))

@@ -236,14 +236,14 @@ fn play(args: &BagPlay) -> Result<Ended, Failure> {
 /// Tells what a replay has left out, and returns whether it is anything. What the bag lacks is told again, because a launcher gives the last
 /// line as the reason.
 fn left_out(player: &Player, unheard: &[String]) -> bool {
-    player.bag().warnings().iter().filter(|w| w.is_loss()).for_each(|why| note!("modulo: {why}"));
+    player.bag.warnings().iter().filter(|w| w.is_loss()).for_each(|why| note!("modulo: {why}"));
     if !unheard.is_empty() {
         note!("modulo: no reader gets {}", unheard.join(", "));
     }
-    if player.left_out() > 0 {
-        note!("modulo: {} messages that cannot be read were left out", player.left_out());
+    if player.left_out > 0 {
+        note!("modulo: {} messages that cannot be read were left out", player.left_out);
     }
-    !unheard.is_empty() || player.left_out() > 0
+    !unheard.is_empty() || player.left_out > 0
 }
 
 fn seconds(option: &str, given: f64) -> Result<Duration, Failure> {

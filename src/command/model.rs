@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::{Args, Subcommand};
 use indicatif::ProgressBar;
-use modulo_bags::source::{BagSource, Source as _, SourceOptions};
+use modulo_bags::source::{BagSource, SourceOptions};
 use modulo_camera::CameraParameters;
 use modulo_core::unwrap::{Method, Options, WORK_OF_NOISE};
 use modulo_core::{Frame, Range, Recovered, ResetRamp, Resets};
@@ -245,7 +245,7 @@ fn print_resets(Resets { modulus, loss, error, spread, samples, frames }: Resets
 fn resets(bag: &Path, range: Range) -> anyhow::Result<Resets> {
     let options = SourceOptions { topic: Some("/modulo".to_owned()), ..SourceOptions::default() };
     let mut images = BagSource::open(bag, &options)?;
-    if let Some(loss) = images.losses().into_iter().next() {
+    if let Some(loss) = images.losses.first() {
         anyhow::bail!("a part of the ramp is lost: {loss}");
     }
     let mut ramp = ResetRamp::new(range);

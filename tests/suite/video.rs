@@ -23,7 +23,7 @@ fn has_video(bench: &Bench) -> bool {
 }
 
 /// The codes of the frames of a source.
-fn pictures(mut source: Box<dyn Source>) -> impl Iterator<Item = Vec<u8>> {
+fn pictures(mut source: Source) -> impl Iterator<Item = Vec<u8>> {
     let frames = std::iter::from_fn(move || source.next());
     frames.map(|frame| {
         let codes = frame.expect("a frame").radiance.mapv(|value| (value * 255.0) as u8);

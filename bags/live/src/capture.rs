@@ -59,10 +59,22 @@ pub fn capture(
     let queue = Arc::new(Queue::new(clock.clone(), WAITING));
     // The recorder sleeps in the queue, and a stop must not wait for the end of that sleep.
     stop.wakes(&queue);
-    let node_name = NodeName { name: NODE.into(), namespace: "/".into(), remaps: Vec::new() };
+    let mut capture = CaptureLoop {
+        transport,
+        node_name: NodeName { name: NODE.into(), namespace: "/".into(), remaps: Vec::new() },
+        recorder,
+        queue,
+        glimpsed: BTreeMap::new(),
+        known: BTreeSet::new(),
+        lanes: BTreeMap::new(),
+        asked: BTreeMap::new(),
+        held: 0,
+        guards: BTreeMap::new(),
+        numbered: BTreeSet::new(),
+        cut: BTreeMap::new(),
+    };
     // Nodes that wait for a recorder find it by this name.
-    let _node = transport.announce(&node_name)?;
-    let mut capture = CaptureLoop::new(transport, node_name, recorder, queue);
+    let _node = transport.announce(&capture.node_name)?;
     while stop.urgency() == Urgency::None {
         capture.subscribe_new(topics, clock.ticks_ns())?;
         capture.look_for_links();
@@ -106,29 +118,7 @@ struct AskedTopic {
     answer: Receiver<Result<String, TransportError>>,
 }
 
-impl<'a> CaptureLoop<'a> {
-    fn new(
-        transport: &'a Arc<ZenohTransport>,
-        node_name: NodeName,
-        recorder: BagWriter,
-        queue: Arc<Queue<RawSample>>,
-    ) -> Self {
-        Self {
-            transport,
-            node_name,
-            recorder,
-            queue,
-            glimpsed: BTreeMap::new(),
-            known: BTreeSet::new(),
-            lanes: BTreeMap::new(),
-            asked: BTreeMap::new(),
-            held: 0,
-            guards: BTreeMap::new(),
-            numbered: BTreeSet::new(),
-            cut: BTreeMap::new(),
-        }
-    }
-
+impl CaptureLoop<'_> {
     fn subscribe_new(&mut self, topics: Option<&[String]>, now_ns: u64) -> Result<(), LiveError> {
         let graph = self.transport.graph();
         let publishers = graph.tokens().filter(|t| t.kind == EntityKind::Publisher);

@@ -13,9 +13,6 @@ use modulo_msgs::rosbag2_interfaces::{
     TogglePausedResponse,
 };
 
-/// The bytes of a response, or why there is none.
-pub type ServiceResult = Result<Vec<u8>, Box<dyn Error>>;
-
 modulo_middleware::services! {
     /// The services of a player.
     pub enum Service in "rosbag2_interfaces" {
@@ -77,7 +74,11 @@ impl Service {
     ///
     /// # Errors
     /// The reason when the request cannot be read, or the replay has ended.
-    pub fn call(self, request: &[u8], give: &dyn Fn(PlayerCommand) -> bool) -> ServiceResult {
+    pub fn call(
+        self,
+        request: &[u8],
+        give: &dyn Fn(PlayerCommand) -> bool,
+    ) -> Result<Vec<u8>, Box<dyn Error>> {
         let (answer, answered) = channel();
         // Read before it is handed over, so that the replay never sees a broken request.
         let action = self.action(request)?;

@@ -29,28 +29,21 @@ pub struct PlayOptions {
 #[error("{0}")]
 pub struct PlayError(String);
 
-/// A message and when to send it.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct NextMessage {
-    /// Position on the timeline of the replay, ns: bag time since its start, rounds one after the other.
-    pub position: u64,
-    /// Topic, log time and payload.
-    pub message: RawMessage,
-}
-
 /// A bag that is being replayed.
 pub struct Player {
-    bag: BagReader,
+    /// The bag.
+    pub bag: BagReader,
     selection: Selection,
     messages: Messages,
     repeats: bool,
-    /// First and last log time of a round.
-    window: (u64, u64),
+    /// The first and the last log time that are played, ns since the epoch.
+    pub window: (u64, u64),
     /// Position at which this round began, ns.
     began: u64,
     /// Whether this round had a message: one without any is never repeated.
     heard: bool,
-    left_out: u64,
+    /// How many single messages could not be read so far.
+    pub left_out: u64,
 }
 
 impl Player {
@@ -82,15 +75,16 @@ impl Player {
         Ok(Self { bag, selection, messages, repeats, window, began: 0, heard: false, left_out: 0 })
     }
 
-    /// Returns the next message that can be read; `None` at the end, and after an error.
-    pub fn next_message(&mut self) -> Option<Result<NextMessage, BagError>> {
+    /// Returns the next message that can be read, behind its position on the timeline of the replay in ns: bag time since its start, rounds one
+    /// after the other. `None` at the end, and after an error.
+    pub fn next_message(&mut self) -> Option<Result<(u64, RawMessage), BagError>> {
         let (start, end) = self.window;
         loop {
             match self.messages.next() {
                 Some(Ok(message)) if message.log_time <= end => {
                     self.heard = true;
                     let position = self.began.saturating_add(message.log_time.saturating_sub(start));
-                    return Some(Ok(NextMessage { position, message }));
+                    return Some(Ok((position, message)));
                 }
                 Some(Err(BagError::LeftOut(left_out))) => {
                     tracing::warn!("{left_out}");
@@ -132,21 +126,6 @@ impl Player {
         let (start, end) = self.window;
         let round = end - start;
         start + if self.repeats && round > 0 { position % round } else { position.min(round) }
-    }
-
-    /// Returns the first and the last log time that are played, ns since the epoch.
-    pub fn window(&self) -> (u64, u64) {
-        self.window
-    }
-
-    /// Returns how many single messages could not be read so far.
-    pub fn left_out(&self) -> u64 {
-        self.left_out
-    }
-
-    /// Returns the bag.
-    pub fn bag(&self) -> &BagReader {
-        &self.bag
     }
 
     /// Returns the topics that are played, with their counts in the whole bag.

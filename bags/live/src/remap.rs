@@ -13,7 +13,7 @@ impl TopicRemaps {
     /// # Errors
     /// [`NameError`] for a `to` that is no ROS name.
     pub fn new(pairs: Vec<(String, String)>) -> Result<Self, NameError> {
-        let pair = |(from, to): (String, String)| Ok((absolute(&from), root().resolve(&to)?));
+        let pair = |(from, to): (String, String)| Ok((absolute(&from), NodeName::default().resolve(&to)?));
         pairs.into_iter().map(pair).collect::<Result<_, _>>().map(Self)
     }
 
@@ -25,13 +25,9 @@ impl TopicRemaps {
         let full = absolute(name);
         match self.0.iter().find(|(from, _)| *from == full) {
             Some((_, to)) => Ok(to.clone()),
-            None => root().resolve(&full),
+            None => NodeName::default().resolve(&full),
         }
     }
-}
-
-fn root() -> NodeName {
-    NodeName { namespace: "/".to_owned(), ..NodeName::default() }
 }
 
 fn absolute(name: &str) -> String {

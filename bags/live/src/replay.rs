@@ -28,7 +28,7 @@ use modulo_runtime::{
 
 use crate::LiveError;
 use crate::control::{PlayerAction, PlayerCommand, PlayerReply, Service};
-use crate::play::{NextMessage, PlaybackClock, Player};
+use crate::play::{PlaybackClock, Player};
 use crate::remap::TopicRemaps;
 use modulo_bags::bag::{BagError, BagTopic, RawMessage, TopicCount, qos};
 
@@ -83,26 +83,21 @@ pub fn replay(
     stop: &Stop,
 ) -> Result<Replayed, LiveError> {
     let node_name = NodeName { name: NODE.into(), namespace: "/".into(), remaps: Vec::new() };
-    let ReplayOptions { remaps, clock_hz } = options;
-    let regular = |name: &str, type_name, qos, hz| {
-        RegularPublisher::declare(transport, &node_name, &BagTopic::new(name, type_name, qos), remaps, hz)
-    };
-    let time =
-        clock_hz.map(|hz| regular("/clock", rosgraph_msgs::Clock::NAME, Qos::Clock, hz)).transpose()?;
-    let status = regular(STATUS, DiagnosticArray::NAME, Qos::usual(MessageKind::Diagnostics), STATUS_HZ)?;
+    let node = PlayerNode { transport, name: node_name, remaps: &options.remaps };
+    let time = options.clock_hz.map(|hz| node.regular("/clock", rosgraph_msgs::Clock::NAME, Qos::Clock, hz));
+    let time = time.transpose()?;
+    let status = Qos::usual(MessageKind::Diagnostics);
+    let status = node.regular(STATUS, DiagnosticArray::NAME, status, STATUS_HZ)?;
     let mut unheard = Vec::new();
-    let publishers =
-        Publishers::declare(transport, &node_name, (&*player, remaps, time.as_ref()), &mut unheard)?;
+    let publishers = node.publishers(player, time.as_ref(), &mut unheard)?;
     let events = Arc::new(Queue::new(clock.clone(), Limit { messages: COMMANDS, bytes: usize::MAX }));
     stop.wakes(&events);
     // Services come before the announcement: a node that others see must answer them.
-    let _services =
-        (serve(transport, &node_name, &events)?, serve_parameters(transport, &node_name, &**clock)?);
-    let _node = transport.announce(&node_name)?;
+    let _services = (node.serve(&events)?, node.serve_parameters(&**clock)?);
+    let _announced = transport.announce(&node.name)?;
     let clock = &**clock;
     wait_for_readers(&publishers, clock, stop);
-    let _acks =
-        (pace.rate() == 0.0).then(|| listen_to_readers(transport, &node_name, &events)).transpose()?;
+    let _acks = (pace.rate() == 0.0).then(|| node.listen_to_readers(&events)).transpose()?;
     let (pacing, ahead, stopped) = (Pacing::default(), None, false);
     let mut replay =
         Replay { transport, clock, player, pace, pacing, ahead, publishers, time, status, events, stopped };
@@ -124,69 +119,107 @@ fn wait_for_readers(publishers: &Publishers, clock: &dyn Clock, stop: &Stop) {
     }
 }
 
-/// Returns the services of the node, and where their calls arrive.
-fn serve(
-    transport: &ZenohTransport,
-    node_name: &NodeName,
-    events: &Arc<Queue<PlayerEvent>>,
-) -> Result<Guard, TransportError> {
-    let lane = events.open(Keep::All);
-    let services = Service::ALL.iter().map(|service| {
-        let events = events.clone();
-        let give = move |command| events.push(lane, PlayerEvent::Command(command)).is_none();
-        RawService::new(service.name_and_type(), keys::SERVICE_QOS, move |request| {
-            service.call(request, &give)
-        })
-    });
-    transport.serve_raw(node_name, services.collect())
+/// The node of a replay, as the graph sees it.
+struct PlayerNode<'a> {
+    transport: &'a ZenohTransport,
+    name: NodeName,
+    remaps: &'a TopicRemaps,
 }
 
-/// Subscribes to what the readers have taken, and waits until they have found out about it.
-fn listen_to_readers(
-    transport: &ZenohTransport,
-    node_name: &NodeName,
-    events: &Arc<Queue<PlayerEvent>>,
-) -> Result<Guard, TransportError> {
-    let (events, lane) = (events.clone(), events.open(Keep::Last(COMMANDS)));
-    let deliver = Box::new(move |incoming| drop(events.push(lane, PlayerEvent::Ack(incoming))));
-    let address = Address::resolve(node_name, &ack_topic())
-        .map_err(|why| TransportError::new("subscription to the readers", why))?;
-    let acks = transport.subscribe(node_name, &address, deliver)?;
-    thread::sleep(transport.settling());
-    Ok(acks)
-}
+impl PlayerNode<'_> {
+    /// Returns the services of the node, and where their calls arrive.
+    fn serve(&self, events: &Arc<Queue<PlayerEvent>>) -> Result<Guard, TransportError> {
+        let lane = events.open(Keep::All);
+        let services = Service::ALL.iter().map(|service| {
+            let events = events.clone();
+            let give = move |command| events.push(lane, PlayerEvent::Command(command)).is_none();
+            RawService::new(service.name_and_type(), keys::SERVICE_QOS, move |request| {
+                service.call(request, &give)
+            })
+        });
+        self.transport.serve_raw(&self.name, services.collect())
+    }
 
-/// Offers the parameters that the player of ROS 2 Jazzy has. All of them are fixed: the player makes the time of the bag.
-fn serve_parameters(
-    transport: &ZenohTransport,
-    node_name: &NodeName,
-    clock: &dyn Clock,
-) -> Result<(Guard, ParameterEvents), TransportError> {
-    let own = [
-        ("start_type_description_service", true, "Serves ~/get_type_description."),
-        ("use_sim_time", false, "Takes stamps from the topic /clock."),
-    ];
-    let own = own.map(|(name, default, description)| {
-        let (default, allowed) = (Value::Bool(default), Allowed::Any);
-        Descriptor { name, default, allowed, read_only: true, description }
-    });
-    let mut declared =
-        qos_overrides(node_name, &[Topic::new("/parameter_events", MessageKind::ParameterEvent)])
-            .map_err(|why| TransportError::new("parameters of the player", why))?;
-    declared.extend(own);
-    let parameters = Parameters::declare(declared);
-    let events = ParameterEvents::new(node_name, transport)
-        .map_err(|why| TransportError::new("publisher of /parameter_events", why))?;
-    events.started(clock.now_ns(), &parameters);
-    let read = parameters.clone();
-    let request = move |request: ParameterRequest| {
-        // Fails only when the caller has gone.
-        let answers = request.changes.iter().map(|values| parameters.with(values, true).map(drop));
-        let _ = request.answer.send(ParameterAnswer::Done(answers.collect()));
-        true
-    };
-    let port = ParameterPort { read: Box::new(move || read.clone()), request: Box::new(request) };
-    Ok((transport.serve_parameters(node_name, port)?, events))
+    /// Subscribes to what the readers have taken, and waits until they have found out about it.
+    fn listen_to_readers(&self, events: &Arc<Queue<PlayerEvent>>) -> Result<Guard, TransportError> {
+        let (events, lane) = (events.clone(), events.open(Keep::Last(COMMANDS)));
+        let deliver = Box::new(move |incoming| drop(events.push(lane, PlayerEvent::Ack(incoming))));
+        let address = Address::resolve(&self.name, &ack_topic())
+            .map_err(|why| TransportError::new("subscription to the readers", why))?;
+        let acks = self.transport.subscribe(&self.name, &address, deliver)?;
+        thread::sleep(self.transport.settling());
+        Ok(acks)
+    }
+
+    /// Offers the parameters that the player of ROS 2 Jazzy has. All of them are fixed: the player makes the time of the bag.
+    fn serve_parameters(&self, clock: &dyn Clock) -> Result<(Guard, ParameterEvents), TransportError> {
+        let own = [
+            ("start_type_description_service", true, "Serves ~/get_type_description."),
+            ("use_sim_time", false, "Takes stamps from the topic /clock."),
+        ];
+        let own = own.map(|(name, default, description)| {
+            let (default, allowed) = (Value::Bool(default), Allowed::Any);
+            Descriptor { name, default, allowed, read_only: true, description }
+        });
+        let mut declared =
+            qos_overrides(&self.name, &[Topic::new("/parameter_events", MessageKind::ParameterEvent)])
+                .map_err(|why| TransportError::new("parameters of the player", why))?;
+        declared.extend(own);
+        let parameters = Parameters::declare(declared);
+        let events = ParameterEvents::new(&self.name, self.transport)
+            .map_err(|why| TransportError::new("publisher of /parameter_events", why))?;
+        events.started(clock.now_ns(), &parameters);
+        let read = parameters.clone();
+        let request = move |request: ParameterRequest| {
+            // Fails only when the caller has gone.
+            let answers = request.changes.iter().map(|values| parameters.with(values, true).map(drop));
+            let _ = request.answer.send(ParameterAnswer::Done(answers.collect()));
+            true
+        };
+        let port = ParameterPort { read: Box::new(move || read.clone()), request: Box::new(request) };
+        Ok((self.transport.serve_parameters(&self.name, port)?, events))
+    }
+
+    /// Declares all topics of `player` except that of `time`. Those that no reader gets are added to `unheard`.
+    fn publishers(
+        &self,
+        player: &Player,
+        time: Option<&RegularPublisher>,
+        unheard: &mut Vec<String>,
+    ) -> Result<Publishers, TransportError> {
+        // Every topic is declared before the first message, so that readers find them all in time.
+        let mut publishers = Vec::new();
+        for TopicCount { topic, messages } in player.topics() {
+            let offered = endpoint(&topic, self.remaps);
+            let fault = fault(&topic, &offered, self.transport.hashes());
+            if let Some(fault) = fault.filter(|_| messages > 0) {
+                tracing::warn!("{fault}");
+                unheard.push(topic.name.clone());
+            }
+            let Ok(endpoint) = offered else { continue };
+            if time.is_some_and(|time| time.name == endpoint.topic) {
+                tracing::warn!("{} of the bag is left out: --clock publishes it", endpoint.topic);
+                continue;
+            }
+            let publisher = self.transport.advertise_raw(&self.name, &endpoint)?;
+            publishers.push(TopicPublisher { topic, name: endpoint.topic, publisher });
+        }
+        Ok(Publishers(publishers))
+    }
+
+    /// Declares a topic that is published `hz` times a second.
+    fn regular(
+        &self,
+        name: &str,
+        type_name: &str,
+        qos: Qos,
+        hz: f64,
+    ) -> Result<RegularPublisher, TransportError> {
+        let endpoint = endpoint(&BagTopic::new(name, type_name, qos), self.remaps)
+            .map_err(|why| TransportError::new(format!("publisher of {name}"), why))?;
+        let publisher = self.transport.advertise_raw(&self.name, &endpoint)?;
+        Ok(RegularPublisher { name: endpoint.topic, publisher, every: (1e9 / hz) as u64, next: 0 })
+    }
 }
 
 /// Returns the account of a replay for the summary of a launch; its frames are the images on the topic with the most.
@@ -219,7 +252,8 @@ struct Replay<'a> {
     pace: PlaybackClock,
     /// The readers of the last frame, which are waited for at rate 0.
     pacing: Pacing,
-    ahead: Option<NextMessage>,
+    /// The next message behind its position.
+    ahead: Option<(u64, RawMessage)>,
     publishers: Publishers,
     time: Option<RegularPublisher>,
     status: RegularPublisher,
@@ -261,7 +295,7 @@ impl Replay<'_> {
         if let Some(time) = &mut self.time {
             time.publish(now, || cdr::to_vec(&rosgraph_msgs::Clock { clock: Time::from_ns(log_time) }))?;
         }
-        let (start, end) = self.player.window();
+        let (start, end) = self.player.window;
         let seconds = |ns: u64| Duration::from_nanos(ns).as_secs_f64().to_string();
         let times = [("start_s", start), ("position_s", log_time - start), ("duration_s", end - start)];
         self.status.publish(now, || {
@@ -282,9 +316,10 @@ impl Replay<'_> {
 
     /// Returns whether the next message is the image of a frame that comes too early for the readers of the last one.
     fn waits_for_readers(&mut self) -> bool {
-        let Some(next) = self.ahead.as_ref().filter(|_| self.pace.rate() == 0.0) else { return false };
-        let Some(stamp) = image_stamp(&next.message) else { return false };
-        let Some(to) = self.publishers.of(&next.message) else { return false };
+        let next = self.ahead.as_ref().filter(|_| self.pace.rate() == 0.0);
+        let Some((_, message)) = next else { return false };
+        let Some(stamp) = image_stamp(message) else { return false };
+        let Some(to) = self.publishers.of(message) else { return false };
         if self.pacing.adds(stamp, &to.name) {
             return false;
         }
@@ -297,8 +332,8 @@ impl Replay<'_> {
 
     /// Returns the ticks until the next message is due; `None` while paused, and at the end.
     fn ticks_until_due(&self, now: u64) -> Option<u64> {
-        let due = self.ahead.as_ref()?;
-        Some(self.pace.ticks_of(due.position)?.saturating_sub(now))
+        let (due, _) = self.ahead.as_ref()?;
+        Some(self.pace.ticks_of(*due)?.saturating_sub(now))
     }
 
     /// Returns the time until something is due; `None` while only an order can change anything.
@@ -318,10 +353,10 @@ impl Replay<'_> {
 
     /// Sends the next message. Where no time passes by itself, its position is the new one.
     fn send_next(&mut self, now: u64) -> Result<(), TransportError> {
-        let Some(due) = self.ahead.take() else { return Ok(()) };
-        self.publishers.send(due.message)?;
+        let Some((due, message)) = self.ahead.take() else { return Ok(()) };
+        self.publishers.send(message)?;
         if self.pace.rate() == 0.0 || self.pace.is_paused() {
-            self.pace.jump(now, due.position);
+            self.pace.jump(now, due);
         }
         Ok(())
     }
@@ -385,33 +420,6 @@ struct TopicPublisher {
 }
 
 impl Publishers {
-    /// Declares all topics of `player` except that of `time`. Those that no reader gets are added to `unheard`.
-    fn declare(
-        transport: &ZenohTransport,
-        node_name: &NodeName,
-        (player, remaps, time): (&Player, &TopicRemaps, Option<&RegularPublisher>),
-        unheard: &mut Vec<String>,
-    ) -> Result<Self, TransportError> {
-        // Every topic is declared before the first message, so that readers find them all in time.
-        let mut publishers = Vec::new();
-        for TopicCount { topic, messages } in player.topics() {
-            let offered = endpoint(&topic, remaps);
-            let fault = fault(&topic, &offered, transport.hashes());
-            if let Some(fault) = fault.filter(|_| messages > 0) {
-                tracing::warn!("{fault}");
-                unheard.push(topic.name.clone());
-            }
-            let Ok(endpoint) = offered else { continue };
-            if time.is_some_and(|time| time.name == endpoint.topic) {
-                tracing::warn!("{} of the bag is left out: --clock publishes it", endpoint.topic);
-                continue;
-            }
-            let publisher = transport.advertise_raw(node_name, &endpoint)?;
-            publishers.push(TopicPublisher { topic, name: endpoint.topic, publisher });
-        }
-        Ok(Self(publishers))
-    }
-
     fn wanted(&self) -> bool {
         self.0.iter().any(|topic| topic.publisher.wanted())
     }
@@ -451,20 +459,6 @@ struct RegularPublisher {
 }
 
 impl RegularPublisher {
-    /// Declares `topic`, published `hz` times a second.
-    fn declare(
-        transport: &ZenohTransport,
-        node_name: &NodeName,
-        topic: &BagTopic,
-        remaps: &TopicRemaps,
-        hz: f64,
-    ) -> Result<Self, TransportError> {
-        let endpoint = endpoint(topic, remaps)
-            .map_err(|why| TransportError::new(format!("publisher of {}", topic.name), why))?;
-        let publisher = transport.advertise_raw(node_name, &endpoint)?;
-        Ok(Self { name: endpoint.topic, publisher, every: (1e9 / hz) as u64, next: 0 })
-    }
-
     /// Publishes a message if one is due at the ticks `now`.
     fn publish(
         &mut self,

@@ -52,7 +52,7 @@ fn player(path: &Path, options: &PlayOptions) -> Player {
 /// (due in ms, payload) of the next `n` messages.
 fn next(player: &mut Player, n: usize) -> Vec<(u64, u8)> {
     let due = std::iter::from_fn(|| player.next_message()).take(n);
-    due.map(|due| due.expect("readable")).map(|due| (due.position / 1_000_000, due.message.data[0])).collect()
+    due.map(|due| due.expect("readable")).map(|due| (due.0 / 1_000_000, due.1.data[0])).collect()
 }
 
 /// The same from the start.

@@ -19,39 +19,42 @@ struct Painted<'a> {
     whole: BBox,
 }
 
-/// Renders a frame, see [`Scene::render`].
-pub(super) fn render(scene: &Scene, frame: u32, height: usize, width: usize) -> Rendered {
-    // Both halves of the seed count, and a constant keeps scenes apart from other users of the hash.
-    let seed = hash(scene.seed as u32, (scene.seed >> 32) as u32, 0xB0A7);
-    let view = CameraView::new(seed, frame, height, width);
-    let (exit, sun) = exit_and_sun(scene.preset, seed, frame, &view);
-    let light = Light::new(scene.preset, exit, sun, &view);
-    let actors = actors(scene.preset, seed, frame, light.lamps());
-    let mut radiance = background(scene.preset, seed, frame, exit, &view, &light);
-    // All shadows come before all actors, so that no shadow darkens an actor that stands in front of it.
-    for actor in &actors {
-        shadow(&mut radiance, actor, &view);
-    }
-    let painted: Vec<Painted> = actors
-        .iter()
-        .filter_map(|actor| {
-            actor.solid.layer(&view, &light).map(|(layer, whole)| Painted { actor, layer, whole })
-        })
-        .collect();
-    // From far to near, each with its halos, so that a nearer actor also hides the lamps of a farther one.
-    for p in &painted {
-        cover(&mut radiance, &p.layer);
-        for halo in p.actor.solid.halos() {
-            shine(&mut radiance, halo, &view, 1.0);
-            if scene.preset == Preset::Sunset {
-                // The wet street draws the reflection of a lamp long.
-                let at = [halo.at[0], -halo.at[1], halo.at[2]];
-                shine(&mut radiance, &Halo { at, glow: scaled(halo.glow, 0.30), ..*halo }, &view, 2.5);
+impl Scene {
+    /// Renders frame `frame`, of 30 a second, at `height` x `width` pixels; a side of 0 counts as 1.
+    pub fn render(&self, frame: u32, height: usize, width: usize) -> Rendered {
+        let (scene, height, width) = (self, height.max(1), width.max(1));
+        // Both halves of the seed count, and a constant keeps scenes apart from other users of the hash.
+        let seed = hash(scene.seed as u32, (scene.seed >> 32) as u32, 0xB0A7);
+        let view = CameraView::new(seed, frame, height, width);
+        let (exit, sun) = exit_and_sun(scene.preset, seed, frame, &view);
+        let light = Light::new(scene.preset, exit, sun, &view);
+        let actors = actors(scene.preset, seed, frame, light.lamps());
+        let mut radiance = background(scene.preset, seed, frame, exit, &view, &light);
+        // All shadows come before all actors, so that no shadow darkens an actor that stands in front of it.
+        for actor in &actors {
+            shadow(&mut radiance, actor, &view);
+        }
+        let painted: Vec<Painted> = actors
+            .iter()
+            .filter_map(|actor| {
+                actor.solid.layer(&view, &light).map(|(layer, whole)| Painted { actor, layer, whole })
+            })
+            .collect();
+        // From far to near, each with its halos, so that a nearer actor also hides the lamps of a farther one.
+        for p in &painted {
+            cover(&mut radiance, &p.layer);
+            for halo in p.actor.solid.halos() {
+                shine(&mut radiance, halo, &view, 1.0);
+                if scene.preset == Preset::Sunset {
+                    // The wet street draws the reflection of a lamp long.
+                    let at = [halo.at[0], -halo.at[1], halo.at[2]];
+                    shine(&mut radiance, &Halo { at, glow: scaled(halo.glow, 0.30), ..*halo }, &view, 2.5);
+                }
             }
         }
+        finish(&mut radiance, &light);
+        Rendered { radiance, objects: truth(&painted, &view) }
     }
-    finish(&mut radiance, &light);
-    Rendered { radiance, objects: truth(&painted, &view) }
 }
 
 /// Returns the distance of the tunnel's exit in m and the position of the low sun in px.

@@ -22,19 +22,18 @@ pub(super) struct Layer {
     pub(super) texels: Vec<[f32; 4]>,
 }
 
-/// A shape that can be painted, in px of the image.
+/// A shape in the world or, as a [`Silhouette`], in the image.
 #[derive(Clone, Debug)]
-pub(super) enum Silhouette {
-    /// A convex polygon in either orientation.
-    Polygon(Vec<[f32; 2]>),
-    /// All points within `radius` of the segment `a`-`b`.
-    Capsule {
-        a: [f32; 2],
-        b: [f32; 2],
-        /// Half the thickness.
-        radius: f32,
-    },
+pub(super) enum Shape<P> {
+    /// A convex polygon. One in the world is visible only from the side from which its corners run clockwise; in the image, either
+    /// orientation is allowed.
+    Polygon(Vec<P>),
+    /// All points within `radius`, half the thickness, of the segment `a`-`b`: a rod with round ends.
+    Capsule { a: P, b: P, radius: f32 },
 }
+
+/// A shape that can be painted, in px of the image.
+pub(super) type Silhouette = Shape<[f32; 2]>;
 
 impl Silhouette {
     /// Returns the smallest box around the shape, `None` when it has no point.

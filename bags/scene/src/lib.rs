@@ -117,11 +117,6 @@ impl Scene {
     pub fn new(preset: Preset, seed: u64) -> Self {
         Self { preset, seed }
     }
-
-    /// Renders frame `frame`, of 30 a second, at `height` x `width` pixels; a side of 0 counts as 1.
-    pub fn render(&self, frame: u32, height: usize, width: usize) -> Rendered {
-        compose::render(self, frame, height.max(1), width.max(1))
-    }
 }
 
 /// The largest side of a rendered image in px.
@@ -131,16 +126,14 @@ const LARGEST: u64 = 8192;
 ///
 /// ```
 /// let spec: modulo_scene::SceneSpec = "scene://tunnel?seed=3&width=64&height=32".parse()?;
-/// let frame = spec.scene().render(0, spec.height, spec.width);
+/// let frame = spec.scene.render(0, spec.height, spec.width);
 /// assert_eq!(frame.radiance.dim(), (32, 64, 3));
 /// # Ok::<(), modulo_scene::SpecError>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SceneSpec {
-    /// The light and the location.
-    pub preset: Preset,
-    /// The seed, 0 by default.
-    pub seed: u64,
+    /// The scene, by default of seed 0.
+    pub scene: Scene,
     /// The number of columns, 1 to 8192, 640 by default.
     pub width: usize,
     /// The number of rows, 1 to 8192, 192 by default.
@@ -153,13 +146,6 @@ pub struct SceneSpec {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct SpecError(String);
-
-impl SceneSpec {
-    /// Returns the scene without its size.
-    pub fn scene(&self) -> Scene {
-        Scene::new(self.preset, self.seed)
-    }
-}
 
 impl FromStr for SceneSpec {
     type Err = SpecError;
@@ -177,11 +163,11 @@ impl FromStr for SceneSpec {
                 "scene preset '{name}' is unknown, day, glare, tunnel, night and sunset are known"
             ))
         })?;
-        let mut spec = Self { preset, seed: 0, width: 640, height: 192, frames: 0 };
+        let mut spec = Self { scene: Scene::new(preset, 0), width: 640, height: 192, frames: 0 };
         for option in options.split('&').filter(|o| !o.is_empty()) {
             let (name, value) = option.split_once('=').unwrap_or((option, ""));
             match name {
-                "seed" => spec.seed = number(name, value, 0..=u64::MAX)?,
+                "seed" => spec.scene.seed = number(name, value, 0..=u64::MAX)?,
                 "width" => spec.width = number(name, value, 1..=LARGEST)? as usize,
                 "height" => spec.height = number(name, value, 1..=LARGEST)? as usize,
                 "frames" => spec.frames = number(name, value, 0..=u32::MAX.into())? as u32,
@@ -326,10 +312,13 @@ mod tests {
     #[test]
     fn reads_addresses() {
         let full: Result<SceneSpec, _> = "scene://glare?seed=3&width=320&height=96&frames=9".parse();
-        let expected = SceneSpec { preset: Preset::Glare, seed: 3, width: 320, height: 96, frames: 9 };
+        let expected = SceneSpec { scene: Scene::new(Preset::Glare, 3), width: 320, height: 96, frames: 9 };
         assert_eq!(full, Ok(expected));
         let short: SceneSpec = "night".parse().unwrap();
-        assert_eq!(short, SceneSpec { preset: Preset::Night, seed: 0, width: 640, height: 192, frames: 0 });
+        assert_eq!(
+            short,
+            SceneSpec { scene: Scene::new(Preset::Night, 0), width: 640, height: 192, frames: 0 }
+        );
     }
 
     #[test]

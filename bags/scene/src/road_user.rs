@@ -4,8 +4,9 @@
 //! Their own axes are (right, up, forward) from the ground below the middle, or between the feet or wheels.
 
 use super::hash::{Random, wave};
+use super::layer::Shape;
 use super::light::{Rgb, scaled};
-use super::solid::{Block, Halo, PartGeometry, PartGroup, Quadrilateral, ScenePart, Solid};
+use super::solid::{Block, Halo, PartGroup, Quadrilateral, ScenePart, Solid};
 
 const GLASS: Rgb = [0.10, 0.12, 0.15];
 const TYRE: Rgb = [0.05, 0.05, 0.055];
@@ -217,7 +218,7 @@ fn disc([x, y, z]: [f32; 3], radius: f32, albedo: Rgb) -> ScenePart {
         let t = -spin * i as f32 / 12.0;
         [x, y + radius * wave(t + 0.25), z + radius * wave(t)]
     };
-    ScenePart { geometry: PartGeometry::Face((0..12).map(corner).collect()), albedo, glow: DARK }
+    ScenePart { geometry: Shape::Polygon((0..12).map(corner).collect()), albedo, glow: DARK }
 }
 
 const SKIN: [Rgb; 3] = [[0.62, 0.44, 0.34], [0.40, 0.26, 0.18], [0.24, 0.15, 0.10]];

@@ -2,28 +2,15 @@
 //!
 //! A solid has shape, reflectance and lamps; it depends on light and camera only when it is painted.
 
-use super::layer::{Layer, Silhouette, area, join};
+use super::layer::{Layer, Shape, Silhouette, area, join};
 use super::light::{Light, Rgb, add};
 use super::view::{CameraView, NEAR, Point, clip_near};
 use modulo_core::BBox;
 
-#[derive(Clone, Debug)]
-pub(super) enum PartGeometry {
-    /// A convex face, visible only from the side from which its corners run clockwise.
-    Face(Vec<Point>),
-    /// A rod with round ends.
-    Rod {
-        a: Point,
-        b: Point,
-        /// Half the thickness, m.
-        radius: f32,
-    },
-}
-
 /// A part of one colour.
 #[derive(Clone, Debug)]
 pub(super) struct ScenePart {
-    pub(super) geometry: PartGeometry,
+    pub(super) geometry: Shape<Point>,
     pub(super) albedo: Rgb,
     /// The radiance of the part itself.
     pub(super) glow: Rgb,
@@ -91,8 +78,8 @@ impl Solid {
         for body in &mut self.0 {
             for part in &mut body.parts {
                 match &mut part.geometry {
-                    PartGeometry::Face(points) => points.iter_mut().for_each(|p| *p = go(*p)),
-                    PartGeometry::Rod { a, b, .. } => (*a, *b) = (go(*a), go(*b)),
+                    Shape::Polygon(points) => points.iter_mut().for_each(|p| *p = go(*p)),
+                    Shape::Capsule { a, b, .. } => (*a, *b) = (go(*a), go(*b)),
                 }
             }
             for halo in &mut body.halos {
@@ -126,14 +113,14 @@ impl Solid {
 impl PartGroup {
     /// Adds a rod of one colour.
     pub(super) fn rod(&mut self, a: Point, b: Point, radius: f32, albedo: Rgb) {
-        self.parts.push(ScenePart { geometry: PartGeometry::Rod { a, b, radius }, albedo, glow: [0.0; 3] });
+        self.parts.push(ScenePart { geometry: Shape::Capsule { a, b, radius }, albedo, glow: [0.0; 3] });
     }
 }
 
 /// Projects a part into the image; `None` when it faces away or lies behind.
 fn flat(part: &ScenePart, view: &CameraView, light: &Light) -> Option<(Silhouette, Rgb)> {
     let (shape, normal, z) = match &part.geometry {
-        PartGeometry::Face(points) => {
+        Shape::Polygon(points) => {
             let ahead = clip_near(points);
             let corners: Vec<[f32; 2]> = ahead.iter().map(|p| view.project(*p)).collect();
             // The orientation in the image tells whether the outside of the face is visible.
@@ -142,7 +129,7 @@ fn flat(part: &ScenePart, view: &CameraView, light: &Light) -> Option<(Silhouett
             }
             (Silhouette::Polygon(corners), normal(points), ahead[0][2])
         }
-        PartGeometry::Rod { a, b, radius } => {
+        Shape::Capsule { a, b, radius } => {
             let z = 0.5 * (a[2] + b[2]);
             // Rods are not clipped: one that crosses the near plane is left out as a whole.
             if a[2].min(b[2]) < NEAR {
@@ -181,7 +168,7 @@ impl Quadrilateral {
     /// Returns a face over the part of the panel from (`u1`, `v1`) to (`u2`, `v2`).
     pub(super) fn patch(&self, [u1, v1, u2, v2]: [f32; 4], albedo: Rgb, glow: Rgb) -> ScenePart {
         let corners = vec![self.at(u1, v2), self.at(u2, v2), self.at(u2, v1), self.at(u1, v1)];
-        ScenePart { geometry: PartGeometry::Face(corners), albedo, glow }
+        ScenePart { geometry: Shape::Polygon(corners), albedo, glow }
     }
 }
 

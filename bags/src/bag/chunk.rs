@@ -78,11 +78,17 @@ pub(super) fn has_crc(record: &[u8]) -> bool {
     record[CRC] != [0; 4]
 }
 
+/// Reads a part of a file that is no longer than a chunk may be.
+pub(super) fn bytes_at(file: &File, offset: u64, length: u64) -> Result<Vec<u8>, McapError> {
+    let most = usize::try_from(length).ok().filter(|&length| length <= MAX_CHUNK);
+    let mut bytes = vec![0; most.ok_or(McapError::ChunkTooLarge(length))?];
+    file.read_exact_at(&mut bytes, offset)?;
+    Ok(bytes)
+}
+
 /// Reads the record of a chunk, and whether its head had to be replaced by that of the index: then the data decide by their CRC.
 pub(super) fn read(file: &File, chunk: &ChunkIndex) -> Result<(Vec<u8>, bool), McapError> {
-    let length = usize::try_from(chunk.chunk_length).ok().filter(|&length| length <= MAX_CHUNK);
-    let mut record = vec![0; length.ok_or(McapError::ChunkTooLarge(chunk.chunk_length))?];
-    file.read_exact_at(&mut record, chunk.chunk_start_offset)?;
+    let mut record = bytes_at(file, chunk.chunk_start_offset, chunk.chunk_length)?;
     let mut head = vec![op::CHUNK];
     head.extend((chunk.chunk_length - RECORD_HEAD).to_le_bytes());
     for number in [chunk.message_start_time, chunk.message_end_time, chunk.uncompressed_size] {

@@ -9,7 +9,7 @@ use std::os::unix::fs::FileExt as _;
 use mcap::records::{AttachmentHeader, Record, op};
 use mcap::{McapError, McapResult, parse_record};
 
-use super::chunk::{MAX_CHUNK, fault};
+use super::chunk::{bytes_at, fault};
 use super::scan::crc_of;
 
 /// No name or media type is longer, bytes.
@@ -116,9 +116,7 @@ impl Extra {
 
     /// Reads a record that is no attachment.
     fn read(&self, file: &File) -> Result<Record<'static>, McapError> {
-        let length = usize::try_from(self.length).ok().filter(|&length| length <= MAX_CHUNK);
-        let mut bytes = vec![0; length.ok_or(McapError::ChunkTooLarge(self.length))?];
-        file.read_exact_at(&mut bytes, self.offset)?;
+        let bytes = bytes_at(file, self.offset, self.length)?;
         let opcode = if let ExtraKind::Private(opcode) = self.kind { opcode } else { op::METADATA };
         Ok(parse_record(opcode, &bytes)?.into_owned())
     }

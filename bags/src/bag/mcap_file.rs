@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use mcap::read::ChannelAccumulator;
-use mcap::records::{ChunkIndex, Record};
+use mcap::records::{ChunkIndex, MessageHeader, Record};
 use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
 use mcap::{McapError, Summary};
 
@@ -17,7 +17,7 @@ use super::chunk::{self, MAX_CHUNK, RECORD_HEAD};
 use super::definition::complete;
 use super::scan::{MESSAGE_HEAD, Scan, UnchunkedMessage, crc_of, scan};
 use super::storage::{Cursor, FileSummary, Item, Merge, MergeInput, Storage};
-use super::{BagError, BagTopic, BagWarning, LeftOut, RawMessage, Selection, TopicCount, unpacked};
+use super::{BagError, BagTopic, BagWarning, Extra, LeftOut, RawMessage, Selection, TopicCount, unpacked};
 use crate::FileError;
 
 /// The length of the footer with the magic bytes behind it: opcode, length, two offsets and the CRC.
@@ -58,7 +58,7 @@ impl McapFile {
             warnings.insert(0, BagWarning::skipped(path, 0, "it is not that of an MCAP file"));
         }
         let topics = cdr_topics(path, &summary, &mut warnings);
-        let summed = FileSummary { extras, ..sum(&summary, &topics, size, warnings) };
+        let summed = sum(&summary, &topics, size, (extras, warnings));
         Ok(Self { path: path.to_owned(), index: summary, loose, topics, summary: summed })
     }
 
@@ -91,10 +91,8 @@ impl McapFile {
         messages.retain(|(_, header, _)| header.log_time >= wanted.start);
         // The sort is stable, so messages of one time stay in the order of the file.
         messages.sort_by_key(|(_, header, _)| header.log_time);
-        let mut items: Vec<_> = messages
-            .into_iter()
-            .map(|(topic, header, data)| self.message(topic, header.log_time, header.publish_time, data))
-            .collect();
+        let mut items: Vec<_> =
+            messages.into_iter().map(|(topic, header, data)| self.message(topic, &header, data)).collect();
         if unknown > 0 {
             let why = chunk::fault("the index does not know their channel");
             let left_out = chunk::left_out(&self.path, chunk.chunk_start_offset, Some(unknown), &why);
@@ -104,14 +102,15 @@ impl McapFile {
     }
 
     fn loose_message(&self, file: &File, wanted: &Wanted, loose: &UnchunkedMessage) -> Item {
-        let topic = wanted.topics.get(&loose.channel).expect("only wanted messages are kept");
+        let topic = wanted.topics.get(&loose.header.channel_id).expect("only wanted messages are kept");
         let mut data = vec![0; loose.length];
         file.read_exact_at(&mut data, loose.offset).map_err(|e| FileError::new(&self.path, e))?;
-        self.message(topic, loose.log_time, loose.publish_time, data)
+        self.message(topic, &loose.header, data)
     }
 
-    fn message(&self, topic: &Arc<BagTopic>, log_time: u64, publish_time: u64, data: Vec<u8>) -> Item {
-        let data = unpacked(data).map_err(|why| LeftOut::one(&self.path, topic, why))?;
+    fn message(&self, topic: &Arc<BagTopic>, header: &MessageHeader, data: Vec<u8>) -> Item {
+        let data = unpacked(data).map_err(|why| LeftOut::of_topic(&self.path, &topic.name, 1, why))?;
+        let MessageHeader { log_time, publish_time, .. } = *header;
         Ok(RawMessage { topic: Arc::clone(topic), log_time, publish_time, data })
     }
 }
@@ -170,7 +169,7 @@ fn sum(
     index: &Summary,
     topics: &HashMap<u16, Arc<BagTopic>>,
     size: u64,
-    warnings: Vec<BagWarning>,
+    (extras, warnings): (Vec<Extra>, Vec<BagWarning>),
 ) -> FileSummary {
     let stats = index.stats.as_ref();
     let span = stats.filter(|stats| stats.message_count > 0);
@@ -186,7 +185,7 @@ fn sum(
         size,
         span: span.map(|stats| (stats.message_start_time, stats.message_end_time)),
         topics: topics.into_iter().map(counted).collect(),
-        extras: Vec::new(),
+        extras,
         warnings,
     }
 }
@@ -218,13 +217,14 @@ impl Storage for McapFile {
         };
         let chunks = self.index.chunk_indexes.iter().filter(is_wanted).cloned();
         let mut inputs: Vec<_> = chunks.map(|chunk| chunk_input(&self, &file, &wanted, chunk)).collect();
-        let is_wanted =
-            |m: &&UnchunkedMessage| m.log_time >= wanted.start && wanted.topics.contains_key(&m.channel);
+        let is_wanted = |m: &&UnchunkedMessage| {
+            m.header.log_time >= wanted.start && wanted.topics.contains_key(&m.header.channel_id)
+        };
         let rest: Vec<_> = self.loose.iter().filter(is_wanted).copied().collect();
         if let Some(first) = rest.first() {
-            let (index, start) = (Arc::clone(&self), first.log_time);
+            let (index, start) = (Arc::clone(&self), first.header.log_time);
             let messages = rest.into_iter().map(move |loose| index.loose_message(&file, &wanted, &loose));
-            inputs.push(MergeInput { start, open: Box::new(move || Ok(Box::new(messages))) });
+            inputs.push((start, Box::new(move || Ok(Box::new(messages)))));
         }
         Ok(Box::new(Merge::of(inputs)))
     }
@@ -246,7 +246,7 @@ fn chunk_input(
             Err(chunk::left_out(&index.path, chunk.chunk_start_offset, messages, &why).into())
         }
     };
-    MergeInput { start, open: Box::new(open) }
+    (start, Box::new(open))
 }
 
 fn read_summary(file: &mut File, size: u64) -> Option<Summary> {
@@ -306,9 +306,8 @@ fn topic(channel: &mcap::Channel<'_>) -> BagTopic {
     // A channel may have no schema, and a recorder may leave these entries out: both are empty then.
     let mut metadata = channel.metadata.clone();
     let [type_hash, qos] = [TYPE_HASH, QOS].map(|key| metadata.remove(key).unwrap_or_default());
-    let (type_name, schema_encoding, schema) = match channel.schema.as_ref() {
-        Some(schema) => (schema.name.clone(), schema.encoding.clone(), schema.data.to_vec()),
-        None => (String::new(), String::new(), Vec::new()),
-    };
+    let schema = channel.schema.as_ref();
+    let schema = schema.map(|schema| (schema.name.clone(), schema.encoding.clone(), schema.data.to_vec()));
+    let (type_name, schema_encoding, schema) = schema.unwrap_or_default();
     BagTopic { name: channel.topic.clone(), type_name, type_hash, qos, schema_encoding, schema, metadata }
 }

@@ -108,7 +108,10 @@ fn open(path: &Path) -> Result<Arc<dyn Storage>, BagError> {
     // The longest of the signatures, that of SQLite, has 16 bytes.
     file.take(16).read_to_end(&mut start).map_err(|e| FileError::new(path, e))?;
     Ok(if start.starts_with(b"SQLite format 3\0") {
-        open_sqlite(path)?
+        #[cfg(feature = "sqlite")]
+        return Ok(Arc::new(sqlite::SqliteFile::open(path)?));
+        #[cfg(not(feature = "sqlite"))]
+        return Err(BagError::File(path.to_owned(), NO_SQLITE.to_owned()));
     } else if start.starts_with(b"#ROSBAG V") {
         let why = "this is a ROS 1 bag, of which `rosbags-convert --src";
         let remedy =
@@ -143,17 +146,9 @@ fn unpacked(payload: Vec<u8>) -> Result<Vec<u8>, String> {
     Ok(message)
 }
 
-#[cfg(feature = "sqlite")]
-fn open_sqlite(path: &Path) -> Result<Arc<dyn Storage>, BagError> {
-    Ok(Arc::new(sqlite::SqliteFile::open(path)?))
-}
-
 #[cfg(not(feature = "sqlite"))]
-fn open_sqlite(path: &Path) -> Result<Arc<dyn Storage>, BagError> {
-    let why = "this build does not read bags of SQLite; `modulo bag convert FILE FOLDER` of a build with the feature `sqlite` \
-               makes a bag of MCAP, which can be read here";
-    Err(BagError::File(path.to_owned(), why.to_owned()))
-}
+const NO_SQLITE: &str = "this build does not read bags of SQLite; `modulo bag convert FILE FOLDER` of a build with the feature `sqlite` \
+                         makes a bag of MCAP, which can be read here";
 
 /// Error: a bag cannot be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -204,10 +199,6 @@ const TOPIC: &str = "topic";
 impl LeftOut {
     fn of_topic(path: &Path, topic: &str, messages: u64, why: String) -> Self {
         Self { path: path.to_owned(), place: format!("{TOPIC} '{topic}'"), messages: Some(messages), why }
-    }
-
-    fn one(path: &Path, topic: &BagTopic, why: String) -> Self {
-        Self::of_topic(path, &topic.name, 1, why)
     }
 }
 

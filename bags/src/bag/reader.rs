@@ -8,8 +8,8 @@ use std::sync::Arc;
 use modulo_runtime::clock::utc;
 use modulo_runtime::embedded::locate;
 
-use super::metadata::{self, CustomData, Metadata};
-use super::storage::{self, Merge, MergeInput, Storage};
+use super::metadata::{self, Metadata};
+use super::storage::{self, Merge, OpenInput, Storage};
 use super::{BagError, BagWarning, Extra, ExtraKind, Selection, TopicCount};
 use crate::FileError;
 
@@ -35,8 +35,8 @@ use crate::FileError;
 pub struct BagReader {
     path: PathBuf,
     files: Vec<(PathBuf, Arc<dyn Storage>)>,
-    ros_distro: Option<String>,
-    custom_data: CustomData,
+    /// What `metadata.yaml` says; nothing where it cannot be used.
+    pub(super) metadata: Metadata,
     warnings: Vec<BagWarning>,
 }
 
@@ -71,19 +71,18 @@ impl BagReader {
         warnings.extend(files.iter().flat_map(|(_, file)| file.summary().warnings.iter().cloned()));
         // Files without messages have no start and must not come first.
         files.sort_by_key(|(_, file)| file.summary().span.map_or(u64::MAX, |(start, _)| start));
-        let ros_distro = metadata.as_ref().and_then(|metadata| metadata.ros_distro.clone());
-        let custom_data =
-            metadata.as_ref().map_or_else(CustomData::new, |metadata| metadata.custom_data.clone());
-        let mut bag = Self { path: path.to_owned(), files, ros_distro, custom_data, warnings };
-        if let Some(metadata) = metadata {
-            bag.compare(&metadata);
+        let is_described = metadata.is_some();
+        let metadata = metadata.unwrap_or_default();
+        let mut bag = Self { path: path.to_owned(), files, metadata, warnings };
+        if is_described {
+            bag.compare();
         }
         Ok(bag)
     }
 
-    /// Notes where `metadata` contradicts the files.
-    fn compare(&mut self, metadata: &Metadata) {
-        let mut contradictions = Vec::new();
+    /// Notes where the metadata contradict the files.
+    fn compare(&mut self) {
+        let (metadata, mut contradictions) = (&self.metadata, Vec::new());
         let (stated, found) = (&metadata.storage_identifier, self.storage_id());
         if stated != found {
             contradictions.push(format!("its storage_identifier is '{stated}', its files are {found}"));
@@ -114,21 +113,6 @@ impl BagReader {
     /// Returns the files, by their first message.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
         self.files.iter().map(|(path, _)| path.as_path())
-    }
-
-    /// Returns the size of all files, bytes.
-    pub fn size(&self) -> u64 {
-        self.files.iter().map(|(_, file)| file.summary().size).sum()
-    }
-
-    /// Returns the ROS distribution that `metadata.yaml` names.
-    pub fn ros_distro(&self) -> Option<&str> {
-        self.ros_distro.as_deref()
-    }
-
-    /// Returns what the user has noted in `metadata.yaml`.
-    pub(super) fn custom_data(&self) -> &CustomData {
-        &self.custom_data
     }
 
     /// Returns what the files hold beside their messages, such as attachments, each with its file.
@@ -176,7 +160,8 @@ impl BagReader {
             // A file that ends before the start is never opened.
             let (start, _) = file.summary().span.filter(|(_, end)| *end >= from)?;
             let (file, selection) = (Arc::clone(file), selection.clone());
-            Some(MergeInput { start, open: Box::new(move || file.messages(&selection)) })
+            let open: OpenInput = Box::new(move || file.messages(&selection));
+            Some((start, open))
         });
         Merge::of(inputs.collect())
     }
@@ -266,9 +251,13 @@ impl fmt::Display for BagInfo<'_> {
         let (start, end) = bag.span().unwrap_or((0, 0));
         let duration = end.saturating_sub(start);
         writeln!(f, "Files:             {}", files.join("\n                   "))?;
-        writeln!(f, "Bag size:          {}", size_text(bag.size()))?;
+        writeln!(
+            f,
+            "Bag size:          {}",
+            size_text(bag.files.iter().map(|(_, file)| file.summary().size).sum())
+        )?;
         writeln!(f, "Storage id:        {}", bag.storage_id())?;
-        writeln!(f, "ROS Distro:        {}", bag.ros_distro().unwrap_or("unknown"))?;
+        writeln!(f, "ROS Distro:        {}", bag.metadata.ros_distro.as_deref().unwrap_or("unknown"))?;
         writeln!(f, "Duration:          {}.{:09}s", duration / NS, duration % NS)?;
         writeln!(f, "Start:             {}", date_text(start))?;
         writeln!(f, "End:               {}", date_text(end))?;

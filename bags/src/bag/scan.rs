@@ -8,13 +8,12 @@ use std::fs::File;
 use std::io;
 use std::os::unix::fs::FileExt as _;
 use std::path::Path;
-use std::sync::Arc;
 
 use mcap::read::ChannelAccumulator;
-use mcap::records::{ChunkIndex, Record, Statistics, op};
+use mcap::records::{MessageHeader, Record, Statistics, op};
 use mcap::{McapError, Summary, parse_record};
 
-use super::chunk::{self, MAX_CHUNK, RECORD_HEAD};
+use super::chunk::{self, RECORD_HEAD};
 use super::extra::Extra;
 use super::{BagError, BagWarning};
 use crate::FileError;
@@ -22,16 +21,15 @@ use crate::FileError;
 /// Channel, sequence and two times in front of a message's data.
 pub(super) const MESSAGE_HEAD: u64 = 22;
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct UnchunkedMessage {
-    pub(super) channel: u16,
-    pub(super) log_time: u64,
-    pub(super) publish_time: u64,
+    pub(super) header: MessageHeader,
     /// Offset of its data in the file.
     pub(super) offset: u64,
     pub(super) length: usize,
 }
 
+#[derive(Default)]
 pub(super) struct Scan {
     pub(super) summary: Summary,
     /// The messages by log time, then by position in the file.
@@ -44,17 +42,29 @@ pub(super) struct Scan {
 
 /// Walks over `file`, which is `size` bytes long; `path` is for the warnings.
 pub(super) fn scan(path: &Path, file: &File, size: u64, index: Option<&Summary>) -> Result<Scan, BagError> {
-    let mut walk = Walk::new(path, file, size, index);
-    let end = walk.walk().map_err(|e| FileError::new(path, e))?;
+    let io = |why| FileError::new(path, why);
+    let mut walk = Walk {
+        path,
+        file,
+        size,
+        index,
+        offset: mcap::MAGIC.len() as u64,
+        known: index.map(ChannelAccumulator::from_summary).unwrap_or_default(),
+        // The least time so far, so that any message is earlier.
+        stats: Statistics { message_start_time: u64::MAX, ..Statistics::default() },
+        passed_unknown: false,
+        found: Scan::default(),
+    };
+    let end = walk.walk().map_err(io)?;
     let offset = walk.offset.min(size);
     // The CRC of the data needs the whole file. Chunks have CRCs of their own, and where damage is known it says nothing new.
-    let is_read = index.is_none() || !walk.loose.is_empty() || walk.passed_unknown;
-    let mut scan = walk.finish(offset, end.as_ref().err());
+    let is_read = index.is_none() || !walk.found.loose.is_empty() || walk.passed_unknown;
+    let mut scan = walk.finish(offset, end.err());
     if let Ok(saved) = end
         && saved != 0
         && is_read
         && !scan.warnings.iter().any(BagWarning::is_loss)
-        && crc_of(file, 0, offset).map_err(|e| FileError::new(path, e))? != saved
+        && crc_of(file, 0, offset).map_err(io)? != saved
     {
         scan.warnings.push(BagWarning::contradiction(path, "the CRC of its data is wrong"));
     }
@@ -73,7 +83,7 @@ pub(super) fn crc_of(file: &File, start: u64, end: u64) -> io::Result<u32> {
 }
 
 /// The CRC of the data, at their end, or why a walk cannot go on before it.
-type WalkEnd = Result<u32, String>;
+type WalkEnd = Result<u32, &'static str>;
 
 /// A record, or what stands in place of one.
 enum Step {
@@ -89,38 +99,12 @@ struct Walk<'a> {
     offset: u64,
     known: ChannelAccumulator<'static>,
     stats: Statistics,
-    chunks: Vec<ChunkIndex>,
-    channels: Vec<u16>,
-    loose: Vec<UnchunkedMessage>,
-    extras: Vec<Extra>,
-    warnings: Vec<BagWarning>,
-    is_index_short: bool,
     /// Whether records that no version of MCAP defines were passed over.
     passed_unknown: bool,
+    found: Scan,
 }
 
-impl<'a> Walk<'a> {
-    fn new(path: &'a Path, file: &'a File, size: u64, index: Option<&'a Summary>) -> Self {
-        // The least time so far, so that any message is earlier.
-        let stats = Statistics { message_start_time: u64::MAX, ..Statistics::default() };
-        Self {
-            path,
-            file,
-            size,
-            index,
-            offset: mcap::MAGIC.len() as u64,
-            known: index.map(ChannelAccumulator::from_summary).unwrap_or_default(),
-            stats,
-            chunks: Vec::new(),
-            channels: Vec::new(),
-            loose: Vec::new(),
-            extras: Vec::new(),
-            warnings: Vec::new(),
-            is_index_short: false,
-            passed_unknown: false,
-        }
-    }
-
+impl Walk<'_> {
     fn walk(&mut self) -> io::Result<WalkEnd> {
         let mut chunks = self.index.map_or(&[][..], |index| &index.chunk_indexes).iter().peekable();
         loop {
@@ -134,7 +118,7 @@ impl<'a> Walk<'a> {
                 (Step::End(end), None) => return Ok(end),
                 // The index knows where the next chunk begins, whatever is broken before it.
                 (Step::End(end), Some(next)) => {
-                    self.skip(&end.err().unwrap_or("an end of the data before their end".to_owned()));
+                    self.skip(end.err().unwrap_or("an end of the data before their end"));
                     self.offset = next;
                 }
             }
@@ -143,7 +127,7 @@ impl<'a> Walk<'a> {
 
     /// Looks at the record at the present offset, which has to end before `limit`.
     fn step(&self, limit: u64) -> io::Result<Step> {
-        let broken = |why: &str| Ok(Step::End(Err(why.to_owned())));
+        let broken = |why| Ok(Step::End(Err(why)));
         let Some(left) = limit.checked_sub(self.offset + RECORD_HEAD) else {
             return broken(match self.size {
                 0 => "the file is empty: its recorder has written nothing",
@@ -170,7 +154,7 @@ impl<'a> Walk<'a> {
     }
 
     fn skip(&mut self, why: &str) {
-        self.warnings.push(BagWarning::skipped(self.path, self.offset, why));
+        self.found.warnings.push(BagWarning::skipped(self.path, self.offset, why));
     }
 
     fn record(&mut self, opcode: u8, length: u64) {
@@ -178,7 +162,7 @@ impl<'a> Walk<'a> {
             Ok(()) => {}
             Err(why) if opcode == op::CHUNK => {
                 let left_out = chunk::left_out(self.path, self.offset, None, &why);
-                self.warnings.push(BagWarning::LeftOut(left_out));
+                self.found.warnings.push(BagWarning::LeftOut(left_out));
             }
             Err(why) => self.skip(&chunk::text_of(&why)),
         }
@@ -189,12 +173,12 @@ impl<'a> Walk<'a> {
     fn take(&mut self, opcode: u8, length: u64) -> Result<(), McapError> {
         match opcode {
             op::SCHEMA | op::CHANNEL => {
-                let record = self.read(length)?;
-                self.define(parse_record(opcode, &record[RECORD_HEAD as usize..])?.into_owned())
+                let record = chunk::bytes_at(self.file, self.offset + RECORD_HEAD, length)?;
+                self.define(parse_record(opcode, &record)?.into_owned())
             }
             op::MESSAGE => self.message(length),
             op::CHUNK if self.index.is_some() => {
-                self.is_index_short = true;
+                self.found.is_index_short = true;
                 Ok(())
             }
             op::CHUNK => self.chunk(length),
@@ -202,7 +186,7 @@ impl<'a> Walk<'a> {
             0x10..0x80 => Err(chunk::fault(&format!("its opcode {opcode:#04x} is unknown"))),
             op::ATTACHMENT | op::METADATA | 0x80.. => {
                 self.passed_unknown |= opcode >= 0x80;
-                self.extras.extend(Extra::find(self.file, opcode, self.offset + RECORD_HEAD, length)?);
+                self.found.extras.extend(Extra::find(self.file, opcode, self.offset + RECORD_HEAD, length)?);
                 Ok(())
             }
             // Indexes are not needed to read messages.
@@ -210,19 +194,12 @@ impl<'a> Walk<'a> {
         }
     }
 
-    fn read(&self, length: u64) -> Result<Vec<u8>, McapError> {
-        let most = usize::try_from(length).ok().filter(|&length| length <= MAX_CHUNK);
-        let length = most.ok_or(McapError::ChunkTooLarge(length))?;
-        let mut record = vec![0; RECORD_HEAD as usize + length];
-        self.file.read_exact_at(&mut record, self.offset)?;
-        Ok(record)
-    }
-
     fn define(&mut self, record: Record<'static>) -> Result<(), McapError> {
-        if let Record::Channel(channel) = &record {
-            self.channels.push(channel.id);
-        }
-        chunk::define(&mut self.known, record)
+        let id = if let Record::Channel(channel) = &record { Some(channel.id) } else { None };
+        chunk::define(&mut self.known, record)?;
+        let added = id.filter(|_| self.index.is_none()).and_then(|id| Some((id, self.known.get(id)?)));
+        self.found.summary.channels.extend(added);
+        Ok(())
     }
 
     fn message(&mut self, length: u64) -> Result<(), McapError> {
@@ -232,10 +209,8 @@ impl<'a> Walk<'a> {
         // The opcode tells the record; the pattern only satisfies the type.
         let Record::Message { header, .. } = parse_record(op::MESSAGE, &head)? else { return Ok(()) };
         self.count(header.channel_id, header.log_time)?;
-        self.loose.push(UnchunkedMessage {
-            channel: header.channel_id,
-            log_time: header.log_time,
-            publish_time: header.publish_time,
+        self.found.loose.push(UnchunkedMessage {
+            header,
             offset: self.offset + RECORD_HEAD + MESSAGE_HEAD,
             length: usize::try_from(data).map_err(|_| McapError::ChunkTooLarge(data))?,
         });
@@ -255,7 +230,7 @@ impl<'a> Walk<'a> {
 
     /// Reads all of a chunk before any of it counts.
     fn chunk(&mut self, length: u64) -> Result<(), McapError> {
-        let record = self.read(length)?;
+        let record = chunk::bytes_at(self.file, self.offset, RECORD_HEAD + length)?;
         let mut found = chunk::index_of(self.offset, &record)?;
         let mut messages = Vec::new();
         chunk::unpack(&found, &record, |record| match record {
@@ -276,38 +251,26 @@ impl<'a> Walk<'a> {
         // The times of its head have no CRC.
         found.message_start_time = messages.iter().map(|m| m.1).min().unwrap_or_default();
         found.message_end_time = messages.iter().map(|m| m.1).max().unwrap_or_default();
-        self.chunks.push(found);
+        self.found.summary.chunk_indexes.push(found);
         Ok(())
     }
 
     /// Returns what was found up to `offset`, where the walk has ended; before the end of the data because of `why`.
-    fn finish(mut self, offset: u64, why: Option<&String>) -> Scan {
-        let (path, messages) = (self.path, self.stats.message_count);
+    fn finish(self, offset: u64, why: Option<&str>) -> Scan {
+        let (path, messages, mut found) = (self.path, self.stats.message_count, self.found);
         // The sort is stable, so messages of one time stay in the order of the file.
-        self.loose.sort_by_key(|message| message.log_time);
-        let mut warnings = self.warnings;
-        let summary = match self.index {
-            Some(index) => {
-                warnings.extend(why.map(|why| BagWarning::skipped(path, offset, why)));
-                index.clone()
-            }
-            None => {
-                let scanned = "no index that is whole, the whole file was scanned".to_owned();
-                warnings.push(match why {
-                    Some(why) => BagWarning::truncated(path, offset, why, messages),
-                    None => BagWarning::Remark(path.to_owned(), scanned),
-                });
-                let channels = self.channels.iter().filter_map(|&id| Some((id, self.known.get(id)?)));
-                let channels = channels.map(|(id, channel)| (id, Arc::clone(&channel))).collect();
-                Summary {
-                    chunk_indexes: self.chunks,
-                    channels,
-                    stats: Some(self.stats),
-                    ..Summary::default()
-                }
-            }
-        };
-        let (loose, extras, is_index_short) = (self.loose, self.extras, self.is_index_short);
-        Scan { summary, loose, extras, warnings, is_index_short }
+        found.loose.sort_by_key(|message| message.header.log_time);
+        if let Some(index) = self.index {
+            found.warnings.extend(why.map(|why| BagWarning::skipped(path, offset, why)));
+            found.summary = index.clone();
+            return found;
+        }
+        let scanned = "no index that is whole, the whole file was scanned".to_owned();
+        found.warnings.push(match why {
+            Some(why) => BagWarning::truncated(path, offset, why, messages),
+            None => BagWarning::Remark(path.to_owned(), scanned),
+        });
+        found.summary.stats = Some(self.stats);
+        found
     }
 }

@@ -261,7 +261,7 @@ impl Storage for SqliteFile {
             let message =
                 |data| RawMessage { topic: Arc::clone(topic), log_time, publish_time: log_time, data };
             let read = payload(&file, place.id).map(message);
-            Some(read.map_err(|why| LeftOut::one(&self.path, topic, why).into()))
+            Some(read.map_err(|why| LeftOut::of_topic(&self.path, &topic.name, 1, why).into()))
         });
         Ok(Box::new(messages))
     }

@@ -1,6 +1,7 @@
 //! [`Storage`]: one file of a bag in any form. The first bytes of a file determine its form. [`Merge`] reads several as
 //! one.
 
+use std::collections::BTreeMap;
 use std::fmt::Debug;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -87,67 +88,37 @@ pub(super) fn files_in(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
     Ok(files)
 }
 
-type OpenInput = Box<dyn FnOnce() -> Result<Cursor, BagError> + Send>;
+pub(super) type OpenInput = Box<dyn FnOnce() -> Result<Cursor, BagError> + Send>;
 
-pub(super) struct MergeInput {
-    /// No message of it is earlier, ns since the epoch.
-    pub(super) start: u64,
-    pub(super) open: OpenInput,
-}
+/// What opens an input, behind the time of its start, ns since the epoch: no message of it is earlier.
+pub(super) type MergeInput = (u64, OpenInput);
 
-struct OpenedInput {
-    /// Log time of `head`.
-    time: u64,
-    /// A message, or [`BagError::LeftOut`], behind which there are others.
-    head: Item,
-    rest: Cursor,
+enum Input {
+    Closed(OpenInput),
+    /// A message, or what is in its place, and what is behind it.
+    Open(Item, Cursor),
 }
 
 /// The messages of several inputs, such as files, in one order of time. An input is opened only when its first message
 /// may be next. The messages end after the first error that is not [`BagError::LeftOut`].
-pub struct Merge {
-    /// Inputs that are still closed, the earliest last.
-    closed: Vec<MergeInput>,
-    open: Vec<OpenedInput>,
-    /// The error that ended an input; it comes after the message that was returned last.
-    broken: Option<BagError>,
-}
+///
+/// Each input has the time of what comes next in it, whether it is closed, and its place by the start: one that is closed may wait for an open
+/// one of the same time, since its first message is not earlier.
+pub struct Merge(BTreeMap<(u64, bool, usize), Input>);
 
 impl Merge {
     /// Merges `inputs`. Of messages with the same time, the one of the earlier input is first.
     pub(super) fn of(mut inputs: Vec<MergeInput>) -> Self {
-        // Inputs are taken off the end, so the earliest must be the last. The sort is stable, so of equal
-        // starts the first one given is taken first.
-        inputs.sort_by_key(|input| input.start);
-        inputs.reverse();
-        Self { closed: inputs, open: Vec::new(), broken: None }
+        inputs.sort_by_key(|(start, _)| *start);
+        let closed = |(place, (start, open)): (_, MergeInput)| ((start, true, place), Input::Closed(open));
+        Self(inputs.into_iter().enumerate().map(closed).collect())
     }
 
-    fn earliest(&self) -> Option<usize> {
-        (0..self.open.len()).min_by_key(|&i| self.open[i].time)
-    }
-
-    /// Keeps the input `rest` open at `index`, unless it is over.
-    fn advance(&mut self, index: usize, mut rest: Cursor) {
-        match rest.next() {
-            Some(Ok(message)) => {
-                self.open.insert(index, OpenedInput { time: message.log_time, head: Ok(message), rest });
-            }
-            // What is left out is reported as soon as it is known; the messages behind it can be read.
-            Some(Err(BagError::LeftOut(left_out))) => {
-                self.open.insert(index, OpenedInput { time: 0, head: Err(left_out.into()), rest });
-            }
-            // The message that was taken just now is returned first; the error follows at the next call.
-            Some(Err(why)) => self.broken = Some(why),
-            None => {}
-        }
-    }
-
-    /// Returns whether a closed input may have an earlier message than the open ones.
-    fn must_open(&self) -> bool {
-        let next = self.earliest().map(|i| self.open[i].time);
-        // An input that starts at the same time may wait: its first message is not earlier than the next one.
-        self.closed.last().is_some_and(|input| next.is_none_or(|next| input.start < next))
+    /// Keeps the rest of an input open, unless it is over. An error comes as soon as it is known.
+    fn advance(&mut self, place: usize, mut rest: Cursor) {
+        let Some(head) = rest.next() else { return };
+        let time = head.as_ref().map_or(0, |message| message.log_time);
+        self.0.insert((time, false, place), Input::Open(head, rest));
     }
 }
 
@@ -155,21 +126,25 @@ impl Iterator for Merge {
     type Item = Item;
 
     fn next(&mut self) -> Option<Item> {
-        while self.broken.is_none() && self.must_open() {
-            match (self.closed.pop()?.open)() {
-                Ok(rest) => self.advance(self.open.len(), rest),
-                Err(why @ BagError::LeftOut(_)) => return Some(Err(why)),
-                Err(why) => self.broken = Some(why),
+        loop {
+            let ((.., place), input) = self.0.pop_first()?;
+            let (head, rest) = match input {
+                Input::Open(head, rest) => (head, Some(rest)),
+                Input::Closed(open) => match open() {
+                    Ok(rest) => {
+                        self.advance(place, rest);
+                        continue;
+                    }
+                    Err(why) => (Err(why), None),
+                },
+            };
+            if head.as_ref().is_err_and(|why| !matches!(why, BagError::LeftOut(_))) {
+                // The position in the input is unknown.
+                self.0.clear();
+            } else {
+                rest.into_iter().for_each(|rest| self.advance(place, rest));
             }
+            return Some(head);
         }
-        if let Some(why) = self.broken.take() {
-            // The position in the input is unknown.
-            (self.closed, self.open) = (Vec::new(), Vec::new());
-            return Some(Err(why));
-        }
-        let index = self.earliest()?;
-        let OpenedInput { head, rest, .. } = self.open.remove(index);
-        self.advance(index, rest);
-        Some(head)
     }
 }

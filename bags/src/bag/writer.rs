@@ -252,7 +252,7 @@ pub fn copy(bag: &BagReader, out: &Path, options: impl Into<WriteOptions>) -> Re
         match message {
             Ok(message) => match writer.topic(&message.topic) {
                 Err(why @ BagError::TypeConflict(..)) => {
-                    leave_out(LeftOut::one(bag.path(), &message.topic, why.to_string()));
+                    leave_out(LeftOut::of_topic(bag.path(), &message.topic.name, 1, why.to_string()));
                 }
                 id => writer.write(id?, message.log_time, message.publish_time, &message.data)?,
             },
@@ -267,7 +267,7 @@ pub fn copy(bag: &BagReader, out: &Path, options: impl Into<WriteOptions>) -> Re
 
 /// Copies what the files of `bag` hold beside their messages. Returns what is left out.
 fn copy_extras(bag: &BagReader, writer: &mut BagWriter) -> Result<Vec<BagWarning>, BagError> {
-    writer.custom.clone_from(bag.custom_data());
+    writer.custom.clone_from(&bag.metadata.custom_data);
     let mut left_out = Vec::new();
     for (path, extra) in bag.extras() {
         let file = File::open(path).map_err(|e| FileError::new(path, e))?;

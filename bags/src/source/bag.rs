@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use modulo_core::Frame;
-use modulo_images::{ImageError, SampleDepth, White, decode, sample_depth};
+use modulo_images::{ImageError, White, decode, sample_depth};
 use modulo_msgs::cdr;
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_msgs::image::restore;
@@ -19,7 +19,7 @@ use modulo_runtime::{MessageKind, StreamScale};
 use serde::de::DeserializeOwned;
 
 use super::pictures::{Picture, eight_bits};
-use super::{GroundTruth, Source, SourceError, SourceFrame, SourceOptions, from_detections};
+use super::{Frames, GroundTruth, Source, SourceError, SourceFrame, SourceOptions, from_detections};
 use crate::GROUND_TRUTH_TOPIC;
 use crate::bag::{BagError, BagReader, Messages, RawMessage, Selection, TopicCount};
 
@@ -32,7 +32,8 @@ pub struct BagSource {
     white: White,
     labels: HashMap<u64, Vec<GroundTruth>>,
     camera_info: Option<Arc<CameraInfo>>,
-    losses: Vec<String>,
+    /// One line for each part of the bag that cannot be read.
+    pub losses: Vec<String>,
 }
 
 impl BagSource {
@@ -89,8 +90,7 @@ impl BagSource {
 
     /// Learns the white level from a message that is skipped. Unreadable messages do not affect it, as in `frame`.
     fn learn(&mut self, message: &RawMessage) {
-        let depths = [SampleDepth::U8, SampleDepth::U16, SampleDepth::F32];
-        if depths.into_iter().all(|depth| self.white.is_settled(depth)) {
+        if [8, 16, 32].into_iter().all(|depth| self.white.is_settled(depth)) {
             return;
         }
         if message.topic.type_name == MessageKind::CompressedImage.type_name() {
@@ -107,15 +107,10 @@ impl BagSource {
 
     fn frame(&mut self, message: &RawMessage) -> Result<SourceFrame, SourceError> {
         let RecordedImage { header, pixels, ground_truth } = self.image(message)?;
-        let stamp = header.stamp.as_ns();
-        Ok(SourceFrame {
-            radiance: self.white.radiance(&pixels, origin(message))?,
-            name: stamp.to_string(),
-            stamp_ns: Some(stamp),
-            frame_id: header.frame_id,
-            ground_truth,
-            full_resets: None,
-        })
+        let (stamp, frame_id) = (header.stamp.as_ns(), header.frame_id);
+        let radiance = self.white.radiance(&pixels, origin(message))?;
+        let frame = SourceFrame::new(stamp.to_string(), radiance);
+        Ok(SourceFrame { stamp_ns: Some(stamp), frame_id, ground_truth, ..frame })
     }
 }
 
@@ -130,14 +125,14 @@ pub struct RecordedImage {
     pub ground_truth: Option<Vec<GroundTruth>>,
 }
 
-impl Source for BagSource {
+impl Frames for BagSource {
     fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
         let message = self.messages.next()?;
         Some(message.map_err(SourceError::from).and_then(|message| self.frame(&message)))
     }
 
     /// Decodes only the images that decide how the later ones are read.
-    fn skip(&mut self, frames: u64) {
+    fn pass(&mut self, frames: u64) {
         for _ in 0..frames {
             match self.messages.next() {
                 None => return,
@@ -147,21 +142,15 @@ impl Source for BagSource {
         }
     }
 
-    fn len(&self) -> Option<usize> {
-        usize::try_from(self.frames).ok()
-    }
-
-    fn camera_info(&self) -> Option<Arc<CameraInfo>> {
-        self.camera_info.clone()
-    }
-
-    fn losses(&self) -> Vec<String> {
-        self.losses.clone()
-    }
-
-    fn rewind(&mut self) -> Result<(), SourceError> {
+    fn rewind(&mut self) {
         self.messages = self.bag.messages(&self.selection);
-        Ok(())
+    }
+}
+
+impl From<BagSource> for Source {
+    fn from(bag: BagSource) -> Self {
+        let (len, camera_info) = (usize::try_from(bag.frames).ok(), bag.camera_info.clone());
+        Self { len, camera_info, losses: bag.losses.clone(), ..Self::over(bag) }
     }
 }
 

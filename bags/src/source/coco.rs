@@ -13,10 +13,10 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::data_set::{below, parts, slashed};
-use super::folder::{FolderSource, stem};
+use super::folder::stem;
 use super::json::{Id, Listed, Number, quoted};
-use super::labels::{ImageLabels, LabelSet, LabelledSource, Skipped, around};
-use super::{CROWD, GroundTruth, SourceError, SourceOptions};
+use super::labels::{ImageLabels, LabelSet, Skipped, around};
+use super::{CROWD, GroundTruth, Source, SourceError, SourceOptions};
 use crate::{FileError, stays_inside};
 
 /// Size of the largest annotation file, bytes.
@@ -57,7 +57,7 @@ struct Category {
 /// The names of the categories by their ids; `None` for an id that has several.
 type Names<'a> = HashMap<&'a Id, Option<&'a str>>;
 
-impl LabelledSource {
+impl Source {
     /// Opens the COCO annotation file `annotations`, whose images come in its order. They are in `images`, or, as the data set lies, beside the
     /// file, in `images` beside it, or in `../NAME` for `instances_NAME.json`. Of `options`, the topic is not used.
     ///
@@ -73,8 +73,9 @@ impl LabelledSource {
             SourceError::label(annotations, why.line(), &format!("is no COCO annotation file: {why}"))
         })?;
         let mut unlisted = Skipped::default();
+        let entries = file.images.iter().map(|entry| entry.0.as_ref());
         let entries: Vec<&ImageEntry> =
-            file.images.iter().filter_map(|entry| readable(entry, &mut unlisted)).collect();
+            entries.filter_map(|entry| entry.map_err(|why| unlisted.add(why)).ok()).collect();
         if entries.is_empty() {
             let why = unlisted.line("images cannot be read").unwrap_or_else(|| "lists no image".to_owned());
             return Err(SourceError::of(annotations, &why));
@@ -91,13 +92,8 @@ impl LabelledSource {
         // An image that is listed twice is one image.
         let mut listed = HashSet::new();
         let paths = paths.into_iter().filter(|path| listed.insert(path.clone())).collect();
-        Ok(Self::of(FolderSource::of(paths, options)?, labels))
+        Self::of_images(paths, labels, false, options)
     }
-}
-
-/// Returns the value of an entry, or counts it.
-fn readable<'a, T>(entry: &'a Listed<T>, unread: &mut Skipped) -> Option<&'a T> {
-    entry.0.as_ref().map_err(|why| unread.add(why)).ok()
 }
 
 /// Returns the place of an image in `folder`, and never outside of it: an annotation file may come from anywhere. A path of another machine
@@ -237,7 +233,6 @@ fn folder_of(annotations: &Path, images: &[&ImageEntry]) -> Result<PathBuf, Sour
 
 #[cfg(test)]
 mod tests {
-    use super::super::Source;
     use super::*;
 
     const TEXT: &str = r#"{"images": [{"id": 7, "file_name": "b.png"}, {"id": 3, "file_name": "a.png"}],
@@ -269,9 +264,9 @@ mod tests {
         assert!(source.next().is_none());
     }
 
-    fn open(folder: &tempfile::TempDir) -> Result<LabelledSource, SourceError> {
+    fn open(folder: &tempfile::TempDir) -> Result<Source, SourceError> {
         let path = folder.path().join("annotations/instances_val.json");
-        LabelledSource::coco(&path, None, &SourceOptions::default())
+        Source::coco(&path, None, &SourceOptions::default())
     }
 
     #[test]
@@ -287,7 +282,7 @@ mod tests {
                 "1 images cannot be read, the first: ",
             ),
         ] {
-            let why = open(&write(text)).expect_err(expected).to_string();
+            let why = open(&write(text)).err().expect(expected).to_string();
             assert!(why.contains(expected) && why.contains("instances_val.json"), "{why}");
         }
     }
@@ -298,11 +293,11 @@ mod tests {
     fn read(text: &str) -> (Objects, Vec<String>) {
         let folder = write(text);
         let mut source = open(&folder).expect("readable");
-        let frames = std::iter::from_fn(|| source.next());
-        let objects =
-            frames.map(|frame| Ok(frame.map_err(|why| why.to_string())?.ground_truth.expect("labelled")));
+        let objects = source
+            .by_ref()
+            .map(|frame| Ok(frame.map_err(|why| why.to_string())?.ground_truth.expect("labelled")));
         let objects = objects.collect();
-        (objects, [source.losses(), source.warnings()].concat())
+        (objects, [source.losses, source.warnings].concat())
     }
 
     fn objects(text: &str) -> Objects {

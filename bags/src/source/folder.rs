@@ -1,6 +1,7 @@
-//! [`FolderSource`]: the images of a folder, sorted by name with numbers by their value; one file is a folder of one.
+//! [`open`]: the images of a folder, sorted by name with numbers by their value; one file is a folder of one.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
+use std::fs::DirEntry;
 use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
 
@@ -10,61 +11,62 @@ use modulo_images::{
 };
 use modulo_video::VideoFile;
 
-use super::labels::Skipped;
+use super::labels::{ImageLabels, LabelSet, Skipped};
 use super::order::by_number;
-use super::{Source, SourceError, SourceFrame, SourceOptions};
+use super::{Frames, Source, SourceError, SourceFrame, SourceOptions};
 use crate::FileError;
 
-/// A folder of images as a source. The list is taken once, when it is opened.
-#[derive(Debug)]
-pub struct FolderSource {
+/// Lists the images of `path`, or takes the one file that it names. Of `options`, the topic is not used.
+pub(super) fn open(path: &Path, options: &SourceOptions) -> Result<Source, SourceError> {
+    let (images, is_whole) =
+        if path.is_dir() { (list_images(path)?, true) } else { (vec![one_image(path)?], false) };
+    Source::of_images(images, LabelSet::default(), is_whole, options)
+}
+
+/// Image files as frames, with their labels.
+struct ImageFiles {
     images: Vec<PathBuf>,
     next: usize,
     white: White,
-    /// The folders of which these are all images.
-    folders: BTreeSet<PathBuf>,
+    labels: HashMap<PathBuf, ImageLabels>,
 }
 
-impl FolderSource {
-    /// Lists the images of `path`, or takes the one file that it names. Of `options`, the topic is not used.
-    ///
-    /// # Errors
-    /// [`SourceError`] when the folder holds no image or cannot be read.
-    pub fn open(path: &Path, options: &SourceOptions) -> Result<Self, SourceError> {
-        if path.is_dir() {
-            Self::all_of(list_images(path)?, options)
-        } else {
-            Self::of(vec![one_image(path)?], options)
-        }
-    }
-
-    /// Creates a source of these images, which are all of their folders: those of other formats there are left out.
-    pub(super) fn all_of(images: Vec<PathBuf>, options: &SourceOptions) -> Result<Self, SourceError> {
-        let folders = images.iter().filter_map(|image| image.parent()).map(Path::to_owned).collect();
-        Ok(Self { folders, ..Self::of(images, options)? })
-    }
-
-    /// Creates a source of just these images, in this order.
-    pub(crate) fn of(images: Vec<PathBuf>, options: &SourceOptions) -> Result<Self, SourceError> {
-        Ok(Self { images, next: 0, white: White::new(options.coding.clone())?, folders: BTreeSet::new() })
-    }
-
-    /// Returns the file of the next frame.
-    pub(super) fn image(&self) -> Option<&Path> {
-        self.images.get(self.next).map(PathBuf::as_path)
+impl Source {
+    /// Creates a source of these images, in this order. Where they are all of their folders, those of other formats there are left out.
+    pub(super) fn of_images(
+        images: Vec<PathBuf>,
+        labels: LabelSet,
+        is_whole: bool,
+        options: &SourceOptions,
+    ) -> Result<Self, SourceError> {
+        let white = White::new(options.coding.clone())?;
+        let folders: BTreeSet<_> = images.iter().filter(|_| is_whole).filter_map(|i| i.parent()).collect();
+        let warnings = labels.warnings.into_iter().chain(others(folders)).collect();
+        let losses = labels.unread.line("labels cannot be read and are left out").into_iter().collect();
+        let len = Some(images.len());
+        let frames = Self::over(ImageFiles { images, next: 0, white, labels: labels.of_image });
+        Ok(Self { len, warnings, losses, ..frames })
     }
 }
 
-impl Source for FolderSource {
+impl ImageFiles {
+    fn frame(&mut self, path: &Path) -> Result<SourceFrame, SourceError> {
+        let radiance = self.white.radiance(&read_image(path)?, path.display())?;
+        let (height, width, _) = radiance.dim();
+        let labels = self.labels.get(path).map(|labels| labels.on(path, (height, width)));
+        Ok(SourceFrame { ground_truth: labels.transpose()?, ..SourceFrame::new(stem(path), radiance) })
+    }
+}
+
+impl Frames for ImageFiles {
     fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
-        let path = self.images.get(self.next)?;
+        let path = self.images.get(self.next)?.clone();
         self.next += 1;
-        let radiance = read_image(path).and_then(|pixels| self.white.radiance(&pixels, path.display()));
-        Some(radiance.map(|radiance| SourceFrame::new(stem(path), radiance)).map_err(SourceError::from))
+        Some(self.frame(&path))
     }
 
     /// Reads only the images that decide how the later ones are read.
-    fn skip(&mut self, frames: u64) {
+    fn pass(&mut self, frames: u64) {
         let end =
             usize::try_from(frames).unwrap_or(usize::MAX).saturating_add(self.next).min(self.images.len());
         for image in &self.images[self.next..end] {
@@ -79,17 +81,8 @@ impl Source for FolderSource {
         self.next = end;
     }
 
-    fn len(&self) -> Option<usize> {
-        Some(self.images.len())
-    }
-
-    fn warnings(&self) -> Vec<String> {
-        others(&self.folders).into_iter().collect()
-    }
-
-    fn rewind(&mut self) -> Result<(), SourceError> {
+    fn rewind(&mut self) {
         self.next = 0;
-        Ok(())
     }
 }
 
@@ -122,17 +115,13 @@ pub fn images_of(folder: &Path) -> Result<(Vec<PathBuf>, Option<String>), Source
 
 /// Returns the images that lie in `folder` itself, sorted by [`by_number`].
 pub(super) fn images_in(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
-    let io = |e| FileError::new(folder, e);
-    let mut images = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(io)? {
-        let path = entry.map_err(io)?.path();
-        if is_image(&path) && !is_hidden(&path) {
-            // A link to nowhere, such as git-annex leaves, is an image that cannot be read.
-            if path.exists() {
-                check_regular(&path).map_err(|why| FileError::new(&path, why))?;
-            }
-            images.push(path);
-        }
+    let entries = std::fs::read_dir(folder).and_then(Iterator::collect::<Result<Vec<_>, _>>);
+    let entries = entries.map_err(|why| FileError::new(folder, why))?;
+    let images = entries.iter().map(DirEntry::path);
+    let mut images: Vec<_> = images.filter(|path| is_image(path) && !is_hidden(path)).collect();
+    // A link to nowhere, such as git-annex leaves, is an image that cannot be read.
+    for image in images.iter().filter(|image| image.exists()) {
+        check_regular(image).map_err(|why| FileError::new(image, why))?;
     }
     // The path decides between names that differ only in zeros without a value.
     images.sort_by_cached_key(|path| (path.file_stem().map(by_number), path.clone()));

@@ -10,12 +10,9 @@ use std::path::{Path, PathBuf};
 
 use modulo_core::BBox;
 
-use super::folder::{FolderSource, list_images, stem};
-use super::labels::{
-    ImageLabels, LabelSet, LabelledSource, Skipped, kept, rows, text_beside, texts_without_image,
-    without_image,
-};
-use super::{GroundTruth, SourceError, SourceOptions};
+use super::folder::{list_images, stem};
+use super::labels::{ImageLabels, LabelSet, Skipped, kept, rows, texts_without_image, without_image};
+use super::{GroundTruth, Source, SourceError, SourceOptions};
 
 /// Folders of a KITTI folder: images, and labels by preference.
 const LAYOUTS: [(&str, &[&str]); 2] =
@@ -34,7 +31,7 @@ pub(super) fn is_at(path: &Path) -> bool {
     layout(path).is_some() || tracking_file(path).is_some()
 }
 
-impl LabelledSource {
+impl Source {
     /// Opens a KITTI folder, which holds `image_2` or `image_02`, or is a drive of the tracking set; with a `list` only its frames, in that
     /// order, of which a frame without an image is one that cannot be read. Of `options`, the topic is not used.
     ///
@@ -56,7 +53,7 @@ impl LabelledSource {
         };
         let Some(list) = list else {
             let labels = files.read(&images, true)?;
-            return Ok(Self::of(FolderSource::all_of(images, options)?, labels));
+            return Self::of_images(images, labels, true, options);
         };
         let by_name: BTreeMap<String, &PathBuf> = images.iter().map(|image| (stem(image), image)).collect();
         let folder = images.first().and_then(|image| image.parent()).unwrap_or(path);
@@ -65,26 +62,24 @@ impl LabelledSource {
         };
         let images: Vec<_> = list.frames.iter().map(image).collect();
         let labels = files.read(&images, false)?;
-        Ok(Self::of(FolderSource::of(images, options)?, labels))
+        Self::of_images(images, labels, false, options)
     }
 }
 
 impl LabelFiles {
     /// Reads the labels of `images`, which are `all` of their folder or some.
     fn read(&self, images: &[PathBuf], all: bool) -> Result<LabelSet, SourceError> {
-        let mut labels = LabelSet::default();
-        let without = match self {
+        let (mut labels, without) = match self {
             Self::Folders(folders) => {
-                for image in images {
-                    let name = image.file_name().unwrap_or_default();
-                    let file = folders.iter().find_map(|folder| text_beside(&folder.join(name)));
-                    let read = file.map(|file| ImageLabels::read(&file, parse_label, &mut labels.unread));
-                    labels.of_image.extend(read.map(|read| (image.clone(), read)));
-                }
+                let places = |image: &Path| {
+                    folders.iter().map(|folder| folder.join(image.file_name().unwrap_or_default())).collect()
+                };
                 let files = texts_without_image(folders, images).into_iter();
-                without_image("label files", files.map(|file| file.display().to_string()))
+                let without = without_image("label files", files.map(|file| file.display().to_string()));
+                (LabelSet::of_texts(images, places, parse_label, false), without)
             }
             Self::Drive(file) => {
+                let mut labels = LabelSet::default();
                 let mut frames = read_drive(file, &mut labels.unread)?;
                 for image in images {
                     // A frame of a drive without a line is labelled as empty; only a name without a number has no labels.
@@ -95,7 +90,8 @@ impl LabelFiles {
                 let there: BTreeSet<u64> =
                     images.iter().filter_map(|image| stem(image).parse().ok()).collect();
                 frames.retain(|frame, _| !there.contains(frame));
-                without_image("labelled frames", frames.keys().map(|frame| format!("frame {frame}")))
+                let names = frames.keys().map(|frame| format!("frame {frame}"));
+                (labels, without_image("labelled frames", names))
             }
         };
         // Where only some images are taken, the labels of the others are left out on purpose.

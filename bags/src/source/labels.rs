@@ -1,4 +1,4 @@
-//! [`LabelledSource`]: image files with their labels. All labels are read when it is opened, so that what is left out is known before the first
+//! [`LabelSet`]: the labels of image files. All are read when a source is opened, so that what is left out is known before the first
 //! frame. A label that cannot be read costs only itself.
 
 use std::collections::{BTreeSet, HashMap};
@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use modulo_core::BBox;
 use modulo_runtime::input;
 
-use super::folder::{FolderSource, files_of, stem};
-use super::{GroundTruth, Source, SourceError, SourceFrame};
+use super::folder::{files_of, stem};
+use super::{GroundTruth, SourceError};
 use crate::FileError;
 
 /// Things of one kind that are left out.
@@ -58,19 +58,8 @@ impl ImageLabels {
         Self { objects: Ok(objects), in_shares: false, sizes: Vec::new() }
     }
 
-    /// Reads the file of labels at `path`, whose lines are read by `parse`.
-    pub fn read(
-        path: &Path,
-        parse: impl Fn(&str) -> Result<GroundTruth, String>,
-        unread: &mut Skipped,
-    ) -> Self {
-        let rows = rows(path, parse).map_err(|why| why.to_string());
-        let objects = rows.map(|rows| kept(rows, unread));
-        Self { objects, ..Self::of(Vec::new()) }
-    }
-
     /// Returns the objects in px of the image `name`, which has this height and width.
-    fn on(&self, name: &Path, (height, width): (usize, usize)) -> Result<Vec<GroundTruth>, SourceError> {
+    pub fn on(&self, name: &Path, (height, width): (usize, usize)) -> Result<Vec<GroundTruth>, SourceError> {
         let objects = self.objects.clone().map_err(SourceError::Unreadable)?;
         // Boxes on an image of another size, or before a turn by its EXIF orientation, are those of other pixels.
         if let Some([w, h]) = self.sizes.iter().find(|size| **size != [width as f64, height as f64]) {
@@ -100,50 +89,22 @@ pub(super) struct LabelSet {
     pub warnings: Vec<String>,
 }
 
-/// Image files with their labels as a source.
-#[derive(Debug)]
-pub struct LabelledSource {
-    frames: FolderSource,
-    labels: LabelSet,
-}
-
-impl LabelledSource {
-    pub(super) fn of(frames: FolderSource, labels: LabelSet) -> Self {
-        Self { frames, labels }
-    }
-}
-
-impl Source for LabelledSource {
-    fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
-        // Taken first, because the next call moves on to another path.
-        let image = self.frames.image()?.to_owned();
-        let frame = self.frames.next()?;
-        Some(frame.and_then(|frame| {
-            let (height, width, _) = frame.radiance.dim();
-            let labels = self.labels.of_image.get(&image);
-            let ground_truth = labels.map(|labels| labels.on(&image, (height, width))).transpose()?;
-            Ok(SourceFrame { ground_truth, ..frame })
-        }))
-    }
-
-    fn skip(&mut self, frames: u64) {
-        self.frames.skip(frames);
-    }
-
-    fn len(&self) -> Option<usize> {
-        self.frames.len()
-    }
-
-    fn warnings(&self) -> Vec<String> {
-        [self.labels.warnings.clone(), self.frames.warnings()].concat()
-    }
-
-    fn losses(&self) -> Vec<String> {
-        self.labels.unread.line("labels cannot be read and are left out").into_iter().collect()
-    }
-
-    fn rewind(&mut self) -> Result<(), SourceError> {
-        self.frames.rewind()
+impl LabelSet {
+    /// Reads the text of labels of each image, which lies beside the first of its `places` that has one. Its lines are read by `parse`.
+    pub fn of_texts(
+        images: &[PathBuf],
+        places: impl Fn(&Path) -> Vec<PathBuf>,
+        parse: impl Fn(&str) -> Result<GroundTruth, String>,
+        in_shares: bool,
+    ) -> Self {
+        let mut labels = Self::default();
+        for image in images {
+            let Some(file) = places(image).iter().find_map(|place| text_beside(place)) else { continue };
+            let rows = rows(&file, &parse).map_err(|why| why.to_string());
+            let objects = rows.map(|rows| kept(rows, &mut labels.unread));
+            labels.of_image.insert(image.clone(), ImageLabels { objects, in_shares, sizes: Vec::new() });
+        }
+        labels
     }
 }
 
@@ -164,7 +125,7 @@ pub(super) fn texts_without_image(folders: &[PathBuf], images: &[PathBuf]) -> Ve
 }
 
 /// Returns the file of labels beside `path`, which has another extension; programs of Windows may write that of labels in capitals.
-pub(super) fn text_beside(path: &Path) -> Option<PathBuf> {
+fn text_beside(path: &Path) -> Option<PathBuf> {
     ["txt", "TXT"].map(|extension| path.with_extension(extension)).into_iter().find(|path| path.is_file())
 }
 

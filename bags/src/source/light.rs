@@ -4,36 +4,30 @@
 //! change within the drive. `SOURCE?light=NAME` names the change.
 
 use std::path::Path;
-use std::sync::Arc;
 
-use modulo_msgs::sensor_msgs::CameraInfo;
+use super::SourceError;
 
-use super::{Source, SourceError, SourceFrame};
-
-/// A change of the light.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Light {
-    /// Every 50 frames, the drive enters a tunnel with a 16th of the light, or leaves it.
-    Tunnels,
-    /// Every 12 frames, the drive passes from the sun into the shade of a tree with a 6th of the light, or back.
-    Trees,
+/// A change of the light: it is bright and dark by turns.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Light {
+    /// The number of frames of one light.
+    length: u64,
+    /// The frames that the change takes.
+    change: u64,
+    /// The darker light over the brighter one.
+    dark: f64,
 }
 
+/// The drive enters a tunnel, or leaves it.
+const TUNNELS: Light = Light { length: 50, change: 6, dark: 1.0 / 16.0 };
+/// The drive passes from the sun into the shade of a tree, or back.
+const TREES: Light = Light { length: 12, change: 2, dark: 1.0 / 6.0 };
+
 impl Light {
-    const WORDS: [(&'static str, Self); 2] = [("tunnels", Self::Tunnels), ("trees", Self::Trees)];
-
-    /// Returns the number of frames of one light, the frames that the change takes, and the darker light over the brighter one.
-    fn course(self) -> (u64, u64, f64) {
-        match self {
-            Self::Tunnels => (50, 6, 1.0 / 16.0),
-            Self::Trees => (12, 2, 1.0 / 6.0),
-        }
-    }
-
     /// Returns the light of frame `number` as a factor of that of the source, at most 1: bright first, then by turns. Within a change, the
     /// factor between two frames is always the same.
     pub fn factor(self, number: u64) -> f64 {
-        let (length, change, dark) = self.course();
+        let Self { length, change, dark } = self;
         let (turn, within) = (number / length, number % length);
         let done = ((within + 1) as f64 / change as f64).min(1.0);
         let darkness = match turn {
@@ -59,58 +53,16 @@ pub fn split(spec: &str) -> Result<(String, Option<Light>), SourceError> {
     let (light, others): (Vec<&str>, Vec<&str>) =
         query.split('&').partition(|part| part.starts_with("light="));
     let Some(word) = light.last().and_then(|part| part.strip_prefix("light=")) else { return whole() };
-    let light = Light::WORDS.into_iter().find(|(known, _)| *known == word).map(|(_, light)| light);
-    let light = light.ok_or_else(|| {
-        SourceError::Unreadable(format!("{spec}: light '{word}' is unknown, tunnels and trees are known"))
-    })?;
+    let light = match word {
+        "tunnels" => TUNNELS,
+        "trees" => TREES,
+        _ => {
+            let why = format!("{spec}: light '{word}' is unknown, tunnels and trees are known");
+            return Err(SourceError::Unreadable(why));
+        }
+    };
     let query = others.join("&");
     Ok((if query.is_empty() { name.to_owned() } else { format!("{name}?{query}") }, Some(light)))
-}
-
-/// A source under changing light.
-pub(super) struct RelitSource {
-    pub source: Box<dyn Source>,
-    pub light: Light,
-    /// The number of the next frame.
-    pub number: u64,
-}
-
-impl Source for RelitSource {
-    fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
-        let mut next = self.source.next()?;
-        if let Ok(frame) = &mut next {
-            let factor = self.light.factor(self.number) as f32;
-            frame.radiance.mapv_inplace(|radiance| factor * radiance);
-        }
-        self.number += 1;
-        Some(next)
-    }
-
-    fn skip(&mut self, frames: u64) {
-        self.source.skip(frames);
-        self.number += frames;
-    }
-
-    fn len(&self) -> Option<usize> {
-        self.source.len()
-    }
-
-    fn camera_info(&self) -> Option<Arc<CameraInfo>> {
-        self.source.camera_info()
-    }
-
-    fn warnings(&self) -> Vec<String> {
-        self.source.warnings()
-    }
-
-    fn losses(&self) -> Vec<String> {
-        self.source.losses()
-    }
-
-    fn rewind(&mut self) -> Result<(), SourceError> {
-        self.number = 0;
-        self.source.rewind()
-    }
 }
 
 #[cfg(test)]
@@ -120,11 +72,11 @@ mod tests {
 
     #[test]
     fn the_light_changes_by_turns_and_smoothly() {
-        let factor = |number| Light::Tunnels.factor(number);
+        let factor = |number| TUNNELS.factor(number);
         assert!((0..50).all(|number| factor(number) == 1.0));
         assert!((56..100).all(|number| (factor(number) - 1.0 / 16.0).abs() < 1e-9));
         assert!((106..150).all(|number| (factor(number) - 1.0).abs() < 1e-9));
-        for light in [Light::Tunnels, Light::Trees] {
+        for light in [TUNNELS, TREES] {
             let largest =
                 (0..400).map(|n| (light.factor(n + 1) / light.factor(n)).ln().abs()).fold(0.0, f64::max);
             assert!(largest < 1.0, "at most a factor of e between two frames: {largest}");
@@ -135,14 +87,14 @@ mod tests {
     fn a_source_under_changing_light_is_the_source_times_the_factor() {
         let frames = |spec: &str, skipped: u64| {
             let mut source = open(spec, &SourceOptions::default()).expect("a scene");
-            source.skip(skipped);
-            std::iter::from_fn(move || source.next()).map(|frame| frame.expect("a frame").radiance)
+            source.pass(skipped);
+            source.map(|frame| frame.expect("a frame").radiance)
         };
         let plain = "scene://day?seed=3&width=48&height=16&frames=60";
         for skipped in [0, 45] {
             let relit = frames(&format!("{plain}&light=tunnels"), skipped);
             for (number, (plain, relit)) in (skipped..).zip(frames(plain, skipped).zip(relit)) {
-                let factor = Light::Tunnels.factor(number) as f32;
+                let factor = TUNNELS.factor(number) as f32;
                 assert_eq!(plain.mapv(|radiance| factor * radiance), relit);
             }
         }
@@ -151,8 +103,8 @@ mod tests {
     #[test]
     fn only_the_light_is_taken_from_an_address() {
         for (spec, rest, light) in [
-            ("scene://day?seed=3&light=trees&frames=2", "scene://day?seed=3&frames=2", Some(Light::Trees)),
-            ("drive?light=tunnels", "drive", Some(Light::Tunnels)),
+            ("scene://day?seed=3&light=trees&frames=2", "scene://day?seed=3&frames=2", Some(TREES)),
+            ("drive?light=tunnels", "drive", Some(TUNNELS)),
             ("scene://day", "scene://day", None),
             ("http://camera/video?light=trees", "http://camera/video?light=trees", None),
         ] {

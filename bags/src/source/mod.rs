@@ -35,17 +35,14 @@ use ndarray::Array3;
 
 pub use bag::{BagSource, RecordedImage};
 pub use classes::NAME_FILES;
-pub use folder::{FolderSource, images_of};
+pub use folder::images_of;
 pub use kitti::FrameList;
-pub use labels::{LabelledSource, Skipped};
-pub use light::Light;
+pub use labels::Skipped;
 pub use pictures::{Picture, Pictures, of_radiance};
-pub use scene::SceneSource;
-pub use spikes::SpikeSource;
-pub use video::VideoSource;
 
 use crate::FileError;
 use crate::bag::BagError;
+use light::Light;
 
 /// Error: a frame could not be read. The message names the file, the fault and the possible values.
 #[derive(Debug, thiserror::Error)]
@@ -132,14 +129,14 @@ impl SourceFrame {
     }
 }
 
-/// Frames in their recorded order.
-pub trait Source: Send {
+/// What brings the frames of a [`Source`], in their recorded order.
+pub trait Frames: Send {
     /// Returns the next frame; `None` when it is over. After an error the next call goes on with the frame behind the
     /// bad one.
     fn next(&mut self) -> Option<Result<SourceFrame, SourceError>>;
 
     /// Resumes after the next `frames` frames, without reading them where that is possible.
-    fn skip(&mut self, frames: u64) {
+    fn pass(&mut self, frames: u64) {
         for _ in 0..frames {
             if self.next().is_none() {
                 return;
@@ -147,35 +144,60 @@ pub trait Source: Send {
         }
     }
 
-    /// Returns how many frames there are from the start, if that is known.
-    fn len(&self) -> Option<usize>;
+    /// Goes back to the first frame.
+    fn rewind(&mut self);
+}
 
-    /// Returns the camera info that was recorded with the images, whose calibration holds for all of them; `None` without one.
-    fn camera_info(&self) -> Option<Arc<CameraInfo>> {
-        None
-    }
-
-    /// Returns one line for each kind of label or image that is left out, and for what its frames may be wrong in.
-    fn warnings(&self) -> Vec<String> {
-        Vec::new()
-    }
-
-    /// Returns one line for each part of the recording that cannot be read, such as the end of a bag that was cut: frames may be
+/// Frames in their recorded order, good ones and errors; after an error, the next one is that behind the bad one.
+pub struct Source {
+    frames: Box<dyn Frames>,
+    light: Option<Light>,
+    /// The number of the next frame.
+    number: u64,
+    /// How many frames there are from the start, if that is known.
+    pub len: Option<usize>,
+    /// The camera info that was recorded with the images, whose calibration holds for all of them; `None` without one.
+    pub camera_info: Option<Arc<CameraInfo>>,
+    /// One line for each kind of label or image that is left out, and for what its frames may be wrong in.
+    pub warnings: Vec<String>,
+    /// One line for each part of the recording that cannot be read, such as the end of a bag that was cut: frames may be
     /// missing without an error in their place.
-    fn losses(&self) -> Vec<String> {
-        Vec::new()
+    pub losses: Vec<String>,
+}
+
+impl Source {
+    /// Creates a source of `frames`, about which nothing else is known.
+    pub fn over(frames: impl Frames + 'static) -> Self {
+        let (warnings, losses) = (Vec::new(), Vec::new());
+        let frames = Box::new(frames);
+        Self { frames, light: None, number: 0, len: None, camera_info: None, warnings, losses }
     }
 
-    /// Returns whether it is known that there is no frame at all.
-    fn is_empty(&self) -> bool {
-        self.len() == Some(0)
+    /// Resumes after the next `frames` frames, without reading them where that is possible.
+    pub fn pass(&mut self, frames: u64) {
+        self.frames.pass(frames);
+        self.number = self.number.saturating_add(frames);
     }
 
     /// Goes back to the first frame.
-    ///
-    /// # Errors
-    /// [`SourceError`] when the data is no longer there.
-    fn rewind(&mut self) -> Result<(), SourceError>;
+    pub fn rewind(&mut self) {
+        self.frames.rewind();
+        self.number = 0;
+    }
+}
+
+impl Iterator for Source {
+    type Item = Result<SourceFrame, SourceError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let mut next = self.frames.next()?;
+        if let (Ok(frame), Some(light)) = (&mut next, self.light) {
+            let factor = light.factor(self.number) as f32;
+            frame.radiance.mapv_inplace(|radiance| factor * radiance);
+        }
+        self.number += 1;
+        Some(next)
+    }
 }
 
 /// Options for reading a source.
@@ -192,7 +214,7 @@ pub const FRAME_ID: &str = "camera_optical";
 
 /// Opens what `spec` names: a scene (`scene://PRESET?seed=N`), a bag (a `.mcap` or `.db3` file, or a
 /// folder with `metadata.yaml` or such files), a KITTI folder (with `image_2` or `image_02`), a folder of images,
-/// one image, a video ([`VideoAddress`]), or a spike recording (`PATH.npz?window=N`), each under changing [`Light`] with `?light=NAME` behind it.
+/// one image, a video ([`VideoAddress`]), or a spike recording (`PATH.npz?window=N`), each under changing light with `?light=NAME` behind it.
 ///
 /// # Errors
 /// [`SourceError`] when the path is missing, holds no frame, or cannot be read.
@@ -206,16 +228,12 @@ pub const FRAME_ID: &str = "camera_optical";
 /// assert!(frame.ground_truth.is_some());
 /// # Ok::<(), modulo_bags::source::SourceError>(())
 /// ```
-pub fn open(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, SourceError> {
+pub fn open(spec: &str, options: &SourceOptions) -> Result<Source, SourceError> {
     let (spec, light) = light::split(spec)?;
-    let source = open_unlit(&spec, options)?;
-    Ok(match light {
-        Some(light) => Box::new(light::RelitSource { source, light, number: 0 }),
-        None => source,
-    })
+    Ok(Source { light, ..open_unlit(&spec, options)? })
 }
 
-fn open_unlit(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, SourceError> {
+fn open_unlit(spec: &str, options: &SourceOptions) -> Result<Source, SourceError> {
     if spec.is_empty() {
         return Err(SourceError::Unreadable(format!("no source is given; possible are {POSSIBLE}")));
     }
@@ -228,13 +246,13 @@ fn open_unlit(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, So
     }
     if let Some((path, window)) = spikes::split(spec) {
         let path = locate(path).map_err(|why| FileError::new(path, why))?;
-        return Ok(Box::new(SpikeSource::open(&path, window, options)?));
+        return spikes::open(&path, window, options);
     }
     if is_rendered(spec) {
-        return Ok(Box::new(SceneSource::open(spec)?));
+        return scene::open(spec);
     }
     match VideoAddress::of(spec)? {
-        Some(VideoAddress::File(path)) => return Ok(Box::new(VideoSource::open(&path, options)?)),
+        Some(VideoAddress::File(path)) => return video::open(&path, options),
         Some(VideoAddress::Live(address)) => return Err(SourceError::Live(address)),
         None if spec.contains("://") => {
             return Err(SourceError::Unreadable(format!("{}: {SCHEMES}", without_secrets(spec))));
@@ -246,12 +264,12 @@ fn open_unlit(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, So
     }
     // Bags come first, because the folder of a bag may hold images and anything else.
     if crate::bag::is_bag(path) {
-        return Ok(Box::new(BagSource::open(path, options)?));
+        return BagSource::open(path, options).map(Source::from);
     }
     if kitti::is_at(path) {
-        return Ok(Box::new(LabelledSource::kitti(path, None, options)?));
+        return Source::kitti(path, None, options);
     }
-    Ok(Box::new(FolderSource::open(path, options)?))
+    folder::open(path, options)
 }
 
 /// Returns whether `spec` names a scene without a number of frames, which never ends.

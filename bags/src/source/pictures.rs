@@ -2,8 +2,8 @@
 
 use std::collections::{BTreeSet, VecDeque};
 use std::fmt::Display;
-use std::iter;
 use std::path::{Path, PathBuf};
+use std::{iter, mem};
 
 use modulo_core::{Frame, Range, Transfer, tone};
 use modulo_images::{Coding, ImageError, White, read_image};
@@ -12,7 +12,7 @@ use modulo_video::VideoAddress;
 use ndarray::Array3;
 
 use super::folder::{images_below, is_image, no_image, one_image, others, stem};
-use super::{BagSource, Source as _, SourceError, SourceOptions, open};
+use super::{BagSource, SourceError, SourceOptions, open};
 use crate::FileError;
 
 /// A picture of 8 bits.
@@ -43,58 +43,48 @@ impl Pictures {
     /// [`SourceError`] of a source that cannot be opened, and of a folder without an image.
     pub fn open(spec: &str, options: &SourceOptions) -> Result<Self, SourceError> {
         let path = locate(Path::new(spec)).map_err(|why| FileError::new(Path::new(spec), why))?;
-        let is_bag = !spec.contains("://") && crate::bag::is_bag(&path);
-        if path.is_dir() && !is_bag {
-            return Self::of_folder(&path, options);
-        }
-        if path.is_file() && is_image(&path) {
-            let name = PathBuf::from(stem(&path));
-            let files = [(name, one_image(&path)?)].into();
-            return Ok(Self { files, ..Self::of_frames(options, iter::empty()) });
-        }
-        if is_bag {
+        let (coding, files) = (options.coding.clone(), VecDeque::new());
+        let (warnings, losses) = (Vec::new(), Vec::new());
+        let mut opened = Self { files, coding, frames: Box::new(iter::empty()), warnings, losses };
+        if !spec.contains("://") && crate::bag::is_bag(&path) {
             let mut bag = BagSource::open(&path, options)?;
-            let losses = bag.losses();
-            return Ok(Self {
-                losses,
-                ..Self::of_frames(options, iter::from_fn(move || bag.next_picture()))
-            });
+            opened.losses = mem::take(&mut bag.losses);
+            opened.frames = Box::new(iter::from_fn(move || bag.next_picture()));
+        } else if path.is_dir() {
+            opened.take_folder(&path)?;
+        } else if path.is_file() && is_image(&path) {
+            opened.files.push_back((PathBuf::from(stem(&path)), one_image(&path)?));
+        } else {
+            let mut source = open(spec, options)?;
+            (opened.warnings, opened.losses) =
+                (mem::take(&mut source.warnings), mem::take(&mut source.losses));
+            // The frames of a video have nothing but numbers.
+            let before = match VideoAddress::of(spec)? {
+                Some(VideoAddress::File(_)) => format!("{}_", stem(&path)),
+                _ => String::new(),
+            };
+            opened.frames = Box::new(source.map(move |frame| {
+                let frame = frame?;
+                let name = format!("{before}{}", frame.name).into();
+                Ok(Picture { name, pixels: of_radiance(&frame.radiance, Transfer::Linear) })
+            }));
         }
-        let mut source = open(spec, options)?;
-        let (warnings, losses) = (source.warnings(), source.losses());
-        // The frames of a video have nothing but numbers.
-        let before = match VideoAddress::of(spec)? {
-            Some(VideoAddress::File(_)) => format!("{}_", stem(&path)),
-            _ => String::new(),
-        };
-        let frames = iter::from_fn(move || source.next()).map(move |frame| {
-            let frame = frame?;
-            let name = format!("{before}{}", frame.name).into();
-            Ok(Picture { name, pixels: of_radiance(&frame.radiance, Transfer::Linear) })
-        });
-        Ok(Self { warnings, losses, ..Self::of_frames(options, frames) })
+        Ok(opened)
     }
 
-    fn of_folder(folder: &Path, options: &SourceOptions) -> Result<Self, SourceError> {
+    /// Takes the images in a folder and in all folders below it.
+    fn take_folder(&mut self, folder: &Path) -> Result<(), SourceError> {
         let images = images_below(folder)?;
         if images.is_empty() {
             return Err(no_image(folder, "", &[]));
         }
         let folders: BTreeSet<_> = images.iter().filter_map(|image| image.parent()).collect();
-        let warnings = others(folders).into_iter().collect();
+        self.warnings.extend(others(folders));
         let name = |image: &PathBuf| {
             image.strip_prefix(folder).expect("it was found below the folder").with_extension("")
         };
-        let files = images.iter().map(|image| (name(image), image.clone())).collect();
-        Ok(Self { warnings, files, ..Self::of_frames(options, iter::empty()) })
-    }
-
-    fn of_frames(
-        options: &SourceOptions,
-        frames: impl Iterator<Item = Result<Picture, SourceError>> + 'static,
-    ) -> Self {
-        let (coding, frames) = (options.coding.clone(), Box::new(frames));
-        Self { files: VecDeque::new(), coding, frames, warnings: Vec::new(), losses: Vec::new() }
+        self.files.extend(images.iter().map(|image| (name(image), image.clone())));
+        Ok(())
     }
 }
 

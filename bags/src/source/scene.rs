@@ -1,32 +1,28 @@
-//! [`SceneSource`]: frames of the suite's own procedural scene, with exact
-//! ground truth. It ends after the frames that its address gives, or never.
+//! [`open`]: frames of the suite's own procedural scene, with exact ground truth. They end after the number that its address gives, or never.
 
 use modulo_scene::{SceneObject, SceneSpec};
 
-use super::{GroundTruth, Source, SourceError, SourceFrame};
+use super::{Frames, GroundTruth, Source, SourceError, SourceFrame};
 
 /// A scene at its present frame.
-pub struct SceneSource {
+struct SceneFrames {
     spec: SceneSpec,
     frame: u32,
 }
 
-impl SceneSource {
-    /// Opens the scene of `scene://PRESET?seed=N&frames=N&width=W&height=H`.
-    ///
-    /// # Errors
-    /// [`SourceError::Scene`] when the address does not name a scene.
-    pub fn open(address: &str) -> Result<Self, SourceError> {
-        Ok(Self { spec: address.parse()?, frame: 0 })
-    }
+/// Opens the scene of `scene://PRESET?seed=N&frames=N&width=W&height=H`.
+pub(super) fn open(address: &str) -> Result<Source, SourceError> {
+    let spec: SceneSpec = address.parse()?;
+    let len = Some(spec.frames as usize).filter(|frames| *frames > 0);
+    Ok(Source { len, ..Source::over(SceneFrames { spec, frame: 0 }) })
 }
 
-impl Source for SceneSource {
+impl Frames for SceneFrames {
     fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
-        if self.len().is_some_and(|frames| self.frame as usize >= frames) {
+        if self.spec.frames > 0 && self.frame >= self.spec.frames {
             return None;
         }
-        let rendered = self.spec.scene().render(self.frame, self.spec.height, self.spec.width);
+        let rendered = self.spec.scene.render(self.frame, self.spec.height, self.spec.width);
         let name = format!("{:06}", self.frame);
         // A scene without an end may run past the largest number.
         self.frame = self.frame.wrapping_add(1);
@@ -34,17 +30,12 @@ impl Source for SceneSource {
         Some(Ok(SourceFrame { ground_truth, ..SourceFrame::new(name, rendered.radiance) }))
     }
 
-    fn skip(&mut self, frames: u64) {
+    fn pass(&mut self, frames: u64) {
         self.frame = self.frame.wrapping_add(frames as u32);
     }
 
-    fn len(&self) -> Option<usize> {
-        Some(self.spec.frames as usize).filter(|frames| *frames > 0)
-    }
-
-    fn rewind(&mut self) -> Result<(), SourceError> {
+    fn rewind(&mut self) {
         self.frame = 0;
-        Ok(())
     }
 }
 
@@ -70,20 +61,19 @@ mod tests {
 
     #[test]
     fn frames_follow_each_other_and_start_again() {
-        let mut source =
-            SceneSource::open("scene://day?seed=3&width=96&height=32&frames=2").expect("a scene");
+        let mut source = open("scene://day?seed=3&width=96&height=32&frames=2").expect("a scene");
         let mut next = || source.next().expect("not over").expect("a frame");
         let (first, second) = (next(), next());
         assert_eq!(first.radiance.dim(), (32, 96, 3));
         assert_ne!(first.radiance, second.radiance);
         assert!(source.next().is_none(), "two frames were asked for");
-        source.rewind().expect("nothing to fail");
+        source.rewind();
         assert_eq!(source.next().expect("not over").expect("a frame"), first);
     }
 
     #[test]
     fn what_is_no_scene_is_refused() {
-        let error = SceneSource::open("scene://dusk").err().expect("no such preset");
+        let error = open("scene://dusk").err().expect("no such preset");
         assert!(error.to_string().contains("dusk") && error.to_string().contains("tunnel"), "{error}");
     }
 }

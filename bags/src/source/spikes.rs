@@ -1,4 +1,4 @@
-//! [`SpikeSource`]: the readings of a spike camera as counts of resets.
+//! [`open`]: the readings of a spike camera as counts of resets.
 //!
 //! A pixel of such a camera resets whenever enough light has come, and each reading tells whether it has. The low bits of the number of its
 //! resets within a window are the code of a modulo sensor.
@@ -12,7 +12,7 @@ use modulo_runtime::{SensorModel, input};
 use ndarray::Array3;
 
 use super::npz::{MOST, array};
-use super::{Source, SourceError, SourceFrame, SourceOptions};
+use super::{Frames, Source, SourceError, SourceFrame, SourceOptions};
 use crate::FileError;
 
 /// The remedy for an archive without an array of readings, T x H x W of 0 or 1.
@@ -22,7 +22,7 @@ const SAVE: &str =
 const LONGEST: usize = 65535;
 
 /// The frames of a spike recording: each is the sum of a window of readings.
-pub struct SpikeSource {
+struct SpikeFrames {
     readings: Vec<u8>,
     shape: [usize; 3],
     window: usize,
@@ -37,34 +37,34 @@ pub(super) fn split(spec: &str) -> Option<(&Path, &str)> {
     (!spec.contains("://") && has_extension(Path::new(path), &["npz"])).then_some((Path::new(path), window))
 }
 
-impl SpikeSource {
-    /// Opens the recording at `path`; `window` is the option of its address. Of `options`, only the white is used.
-    ///
-    /// # Errors
-    /// [`SourceError`] of a recording that cannot be read, and of a window or a white that is not possible.
-    pub fn open(path: &Path, window: &str, options: &SourceOptions) -> Result<Self, SourceError> {
-        let file = input::read_bytes(path, MOST).map_err(|why| FileError::new(path, why))?;
-        let refuse = |why: String| SourceError::of(path, &why);
-        let (shape, readings) = array(&file, "spk").map_err(|why| refuse(format!("{why}; {SAVE}")))?;
-        if let Some(at) = readings.iter().position(|value| *value > 1) {
-            let why = format!("value {at} of spk is {}, but 0 and 1 are possible; {SAVE}", readings[at]);
-            return Err(refuse(why));
-        }
-        let (count, most) = (shape[0], shape[0].min(LONGEST));
-        let window = window.strip_prefix("window=").and_then(|number| number.parse().ok());
-        let Some(window) = window.filter(|window| (1..=most).contains(window)) else {
-            let why = format!("has {count} readings; give the number that a frame sums, 1 to {most}");
-            return Err(refuse(format!("{why}, as in {}?window={most}", path.display())));
-        };
-        let mut source = Self { readings, shape, window, next: 0, full: options.coding.white };
-        let most = std::iter::from_fn(|| source.sum()).flatten().max().unwrap_or_default() as f32;
-        (source.next, source.full) = (0, if source.full > 0.0 { source.full } else { most + 1.0 });
-        if most + 0.5 < source.full {
-            return Ok(source);
-        }
-        Err(refuse(format!("has {most} resets in a frame, but white is {}; give more, or 0", source.full)))
+/// Opens the recording at `path`; `window` is the option of its address. Of `options`, only the white is used.
+pub(super) fn open(path: &Path, window: &str, options: &SourceOptions) -> Result<Source, SourceError> {
+    let file = input::read_bytes(path, MOST).map_err(|why| FileError::new(path, why))?;
+    let refuse = |why: String| SourceError::of(path, &why);
+    let (shape, readings) = array(&file, "spk").map_err(|why| refuse(format!("{why}; {SAVE}")))?;
+    if let Some(at) = readings.iter().position(|value| *value > 1) {
+        let why = format!("value {at} of spk is {}, but 0 and 1 are possible; {SAVE}", readings[at]);
+        return Err(refuse(why));
     }
+    let (count, most) = (shape[0], shape[0].min(LONGEST));
+    let window = window.strip_prefix("window=").and_then(|number| number.parse().ok());
+    let Some(window) = window.filter(|window| (1..=most).contains(window)) else {
+        let why = format!("has {count} readings; give the number that a frame sums, 1 to {most}");
+        return Err(refuse(format!("{why}, as in {}?window={most}", path.display())));
+    };
+    let mut frames = SpikeFrames { readings, shape, window, next: 0, full: options.coding.white };
+    let most = std::iter::from_fn(|| frames.sum()).flatten().max().unwrap_or_default() as f32;
+    (frames.next, frames.full) = (0, if frames.full > 0.0 { frames.full } else { most + 1.0 });
+    if most + 0.5 >= frames.full {
+        let white = frames.full;
+        return Err(refuse(format!("has {most} resets in a frame, but white is {white}; give more, or 0")));
+    }
+    let line = format!("the last {} of {count} readings fill no window and are left out", count % window);
+    let warnings = Some(line).filter(|_| count % window > 0).into_iter().collect();
+    Ok(Source { len: Some(count / window), warnings, ..Source::over(frames) })
+}
 
+impl SpikeFrames {
     /// Returns the resets of the pixels in the next window.
     fn sum(&mut self) -> Option<Vec<u16>> {
         let pixels = self.shape[1] * self.shape[2];
@@ -78,7 +78,7 @@ impl SpikeSource {
     }
 }
 
-impl Source for SpikeSource {
+impl Frames for SpikeFrames {
     fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
         let (name, [_, height, width], full) = (format!("{:06}", self.next), self.shape, Some(self.full));
         // A pixel with n resets has got light for n to n + 1 of them.
@@ -87,19 +87,8 @@ impl Source for SpikeSource {
         Some(Ok(SourceFrame { full_resets: full, ..SourceFrame::new(name, radiance) }))
     }
 
-    fn len(&self) -> Option<usize> {
-        Some(self.shape[0] / self.window)
-    }
-
-    fn warnings(&self) -> Vec<String> {
-        let (count, left) = (self.shape[0], self.shape[0] % self.window);
-        let line = format!("the last {left} of {count} readings fill no window and are left out");
-        Some(line).filter(|_| left > 0).into_iter().collect()
-    }
-
-    fn rewind(&mut self) -> Result<(), SourceError> {
+    fn rewind(&mut self) {
         self.next = 0;
-        Ok(())
     }
 }
 

@@ -11,14 +11,11 @@ use modulo_core::BBox;
 
 use super::classes::YoloClasses;
 use super::data_set::images_of;
-use super::folder::FolderSource;
 use super::kitti::{number, whole};
-use super::labels::{
-    ImageLabels, LabelSet, LabelledSource, around, read_text, text_beside, texts_without_image, without_image,
-};
-use super::{GroundTruth, SourceError, SourceOptions};
+use super::labels::{LabelSet, around, read_text, texts_without_image, without_image};
+use super::{GroundTruth, Source, SourceError, SourceOptions};
 
-impl LabelledSource {
+impl Source {
     /// Opens the YOLO data set at `path`: a folder that holds `images` and `labels`, a folder of images whose path has a part `images`, one with
     /// images and labels side by side, a `data.yaml` or `obj.data`, of which the part for validation is read, or a list of images. A class is
     /// called by its number where no file names the classes. Of `options`, the topic is not used.
@@ -36,24 +33,17 @@ impl LabelledSource {
         let image = images.first().map_or(path, PathBuf::as_path);
         let classes = YoloClasses::of(path, image, &folders)?;
         let labels = labels(&images, &folders, &classes, is_whole);
-        let frames =
-            if is_whole { FolderSource::all_of(images, options) } else { FolderSource::of(images, options) };
-        Ok(Self::of(frames?, labels))
+        Self::of_images(images, labels, is_whole, options)
     }
 }
 
 /// Reads the labels of `images` in `folders`, which have no others where the images are all of theirs.
 fn labels(images: &[PathBuf], folders: &[PathBuf], classes: &YoloClasses, is_whole: bool) -> LabelSet {
-    let mut labels = LabelSet::default();
-    for image in images {
-        let Some(file) = places(image).iter().find_map(|place| text_beside(place)) else { continue };
-        let label = |text: &str| {
-            let (class, bbox) = parse(text, classes.key_points)?;
-            Ok(GroundTruth { bbox, class: classes.name(class)?, truncated: -1.0, occluded: -1 })
-        };
-        let read = ImageLabels::read(&file, label, &mut labels.unread);
-        labels.of_image.insert(image.clone(), ImageLabels { in_shares: true, ..read });
-    }
+    let label = |text: &str| {
+        let (class, bbox) = parse(text, classes.key_points)?;
+        Ok(GroundTruth { bbox, class: classes.name(class)?, truncated: -1.0, occluded: -1 })
+    };
+    let mut labels = LabelSet::of_texts(images, places, label, true);
     if is_whole {
         let texts = texts_without_image(folders, images).into_iter();
         // Other texts, such as lists of names, may lie beside the labels.

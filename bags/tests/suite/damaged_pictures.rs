@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::Command;
 
 use image::{ImageBuffer, ImageFormat, Rgb};
-use modulo_bags::source::{LabelledSource, Source, SourceFrame, SourceOptions, open};
+use modulo_bags::source::{Source, SourceFrame, SourceOptions, open};
 use modulo_core::Frame;
 use modulo_images::{FileFormat, encode, save_png};
 
@@ -41,10 +41,10 @@ pub fn damage<T: PartialEq>(
 }
 
 /// All frames of a source; `None` if anything is named.
-fn frames(source: Result<Box<dyn Source>, modulo_bags::source::SourceError>) -> Option<Vec<SourceFrame>> {
+fn frames(source: Result<Source, modulo_bags::source::SourceError>) -> Option<Vec<SourceFrame>> {
     let mut source = source.ok()?;
     let frames = std::iter::from_fn(|| source.next()).collect::<Result<Vec<_>, _>>().ok()?;
-    [source.losses(), source.warnings()].concat().is_empty().then_some(frames)
+    [source.losses, source.warnings].concat().is_empty().then_some(frames)
 }
 
 /// Reads a picture as the only one of a folder.
@@ -113,8 +113,8 @@ fn damage_to_labels_is_named() {
         "category_id": 2, "bbox": [1.25, 0.5, 3.0, 2.75], "iscrowd": 0}], "categories": [{"id": 1, "name": "person"}, {"id": 2, "name": "car"}]}"#;
     let read = |bytes: &[u8]| {
         std::fs::write(&coco, bytes).expect("written");
-        let source = LabelledSource::coco(&coco, Some(&root.join("images")), &SourceOptions::default());
-        frames(source.map(|source| Box::new(source) as Box<dyn Source>))
+        let source = Source::coco(&coco, Some(&root.join("images")), &SourceOptions::default());
+        frames(source)
     };
     damage("COCO", whole, COUNT, read, (30, why));
 
@@ -123,8 +123,8 @@ fn damage_to_labels_is_named() {
     let label = root.join("labels/a.txt");
     let read = |bytes: &[u8]| {
         std::fs::write(&label, bytes).expect("written");
-        let source = LabelledSource::yolo(root, &SourceOptions::default());
-        frames(source.map(|source| Box::new(source) as Box<dyn Source>))
+        let source = Source::yolo(root, &SourceOptions::default());
+        frames(source)
     };
     let whole = b"0 0.512345 0.498765 0.250000 0.125000\n1 0.1 0.2 0.5 0.9 0.3 0.4\n";
     damage("YOLO", whole, COUNT, read, (160, why));

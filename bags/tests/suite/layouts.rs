@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use modulo_bags::source::{LabelledSource, Source, SourceFrame, SourceOptions, open};
+use modulo_bags::source::{Source, SourceFrame, SourceOptions, open};
 use modulo_images::save_png;
 
 use crate::frame;
@@ -21,12 +21,12 @@ fn written(files: &[(&str, &str)]) -> tempfile::TempDir {
     folder
 }
 
-fn yolo(path: &Path) -> Result<LabelledSource, String> {
-    LabelledSource::yolo(path, &SourceOptions::default()).map_err(|why| why.to_string())
+fn yolo(path: &Path) -> Result<Source, String> {
+    Source::yolo(path, &SourceOptions::default()).map_err(|why| why.to_string())
 }
 
-fn all(source: &mut dyn Source) -> Vec<SourceFrame> {
-    std::iter::from_fn(|| source.next()).map(|frame| frame.expect("readable")).collect()
+fn all(source: &mut Source) -> Vec<SourceFrame> {
+    source.map(|frame| frame.expect("readable")).collect()
 }
 
 /// A car, and beside the labels in the data set of another part a bus.
@@ -43,7 +43,7 @@ fn assert_car(folder: &Path, path: &str) {
         (frame.name.as_str(), labels.iter().map(|label| label.class.as_str()).collect::<Vec<_>>())
     });
     assert_eq!(found.collect::<Vec<_>>(), [("a", vec!["car"])], "{path}");
-    assert_eq!([source.losses(), source.warnings()].concat(), [""; 0], "{path}");
+    assert_eq!([source.losses, source.warnings].concat(), [""; 0], "{path}");
 }
 
 #[test]
@@ -62,7 +62,7 @@ fn a_data_set_of_ultralytics_is_read_by_its_yaml_and_by_its_folders() {
         for path in ["data/data.yaml", "data/images/val"] {
             assert_car(folder.path(), path);
         }
-        let why = yolo(&folder.path().join("data")).expect_err("two parts");
+        let why = yolo(&folder.path().join("data")).err().expect("two parts");
         let images = folder.path().join("data/images").display().to_string();
         assert!(
             why.ends_with(&format!("has the subfolders train, val: choose --yolo {images}/val")),
@@ -116,7 +116,7 @@ fn a_data_set_of_roboflow_is_read_by_its_yaml_and_by_its_folders() {
     for path in ["set/data.yaml", "set/valid", "set/valid/images"] {
         assert_car(folder.path(), path);
     }
-    let why = yolo(&folder.path().join("set")).expect_err("three parts");
+    let why = yolo(&folder.path().join("set")).err().expect("three parts");
     assert!(
         why.contains("has the subfolders test/images, train/images, valid/images: choose --yolo "),
         "{why}"
@@ -160,7 +160,7 @@ fn a_part_that_is_not_there_is_named() {
         ("val: [", "data.yaml:2: not YAML"),
     ] {
         let folder = written(&[("data.yaml", text)]);
-        let why = yolo(&folder.path().join("data.yaml")).expect_err(text);
+        let why = yolo(&folder.path().join("data.yaml")).err().expect(text);
         assert!(why.contains(expected) && why.contains(&folder.path().display().to_string()), "{why}");
     }
     let folder = written(&[("list.txt", "a.png\ngone.png\n"), ("a.png", ""), ("a.txt", CAR), ("b.txt", BUS)]);
@@ -168,9 +168,9 @@ fn a_part_that_is_not_there_is_named() {
     assert!(source.next().expect("two").is_ok());
     let why = source.next().expect("two").expect_err("gone").to_string();
     assert!(why.contains("gone.png: No such file"), "{why}");
-    assert_eq!(source.warnings(), [""; 0], "labels of other images are left out on purpose");
+    assert_eq!(source.warnings, [""; 0], "labels of other images are left out on purpose");
     for (path, expected) in [("a.png", "its data.yaml, or a list"), ("gone", "no such file or folder")] {
-        assert!(yolo(&folder.path().join(path)).expect_err(path).contains(expected));
+        assert!(yolo(&folder.path().join(path)).err().expect(path).contains(expected));
     }
 }
 
@@ -181,7 +181,7 @@ fn a_row_that_cannot_be_read_costs_only_itself() {
         written(&[("images/a.PNG", ""), ("labels/a.txt", &format!("{rows}{CAR}")), ("data.yaml", NAMES)]);
     let mut source = yolo(folder.path()).expect("an image");
     assert_eq!(all(&mut source)[0].ground_truth.as_ref().map(Vec::len), Some(1));
-    let [line] = &source.losses()[..] else { panic!("one line") };
+    let [line] = &source.losses[..] else { panic!("one line") };
     assert!(line.starts_with("6 labels cannot be read and are left out, the first: "), "{line}");
     assert!(line.contains("a.txt:1: 4 columns found"), "{line}");
 }
@@ -200,13 +200,13 @@ fn the_images_of_a_camera_may_lie_in_data_below_it() {
     let opened =
         |path: &str| open(&folder.path().join(path).display().to_string(), &SourceOptions::default());
     for path in ["drive", "drive/image_02", "drive/image_02/data", "mav0/cam1"] {
-        assert_eq!(all(&mut *opened(path).expect(path)).len(), 1, "{path}");
+        assert_eq!(all(&mut opened(path).expect(path)).len(), 1, "{path}");
     }
     let named = opened("mav0").err().expect("two cameras").to_string();
     assert!(named.contains("has the subfolders cam0/data, cam1/data: choose "), "{named}");
     let named = opened("root").err().expect("a folder above").to_string();
     assert!(named.contains("training/image_2"), "{named}");
-    let kitti = LabelledSource::kitti(&folder.path().join("root"), None, &SourceOptions::default());
-    let named = kitti.expect_err("a folder above").to_string();
+    let kitti = Source::kitti(&folder.path().join("root"), None, &SourceOptions::default());
+    let named = kitti.err().expect("a folder above").to_string();
     assert!(named.contains("as ") && named.ends_with("root/training has"), "{named}");
 }

@@ -5,9 +5,7 @@ use std::path::{Path, PathBuf};
 
 use image::{ImageBuffer, Rgb, Rgba};
 use modulo_bags::bag::{BagInfo, BagReader, Compression, Selection, copy};
-use modulo_bags::source::{
-    GroundTruth, LabelledSource, Source, SourceFrame, SourceOptions, open, to_detections,
-};
+use modulo_bags::source::{GroundTruth, Source, SourceFrame, SourceOptions, open, to_detections};
 use modulo_core::{BBox, Frame, Samples, Transfer};
 use modulo_images::{Coding, save_png};
 use modulo_msgs::cdr;
@@ -39,8 +37,8 @@ fn frames(path: &Path, white: f32) -> Vec<SourceFrame> {
     let mut source = open(&path.display().to_string(), &options).expect("a source");
     let mut all = || std::iter::from_fn(|| source.next()).collect::<Result<Vec<_>, _>>().expect("frames");
     let first = all();
-    assert_eq!(source.len(), Some(first.len()));
-    source.rewind().expect("rewound");
+    assert_eq!(source.len, Some(first.len()));
+    source.rewind();
     assert_eq!(std::iter::from_fn(|| source.next()).map(|f| f.expect("a frame")).collect::<Vec<_>>(), first);
     first
 }
@@ -107,19 +105,16 @@ fn write_sources(images: &[Frame], folder: &Path) {
 }
 
 /// Each source of the folder that [`write_sources`] has filled, and a scene.
-fn open_sources(folder: &Path) -> Vec<Box<dyn Source>> {
+fn open_sources(folder: &Path) -> Vec<Source> {
     let opened = |spec: &str| open(spec, &SourceOptions::default()).expect("a source");
     let inside = |name: &str| opened(&folder.join(name).display().to_string());
-    let coco = LabelledSource::coco(
-        &folder.join("coco.json"),
-        Some(&folder.join("plain")),
-        &SourceOptions::default(),
-    );
+    let coco =
+        Source::coco(&folder.join("coco.json"), Some(&folder.join("plain")), &SourceOptions::default());
     vec![
         inside("plain"),
         inside("kitti"),
-        Box::new(LabelledSource::yolo(&folder.join("yolo"), &SourceOptions::default()).expect("a source")),
-        Box::new(coco.expect("a source")),
+        Source::yolo(&folder.join("yolo"), &SourceOptions::default()).expect("a source"),
+        coco.expect("a source"),
         inside("raw"),
         inside("packed"),
         opened("scene://day?seed=3&width=32&height=16&frames=4"),
@@ -127,8 +122,8 @@ fn open_sources(folder: &Path) -> Vec<Box<dyn Source>> {
 }
 
 /// The radiance of the frames that follow; `None` for one that is refused.
-fn read_on(source: &mut dyn Source) -> Vec<Option<Array3<f32>>> {
-    std::iter::from_fn(|| source.next()).map(|frame| frame.ok().map(|frame| frame.radiance)).collect()
+fn read_on(source: &mut Source) -> Vec<Option<Array3<f32>>> {
+    source.map(|frame| frame.ok().map(|frame| frame.radiance)).collect()
 }
 
 proptest! {
@@ -140,12 +135,12 @@ proptest! {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let images: Vec<Frame> = kinds.iter().map(|kind| telling(*kind)).collect();
         write_sources(&images, folder.path());
-        let whole: Vec<_> = open_sources(folder.path()).iter_mut().map(|s| read_on(&mut **s)).collect();
+        let whole: Vec<_> = open_sources(folder.path()).iter_mut().map(read_on).collect();
         for position in 0..=images.len() + 1 {
             for (index, source) in open_sources(folder.path()).iter_mut().enumerate() {
-                source.skip(position as u64);
+                source.pass(position as u64);
                 let rest = whole[index].get(position..).unwrap_or_default();
-                prop_assert_eq!(read_on(&mut **source), rest, "source {} behind {}", index, position);
+                prop_assert_eq!(read_on(source), rest, "source {} behind {}", index, position);
             }
         }
     }
@@ -222,10 +217,10 @@ fn hidden_files_are_no_images_and_other_formats_are_counted() {
     }
     assert_eq!(frames(folder.path(), 0.0).len(), 1);
     let source = open(&folder.path().display().to_string(), &SourceOptions::default()).expect("a source");
-    let [warning] = &source.warnings()[..] else { panic!("one line") };
+    let [warning] = &source.warnings[..] else { panic!("one line") };
     assert!(warning.contains("2 images of other formats") && warning.contains("2.webp"), "{warning}");
     let of_one = open(&path("1.png").display().to_string(), &SourceOptions::default()).expect("a source");
-    assert!(of_one.warnings().is_empty(), "nobody asked for the folder");
+    assert!(of_one.warnings.is_empty(), "nobody asked for the folder");
 }
 
 #[test]
@@ -478,7 +473,7 @@ fn a_bad_label_costs_only_itself() {
     std::fs::write(&label, format!("Car 0 0 1 2 3\n\n{text}Van top\n")).expect("written");
     assert_eq!(frames(folder.path(), 0.0), whole);
     let source = open(&folder.path().display().to_string(), &SourceOptions::default()).expect("a source");
-    let [line] = &source.losses()[..] else { panic!("one line") };
+    let [line] = &source.losses[..] else { panic!("one line") };
     assert!(line.starts_with("2 labels cannot be read and are left out, the first: "), "{line}");
     assert!(
         line.ends_with(
@@ -518,7 +513,7 @@ fn walk(path: &Path, topic: Option<&str>) -> (usize, usize) {
     let options = SourceOptions { topic: topic.map(str::to_owned), ..SourceOptions::default() };
     let mut source = open(&path.display().to_string(), &options).unwrap_or_else(|e| panic!("{e}"));
     let (mut frames, mut objects) = (0, 0);
-    while let Some(frame) = source.next() {
+    for frame in source.by_ref() {
         let frame = frame.unwrap_or_else(|e| panic!("{e}"));
         assert!(frame.radiance.iter().all(|v| (0.0..1.0).contains(v)), "{}", frame.name);
         assert!(frame.radiance.iter().any(|v| *v > 0.1), "{} is dark", frame.name);
@@ -526,7 +521,7 @@ fn walk(path: &Path, topic: Option<&str>) -> (usize, usize) {
         frames += 1;
         objects += labels.iter().filter(|label| label.class != "dontcare").count();
     }
-    assert_eq!(source.len(), Some(frames));
+    assert_eq!(source.len, Some(frames));
     (frames, objects)
 }
 
@@ -634,7 +629,7 @@ fn a_bag_has_the_camera_info_beside_its_images() {
     {
         let options = SourceOptions { topic: Some(topic.into()), ..SourceOptions::default() };
         let source = open(&path.display().to_string(), &options).expect("a source");
-        assert_eq!(source.camera_info().as_deref(), expected.as_ref(), "{topic}");
+        assert_eq!(source.camera_info.as_deref(), expected.as_ref(), "{topic}");
     }
 }
 

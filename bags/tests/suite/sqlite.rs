@@ -121,7 +121,7 @@ fn its_images_are_a_source() {
     let image = encode_frame(&Header::default(), &frame(5)).expect("short");
     write(&path, 2, &[("/image", "sensor_msgs/msg/Image", "cdr")], &image);
     let mut source = open(&path.display().to_string(), &SourceOptions::default()).expect("a source");
-    assert_eq!(source.len(), Some(20));
+    assert_eq!(source.len, Some(20));
     let first = source.next().expect("a frame").expect("whole");
     assert_eq!(first.radiance.mapv(|v| (v * 255.0).round()), frame(5).to_f32());
 }

@@ -221,7 +221,7 @@ impl Picture {
     /// Follows a scan with this header, whose codes begin `bytes`, and returns the place of the marker behind it.
     fn follow_scan(&mut self, header: &[u8], bytes: &[u8]) -> Step<usize> {
         let (parts, band) = self.read_scan(header).ok_or(HEADER)?;
-        let mut bits = Bits::new(bytes);
+        let mut bits = Bits { bytes, ..Bits::default() };
         let blocks = |component: &Component| {
             let side = |side: usize, own: usize, most: usize| (side * own).div_ceil(most).div_ceil(8);
             let (own, most) = (component.sampling, self.unit);
@@ -284,6 +284,7 @@ impl Huffman {
 }
 
 /// The bits of compressed data up to the next marker.
+#[derive(Default)]
 struct Bits<'a> {
     bytes: &'a [u8],
     place: usize,
@@ -294,11 +295,7 @@ struct Bits<'a> {
     run: u32,
 }
 
-impl<'a> Bits<'a> {
-    fn new(bytes: &'a [u8]) -> Self {
-        Self { bytes, place: 0, buffer: 0, left: 0, run: 0 }
-    }
-
+impl Bits<'_> {
     /// Takes bytes until 16 bits are there, or a marker is next.
     fn fill(&mut self) {
         while self.left < 16 {
@@ -403,7 +400,7 @@ impl<'a> Bits<'a> {
         if usize::from(marker) != 0xd0 + number % 8 {
             return Err(RESTART);
         }
-        *self = Self { place: behind, ..Self::new(self.bytes) };
+        *self = Self { bytes: self.bytes, place: behind, ..Self::default() };
         Ok(())
     }
 

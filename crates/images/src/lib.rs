@@ -133,22 +133,12 @@ pub fn check_regular(path: &Path) -> io::Result<()> {
     ))
 }
 
-/// The samples that [`decode`] finds in an image.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SampleDepth {
-    /// Codes of 8 bits.
-    U8,
-    /// Codes of 16 bits.
-    U16,
-    /// Linear radiance.
-    F32,
-}
-
-/// Returns the depth of the samples of an image, of which only the header is read, if it is no TIFF; `None` when it is no readable image.
-pub fn sample_depth(mut image: impl BufRead + Seek) -> Option<SampleDepth> {
+/// Returns the bits of the samples that [`decode`] finds in an image: 8 or 16 of codes, 32 of linear radiance. Only the header is read if it is
+/// no TIFF. `None` when it is no readable image.
+pub fn sample_depth(mut image: impl BufRead + Seek) -> Option<u32> {
     let start = image.fill_buf().ok()?;
     if start.starts_with(radiance::SIGNATURE) {
-        return Some(SampleDepth::F32);
+        return Some(32);
     }
     #[cfg(feature = "tiff")]
     if is_tiff(start) {
@@ -157,12 +147,8 @@ pub fn sample_depth(mut image: impl BufRead + Seek) -> Option<SampleDepth> {
         return tiff::Picture::open(&file).ok().map(|picture| picture.depth());
     }
     let decoder = ImageReader::new(image).with_guessed_format().ok()?.into_decoder().ok()?;
-    Some(match decoder.color_type() {
-        ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8 => SampleDepth::U8,
-        ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16 => SampleDepth::U16,
-        ColorType::Rgb32F | ColorType::Rgba32F => SampleDepth::F32,
-        _ => return None,
-    })
+    let colour = decoder.color_type();
+    Some(8 * u32::from(colour.bytes_per_pixel() / colour.channel_count()))
 }
 
 /// Decodes one image; `origin` is its name in errors.

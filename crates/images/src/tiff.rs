@@ -8,8 +8,8 @@ use tiff::decoder::{Decoder, DecodingResult};
 use tiff::tags::{SampleFormat, Tag};
 use tiff::{ColorType, TiffError, TiffUnsupportedError};
 
+use crate::TRUNCATED;
 use crate::unread::{RAW_REMEDY, raw};
-use crate::{SampleDepth, TRUNCATED};
 
 /// The remedies for samples that are not read, and for integers that do not fit in 16 bits.
 const CONVERT: &str = "convert it, such as by ImageMagick: convert FILE -depth 16 FILE.png";
@@ -67,13 +67,9 @@ impl<'a> Picture<'a> {
         Err(format!("has {what}; {remedy}"))
     }
 
-    /// Returns the depth of its samples.
-    pub fn depth(&self) -> SampleDepth {
-        match (self.format, self.colour.bit_depth()) {
-            (SampleFormat::Uint, 8) => SampleDepth::U8,
-            (SampleFormat::Uint, _) => SampleDepth::U16,
-            _ => SampleDepth::F32,
-        }
+    /// Returns the bits of its samples, in which all floats are read alike.
+    pub fn depth(&self) -> u32 {
+        if self.format == SampleFormat::Uint { self.colour.bit_depth().into() } else { 32 }
     }
 
     /// Reads its samples. The error is the reason and the remedy.
@@ -242,16 +238,16 @@ mod tests {
         let of_u8 =
             |dim, codes: &[u8]| Frame::from_u8(Array3::from_shape_vec(dim, codes.to_vec()).expect("samples"));
         for (file, expected, depth) in [
-            (file::<colortype::Gray8>(&few, &[]), of_u8(grey, &few), SampleDepth::U8),
-            (file::<colortype::RGB8>(&bytes, &[]), of_u8(rgb, &bytes), SampleDepth::U8),
-            (file::<colortype::Gray16>(&codes[..12], &[]), of_u16(grey, &codes[..12]), SampleDepth::U16),
-            (file::<colortype::RGB16>(&codes, &[]), of_u16(rgb, &codes), SampleDepth::U16),
-            (file::<colortype::Gray32Float>(&values(12), &[]), Ok(frame(grey, values(12))), SampleDepth::F32),
-            (file::<colortype::RGB32Float>(&values(36), &[]), Ok(frame(rgb, values(36))), SampleDepth::F32),
+            (file::<colortype::Gray8>(&few, &[]), of_u8(grey, &few), 8),
+            (file::<colortype::RGB8>(&bytes, &[]), of_u8(rgb, &bytes), 8),
+            (file::<colortype::Gray16>(&codes[..12], &[]), of_u16(grey, &codes[..12]), 16),
+            (file::<colortype::RGB16>(&codes, &[]), of_u16(rgb, &codes), 16),
+            (file::<colortype::Gray32Float>(&values(12), &[]), Ok(frame(grey, values(12))), 32),
+            (file::<colortype::RGB32Float>(&values(36), &[]), Ok(frame(rgb, values(36))), 32),
             (
                 file::<colortype::Gray64Float>(&doubles.collect::<Vec<_>>(), &[]),
                 Ok(frame(grey, values(12))),
-                SampleDepth::F32,
+                32,
             ),
         ] {
             assert_eq!(decode(&file, "a.tif").expect("readable"), expected.expect("a frame"));

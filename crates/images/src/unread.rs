@@ -16,37 +16,33 @@ pub const RAW_EXTENSIONS: [&str; 21] = [
     "iiq", "x3f", "rwl", "erf", "kdc", "dcr",
 ];
 
-/// The raw files that other first bytes tell, and their place.
-const RAW: [(usize, &[u8]); 8] = [
-    (8, b"CR\x02"),
-    (4, b"ftypcrx "),
-    (0, b"FUJIFILMCCD-RAW"),
-    (0, b"IIU\0"),
-    (0, b"IIRO"),
-    (0, b"IIRS"),
-    (0, b"MMOR"),
-    (0, b"FOVb"),
-];
-
-/// Other files that are taken for images: what their first bytes are, at this place.
-const OTHERS: [(usize, &[u8], &str); 17] = [
-    (4, b"ftypheic", "HEIC"),
-    (4, b"ftypheix", "HEIC"),
-    (4, b"ftypmif1", "HEIF"),
-    (4, b"ftypmsf1", "HEIF"),
-    (4, b"jP  \r\n", "JPEG 2000"),
-    (0, b"\xff\x4f\xff\x51", "JPEG 2000"),
-    (4, b"JXL \r\n", "JPEG XL"),
-    (0, b"\xff\x0a", "JPEG XL"),
-    (0, b"8BPS", "PSD"),
-    (0, b"%PDF", "PDF"),
-    (0, b"<svg", "SVG"),
-    (0, b"Pf\n", "PFM"),
-    (0, b"PF\n", "PFM"),
-    (0, b"SIMPLE  =", "FITS"),
-    (0, b"\x93NUMPY", "array of NumPy"),
-    (0, b"\x89HDF", "HDF5"),
-    (0, b"PK\x03\x04", "ZIP archive"),
+/// Files that are taken for images: what their first bytes are, at this place; without a name, raw files of cameras.
+const OTHERS: [(usize, &[u8], Option<&str>); 25] = [
+    (8, b"CR\x02", None),
+    (4, b"ftypcrx ", None),
+    (0, b"FUJIFILMCCD-RAW", None),
+    (0, b"IIU\0", None),
+    (0, b"IIRO", None),
+    (0, b"IIRS", None),
+    (0, b"MMOR", None),
+    (0, b"FOVb", None),
+    (4, b"ftypheic", Some("HEIC")),
+    (4, b"ftypheix", Some("HEIC")),
+    (4, b"ftypmif1", Some("HEIF")),
+    (4, b"ftypmsf1", Some("HEIF")),
+    (4, b"jP  \r\n", Some("JPEG 2000")),
+    (0, b"\xff\x4f\xff\x51", Some("JPEG 2000")),
+    (4, b"JXL \r\n", Some("JPEG XL")),
+    (0, b"\xff\x0a", Some("JPEG XL")),
+    (0, b"8BPS", Some("PSD")),
+    (0, b"%PDF", Some("PDF")),
+    (0, b"<svg", Some("SVG")),
+    (0, b"Pf\n", Some("PFM")),
+    (0, b"PF\n", Some("PFM")),
+    (0, b"SIMPLE  =", Some("FITS")),
+    (0, b"\x93NUMPY", Some("array of NumPy")),
+    (0, b"\x89HDF", Some("HDF5")),
+    (0, b"PK\x03\x04", Some("ZIP archive")),
 ];
 
 /// Returns why the file at `path` with these first bytes is not read, and the remedy; `None` for an image that is read, or for an unknown file.
@@ -61,15 +57,15 @@ pub fn unread(path: &Path, bytes: &[u8]) -> Option<String> {
 /// Returns why a file with these first bytes is not read, as [`unread`] does.
 pub(crate) fn unread_content(bytes: &[u8]) -> Option<String> {
     let begins = |at: usize, with: &[u8]| bytes.get(at..).is_some_and(|rest| rest.starts_with(with));
-    if RAW.iter().any(|(at, first)| begins(*at, first)) {
-        return Some(raw(""));
-    }
-    let other = OTHERS.iter().find(|(at, first, _)| begins(*at, first)).map(|(.., name)| (*name).to_owned());
-    let name = other.or_else(|| {
-        let format = image::guess_format(bytes).ok().filter(|format| !is_read(*format))?;
-        let kinds = if format == ImageFormat::Pnm { " (PBM, PGM or PPM)" } else { "" };
-        Some(format!("{format:?}").to_uppercase() + kinds)
-    });
+    let name = match OTHERS.iter().find(|(at, first, _)| begins(*at, first)) {
+        Some((.., None)) => return Some(raw("")),
+        Some((.., name)) => name.map(str::to_owned),
+        None => {
+            let format = image::guess_format(bytes).ok().filter(|format| !is_read(*format))?;
+            let kinds = if format == ImageFormat::Pnm { " (PBM, PGM or PPM)" } else { "" };
+            Some(format!("{format:?}").to_uppercase() + kinds)
+        }
+    };
     name.map(|name| format!("{name} is not read; convert it to PNG"))
 }
 

@@ -6,8 +6,8 @@ use ndarray::Array3;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
+use crate::ImageError;
 use crate::knees::Knees;
-use crate::{ImageError, SampleDepth};
 
 /// The automatic white point of a float image is this percentile of its samples. A hot pixel is above it.
 pub const WHITE_PERCENTILE: f64 = 99.9;
@@ -78,14 +78,14 @@ impl White {
         self.found
     }
 
-    /// Returns whether no image with such samples changes how later images are read.
-    pub fn is_settled(&self, depth: SampleDepth) -> bool {
+    /// Returns whether no image with samples of 8, 16 or 32 bits changes how later images are read.
+    pub fn is_settled(&self, depth: u32) -> bool {
         self.given.is_some()
             || self.coding.knees.is_some()
             || match depth {
-                SampleDepth::U8 => true,
-                SampleDepth::U16 => self.wide,
-                SampleDepth::F32 => self.found.is_some(),
+                8 => true,
+                16 => self.wide,
+                _ => self.found.is_some(),
             }
     }
 

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use modulo_images::has_extension;
 use modulo_runtime::input::in_home;
 use modulo_runtime::secret::without_secrets;
 
@@ -44,14 +45,14 @@ impl VideoAddress {
     /// `https://` or `/dev/videoN`. `None` for anything else.
     ///
     /// # Errors
-    /// [`VideoError::Address`] of a URL with another scheme behind `video:`, or with a blank.
+    /// [`VideoError`] of a URL with another scheme behind `video:`, or with a blank.
     pub fn of(spec: &str) -> Result<Option<Self>, VideoError> {
         let (path, is_forced) = spec.strip_prefix(PREFIX).map_or((spec, false), |path| (path, true));
         if path.starts_with("/dev/video") {
             return Ok(Some(Self::Live(LiveAddress { url: path.to_owned(), protocols: None })));
         }
         if let Some((scheme, _)) = path.split_once("://") {
-            let refuse = |why| VideoError::Address(without_secrets(spec).into_owned(), why);
+            let refuse = |why| VideoError::failed(without_secrets(spec), why);
             let known = SCHEMES.iter().find(|(known, _)| scheme.eq_ignore_ascii_case(known));
             return match known {
                 Some(_) if path.contains(|c: char| c.is_whitespace() || c.is_control()) => {
@@ -67,8 +68,7 @@ impl VideoAddress {
             };
         }
         let path = in_home(Path::new(path));
-        let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
-        let is_video = is_forced || extension.is_some_and(|e| EXTENSIONS.contains(&e.as_str()));
+        let is_video = is_forced || has_extension(&path, &EXTENSIONS);
         Ok((is_video && !path.is_dir()).then_some(Self::File(path)))
     }
 }

@@ -18,6 +18,11 @@ pub(crate) struct Packet {
     pub dts: Option<i64>,
     /// Place in the file.
     pub pos: Option<i64>,
+    /// How long its frame is shown.
+    pub duration: Option<i64>,
+    pub is_key: bool,
+    /// Whether it is decoded for others and not shown, as an edit list has it.
+    pub is_hidden: bool,
     /// Whether another recording begins with it, whose frames cannot be predicted from those before.
     pub is_joint: bool,
     /// Whether the file ends within it.
@@ -43,7 +48,7 @@ const QUEUED: u64 = 16;
 const MOST: usize = 64;
 
 /// The state of a decoder.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Damage {
     /// The packets that are known beforehand, in the order of decoding.
     known: Arc<[Packet]>,
@@ -69,17 +74,8 @@ impl Damage {
     /// Begins with the packets that are `known` beforehand, of which the first one is decoded first. A decoder that `has_begun` gives no frame
     /// before one that all others may be predicted from. `version` is that of ffmpeg.
     pub fn new(known: Arc<[Packet]>, version: &str, has_begun: bool) -> Self {
-        Self {
-            known,
-            queued: if numbers(version) < (6, 0) { 0 } else { QUEUED },
-            read: 0,
-            decoded: 0,
-            waiting: VecDeque::new(),
-            has_begun,
-            spans: Vec::new(),
-            marked: BTreeSet::new(),
-            is_next: false,
-        }
+        let queued = if numbers(version) < (6, 0) { 0 } else { QUEUED };
+        Self { known, queued, has_begun, ..Self::default() }
     }
 
     /// Takes a packet that is read, and those before it of which nothing was said.

@@ -30,12 +30,8 @@ pub struct VideoFile {
     upcoming: u64,
 }
 
-/// A frame that ffmpeg has given.
-struct Decoded {
-    number: u64,
-    frame: Frame,
-    info: FrameInfo,
-}
+/// A frame that ffmpeg has given, with its number.
+type Decoded = (u64, Frame, FrameInfo);
 
 /// A frame of a video file.
 #[derive(Clone, Debug, PartialEq)]
@@ -120,12 +116,11 @@ impl VideoFile {
         let number = self.next;
         self.next += 1;
         let Some(decoded) = decoded else { return Some(Err(self.missing(number))) };
-        Some(decoded.and_then(|decoded| {
-            if decoded.number > number {
-                self.early = Some(decoded);
+        Some(decoded.and_then(|(own, frame, info)| {
+            if own > number {
+                self.early = Some((own, frame, info));
                 return Err(self.missing(number));
             }
-            let Decoded { frame, info, .. } = decoded;
             if info.is_damaged {
                 let of = format!("frame {} of {}", number + 1, self.frames());
                 let why = "is damaged, or is predicted from a damaged one, as ffmpeg reports";
@@ -159,7 +154,7 @@ impl VideoFile {
                     self.decoding = Some(decoding);
                     // Those before it were skipped, or come too late.
                     if number >= self.next {
-                        return Ok(Some(Decoded { number, frame, info }));
+                        return Ok(Some((number, frame, info)));
                     }
                 }
                 ended => {

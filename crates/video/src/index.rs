@@ -43,40 +43,27 @@ pub(crate) struct FrameIndex {
     pub is_mosaic: bool,
 }
 
-/// A packet with what decides on the order of its frame.
-struct Listed {
-    packet: Packet,
-    duration: Option<i64>,
-    is_key: bool,
-    is_hidden: bool,
-}
-
-impl Listed {
+impl Packet {
     fn of(line: &str) -> Self {
         let number = |key| value(line, key).and_then(|number| number.parse::<i64>().ok());
         let flags = value(line, "flags").unwrap_or_default();
         Self {
-            packet: Packet {
-                pts: number("pts"),
-                dts: number("dts"),
-                pos: number("pos"),
-                ..Packet::default()
-            },
+            pts: number("pts"),
+            dts: number("dts"),
+            pos: number("pos"),
             duration: number("duration").filter(|duration| *duration > 0),
             is_key: flags.contains('K'),
-            // Packets with D are decoded for others and not shown, as an edit list has it.
             is_hidden: flags.contains('D'),
+            ..Self::default()
         }
     }
 
     /// Returns whether another recording begins with this packet behind `last`, as in files that were joined: time goes back, or jumps
     /// on at a key frame.
-    fn is_joint(&self, last: &Self, base: TimeBase) -> bool {
+    fn joins(&self, last: &Self, base: TimeBase) -> bool {
         const SECOND_NS: i64 = 1_000_000_000;
-        let Some(step) = self.packet.dts.zip(last.packet.dts).map(|(own, last)| own.saturating_sub(last))
-        else {
-            return false;
-        };
+        let step = self.dts.zip(last.dts).map(|(own, last)| own.saturating_sub(last));
+        let Some(step) = step else { return false };
         let far = last.duration.map_or(i64::MAX, |duration| duration.saturating_mul(4));
         if self.is_key { step < 0 || step > far } else { base.ns(step).is_none_or(|step| step < -SECOND_NS) }
     }
@@ -141,16 +128,16 @@ impl FrameIndex {
         let stream = of("stream|").next().ok_or("has no video stream, only sound or other data")?;
         let base = value(stream, "time_base").and_then(TimeBase::parse);
         let base = base.ok_or("has a video stream without a time base")?;
-        let mut listed: Vec<_> = of("packet|").map(Listed::of).collect();
+        let mut listed: Vec<_> = of("packet|").map(Packet::of).collect();
         for at in 1..listed.len() {
-            listed[at].packet.is_joint = listed[at].is_joint(&listed[at - 1], base);
+            listed[at].is_joint = listed[at].joins(&listed[at - 1], base);
         }
         let format = of("format|").next().unwrap_or_default();
         let name = value(format, "format_name").unwrap_or_default();
         let promised =
             value(stream, "nb_frames").and_then(|n| n.parse().ok()).filter(|_| name.starts_with("mov"));
         if let Some(last) = listed.last_mut() {
-            last.packet.is_cut = is_cut(value(stream, "codec_name"), format);
+            last.is_cut = is_cut(value(stream, "codec_name"), format);
         }
         let missing = promised
             .map_or(u64::from(breaks_off), |promised: u64| promised.saturating_sub(listed.len() as u64));
@@ -165,18 +152,18 @@ impl FrameIndex {
         let is_seekable =
             SEEKABLE.iter().any(|seekable| name.starts_with(seekable)) && index.is_told_by_time();
         let seek_from = start.filter(|_| is_seekable).map(|start| (start * 1e9).round() as i64);
-        Ok(Self { seek_from, packets: listed.iter().map(|listed| listed.packet).collect(), ..index })
+        Ok(Self { seek_from, packets: listed.into(), ..index })
     }
 
     /// Orders the frames by their times of presentation, but those of each of several joined recordings behind those of the one before.
-    fn with_order(mut self, listed: &[Listed], base: TimeBase) -> Self {
-        let time = |(place, packet): (usize, &Listed)| Some((place, base.ns(packet.packet.pts?)?));
+    fn with_order(mut self, listed: &[Packet], base: TimeBase) -> Self {
+        let time = |(place, packet): (usize, &Packet)| Some((place, base.ns(packet.pts?)?));
         let Some(mut timed) = listed.iter().enumerate().map(time).collect::<Option<Vec<_>>>() else {
             return self;
         };
         self.numbers = vec![None; listed.len()];
         let (mut offset, mut last, mut end) = (None, -1, 0);
-        for recording in timed.chunk_by_mut(|_, (next, _)| !listed[*next].packet.is_joint) {
+        for recording in timed.chunk_by_mut(|_, (next, _)| !listed[*next].is_joint) {
             recording.sort_by_key(|(_, time)| *time);
             let shown = || recording.iter().filter(|(place, _)| !listed[*place].is_hidden);
             let start = shown().next().map_or(0, |(_, time)| *time);

@@ -45,24 +45,13 @@ impl Pixels {
     }
 }
 
-/// Error: a video cannot be read. The message never holds a password.
+/// Error: a video cannot be read. The text has its name and the reason, and never a password.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum VideoError {
-    /// The programs are not there.
-    #[error(
-        "{0} needs the programs ffmpeg and ffprobe, which are not found ({1}); install them, such as by: apt install ffmpeg"
-    )]
-    NoProgram(String, String),
-    /// The address of a video cannot be one.
-    #[error("{0}: {1}")]
-    Address(String, &'static str),
-    /// The video cannot be read; with its name and the reason.
-    #[error("{0}: {1}")]
-    Failed(String, String),
-}
+#[error("{0}")]
+pub struct VideoError(String);
 
 impl VideoError {
     fn failed(name: impl fmt::Display, why: impl fmt::Display) -> Self {
-        Self::Failed(name.to_string(), why.to_string())
+        Self(format!("{name}: {why}"))
     }
 }

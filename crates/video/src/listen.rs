@@ -24,7 +24,7 @@ const TIMELESS: [&str; 5] = ["mpjpeg", "mjpeg", "jpeg_pipe", "h264", "hevc"];
 
 /// Reads what ffmpeg says until it ends.
 pub(crate) fn listen(lines: impl Read, infos: &SyncSender<FrameInfo>, damage: Damage) -> Reports {
-    let (mut lines, mut listener) = (BufReader::new(lines), Listener::new(damage));
+    let (mut lines, mut listener) = (BufReader::new(lines), Listener { damage, ..Listener::default() });
     while let Ok(Some(line)) = next_line(&mut lines) {
         if let Some(info) = listener.take(&line) {
             // A reader that is gone needs no more.
@@ -44,6 +44,7 @@ enum Part {
     Decoder,
 }
 
+#[derive(Default)]
 struct Listener {
     reports: Reports,
     damage: Damage,
@@ -53,10 +54,6 @@ struct Listener {
 }
 
 impl Listener {
-    fn new(damage: Damage) -> Self {
-        Self { reports: Reports::default(), damage, base: None, decoder: String::new() }
-    }
-
     /// Takes a line. Returns what it says about a frame that is shown.
     fn take(&mut self, line: &str) -> Option<FrameInfo> {
         if let Some(rest) = line.strip_prefix("[Parsed_showinfo_") {
@@ -195,7 +192,7 @@ mod tests {
     }
 
     fn listener(version: &str) -> Listener {
-        Listener::new(Damage::new([].into(), version, false))
+        Listener { damage: Damage::new([].into(), version, false), ..Listener::default() }
     }
 
     #[test]

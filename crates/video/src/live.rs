@@ -170,7 +170,7 @@ impl Shared {
         if state.ends {
             return (0, String::new());
         }
-        state.child = Some((decoding.child(), self.clock.ticks_ns()));
+        state.child = Some((decoding.child.clone(), self.clock.ticks_ns()));
         drop(state);
         let (mut frames, mut lateness, mut whole) = (0, Lateness::default(), self.clock.ticks_ns());
         while let Ok(Some((frame, info))) = decoding.next() {

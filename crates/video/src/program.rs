@@ -52,9 +52,13 @@ fn frame_options(version: &str) -> [&'static str; 2] {
 /// Returns the version for a video called `name`.
 ///
 /// # Errors
-/// [`VideoError::NoProgram`].
+/// [`VideoError`] with the remedy where the programs are not there.
 pub(crate) fn needed_version(name: impl std::fmt::Display) -> Result<String, VideoError> {
-    version().map_err(|why| VideoError::NoProgram(name.to_string(), why))
+    version().map_err(|why| {
+        VideoError(format!(
+            "{name} needs the programs ffmpeg and ffprobe, which are not found ({why}); install them, such as by: apt install ffmpeg"
+        ))
+    })
 }
 
 /// Returns a command of ffmpeg that reads no terminal, writes no file by itself, and gets no signal of a terminal.
@@ -125,7 +129,8 @@ pub(crate) const COLOURS: &str = "rgb24|rgb48be";
 
 /// A running ffmpeg that decodes. It is killed when this is dropped.
 pub(crate) struct Decoding {
-    child: Arc<Mutex<Child>>,
+    /// The process, for somebody who may have to end it.
+    pub child: Arc<Mutex<Child>>,
     frames: BufReader<ChildStdout>,
     infos: Receiver<FrameInfo>,
     reports: Option<JoinHandle<Reports>>,
@@ -162,11 +167,6 @@ impl Decoding {
         let (sender, infos) = sync_channel(AHEAD);
         let reports = std::thread::spawn(move || listen(lines, &sender, damage));
         Ok(Self { child: Arc::new(Mutex::new(child)), frames, infos, reports: Some(reports) })
-    }
-
-    /// Returns the process, for somebody who may have to end it.
-    pub fn child(&self) -> Arc<Mutex<Child>> {
-        self.child.clone()
     }
 
     /// Returns the next frame; `None` at the end. The error is that of a stream that breaks off.

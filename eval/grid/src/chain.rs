@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use modulo_bags::source::{Source, SourceError, SourceFrame};
+use modulo_bags::source::{Frames, Source, SourceError, SourceFrame};
 use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_detector::{Detector, DetectorParameters, Sessions};
 use modulo_runtime::clock::nanos;
@@ -29,21 +29,15 @@ impl Handed {
     }
 }
 
-impl Source for Handed {
+impl Frames for Handed {
     fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
         self.place().take().map(Ok)
     }
 
     /// The frames before are not read here.
-    fn skip(&mut self, _: u64) {}
+    fn pass(&mut self, _: u64) {}
 
-    fn len(&self) -> Option<usize> {
-        None
-    }
-
-    fn rewind(&mut self) -> Result<(), SourceError> {
-        Ok(())
-    }
+    fn rewind(&mut self) {}
 }
 
 /// The nodes that lead to cells of one variant and camera.
@@ -149,10 +143,9 @@ fn detector(node: &PlannedNode, threads: usize) -> DetectorParameters {
 /// Makes a camera, or the node in its place, over the frames that come through `handed`.
 fn camera(cell: &Cell<'_>, handed: &Handed) -> Result<Box<dyn Node>, GridError> {
     let parameters = CameraParameters { frames: 0, r#loop: false, ..cell.sensing() };
-    let source = Box::new(handed.clone());
     Ok(match cell.camera().executable {
-        CAMERA => Box::new(ModuloCamera::over(source, &parameters)?),
-        _ => Box::new(PublishedSpud::new(&parameters, source)?),
+        CAMERA => Box::new(ModuloCamera::over(handed.clone(), &parameters)?),
+        _ => Box::new(PublishedSpud::new(&parameters, Source::over(handed.clone()))?),
     })
 }
 

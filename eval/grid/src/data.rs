@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use modulo_bags::source::{self, FrameList, LabelledSource, Source, SourceError, SourceOptions, is_endless};
+use modulo_bags::source::{self, FrameList, Source, SourceError, SourceOptions, is_endless};
 use modulo_camera::CameraParameters;
 use serde::{Deserialize, Serialize};
 
@@ -54,7 +54,7 @@ pub enum LabelNames {
 }
 
 /// A source, and the drive that all its frames come from, if it is known.
-pub type Drive = (Option<String>, Box<dyn Source>);
+pub type Drive = (Option<String>, Source);
 
 impl DataOptions {
     /// What the frames are read from; `None` for those of the cameras.
@@ -80,7 +80,7 @@ impl DataOptions {
         if let [_, ..] = &self.sequence[..] {
             let drive = |folder: &PathBuf| {
                 let name = folder.file_name().map(|name| name.to_string_lossy().into_owned());
-                Ok((name, Box::new(LabelledSource::kitti(folder, None, options)?) as Box<dyn Source>))
+                Ok((name, Source::kitti(folder, None, options)?))
             };
             let drives = self.sequence.iter().map(drive).collect::<Result<_, SourceError>>()?;
             let mut frames = Frames::new(name, drives);
@@ -109,15 +109,15 @@ impl DataOptions {
     fn stills(&self, name: &str, options: &SourceOptions) -> Result<Option<Frames>, SourceError> {
         if let Some(folder) = &self.kitti {
             let list = self.list.as_deref().map(FrameList::read).transpose()?;
-            let source = LabelledSource::kitti(folder, list.as_ref(), options)?;
+            let source = Source::kitti(folder, list.as_ref(), options)?;
             let name = list.as_ref().map_or(name.to_owned(), |list| format!("{name} ({})", list.name));
             let mut frames = Frames::of_stills(name, LabelNames::Kitti, source);
             frames.list = list;
             return Ok(Some(frames));
         }
         let source = match (&self.yolo, &self.coco) {
-            (Some(path), _) => LabelledSource::yolo(path, options)?,
-            (None, Some(file)) => LabelledSource::coco(file, self.coco_images.as_deref(), options)?,
+            (Some(path), _) => Source::yolo(path, options)?,
+            (None, Some(file)) => Source::coco(file, self.coco_images.as_deref(), options)?,
             (None, None) => return Ok(None),
         };
         Ok(Some(Frames::of_stills(name.to_owned(), LabelNames::Model, source)))

@@ -80,7 +80,7 @@ impl<'a> Engine<'a> {
             self.loaded = Some(session);
         }
         let is_still = frames.is_still;
-        let walk = Mutex::new(Walk::new(frames, slice, is_ordered)?);
+        let walk = Mutex::new(Walk::new(frames, slice, is_ordered));
         let has_failed = AtomicBool::new(false);
         let work = Work { timer: self.timer, cells, is_still, is_ordered, listener, walk, has_failed };
         // Frames that depend on each other are processed in their order, by one worker.

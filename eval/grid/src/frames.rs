@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use modulo_ap::difficulty::DONT_CARE;
-use modulo_bags::source::{FrameList, GroundTruth, LabelledSource, SourceError, SourceFrame};
+use modulo_bags::source::{FrameList, GroundTruth, Source, SourceError, SourceFrame};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -113,15 +113,14 @@ impl Frames {
     }
 
     /// Single images with labels.
-    pub fn of_stills(name: String, names: LabelNames, source: LabelledSource) -> Self {
-        let drives: Vec<Drive> = vec![(None, Box::new(source))];
-        Self { names, is_still: true, is_labelled: true, ..Self::new(name, drives) }
+    pub fn of_stills(name: String, names: LabelNames, source: Source) -> Self {
+        Self { names, is_still: true, is_labelled: true, ..Self::new(name, vec![(None, source)]) }
     }
 
     /// Reads and checks the frames at `places`, or as many of them as there are. All are read once before the first cell: a frame that turned
     /// out to be damaged in the middle of a run would be scored in some cells only.
-    pub fn inspect(&mut self, places: Range<usize>) -> Result<Slice, SourceError> {
-        self.seek(places.start)?;
+    pub fn inspect(&mut self, places: Range<usize>) -> Slice {
+        self.seek(places.start);
         let mut slice = Slice {
             source: self.name.clone(),
             names: self.names,
@@ -136,28 +135,27 @@ impl Frames {
             slice.places[1] += 1;
             self.note(raw, &mut slice, &mut names);
         }
-        let found = self.drives.iter().flat_map(|(_, source)| [source.losses(), source.warnings()].concat());
-        slice.warnings = found.collect();
-        Ok(slice)
+        let found = self.drives.iter().flat_map(|(_, source)| source.losses.iter().chain(&source.warnings));
+        slice.warnings = found.cloned().collect();
+        slice
     }
 
     /// Goes to the frame at `place`.
-    fn seek(&mut self, place: usize) -> Result<(), SourceError> {
-        self.drives.iter_mut().try_for_each(|(_, source)| source.rewind())?;
+    fn seek(&mut self, place: usize) {
+        self.drives.iter_mut().for_each(|(_, source)| source.rewind());
         (self.place, self.drive, self.start, self.is_vain) = (0, 0, 0, true);
         while let Some((_, source)) = self.drives.get_mut(self.drive) {
-            let Some(length) = source.len().filter(|_| !self.repeats) else { break };
+            let Some(length) = source.len.filter(|_| !self.repeats) else { break };
             if self.start + length > place {
                 // Its frames need not be read to be skipped.
-                source.skip((place - self.start) as u64);
+                source.pass((place - self.start) as u64);
                 self.place = place;
-                return Ok(());
+                return;
             }
             self.start += length;
             (self.place, self.drive) = (self.start, self.drive + 1);
         }
         while self.place < place && self.raw().is_some() {}
-        Ok(())
     }
 
     /// Reads the next frame.
@@ -168,7 +166,8 @@ impl Frames {
             let mut next = source.next();
             if next.is_none() && self.repeats && !self.is_vain {
                 self.is_vain = true;
-                next = source.rewind().map_or_else(|why| Some(Err(why)), |()| source.next());
+                source.rewind();
+                next = source.next();
             }
             if let Some(frame) = next {
                 self.is_vain &= frame.is_err();
@@ -271,12 +270,12 @@ pub struct Walk<'a> {
 
 impl<'a> Walk<'a> {
     /// Starts at the first frame of `slice`, or with `is_led` at that of its drive.
-    pub fn new(frames: &'a mut Frames, slice: &'a Slice, is_led: bool) -> Result<Self, SourceError> {
-        frames.seek(slice.places[0])?;
+    pub fn new(frames: &'a mut Frames, slice: &'a Slice, is_led: bool) -> Self {
+        frames.seek(slice.places[0]);
         if is_led && frames.start < slice.places[0] {
-            frames.seek(frames.start)?;
+            frames.seek(frames.start);
         }
-        Ok(Self { frames, slice, next: 0 })
+        Self { frames, slice, next: 0 }
     }
 }
 

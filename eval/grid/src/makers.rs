@@ -34,12 +34,12 @@ pub struct PublishedSpud {
     seed: u64,
     /// The place of the next frame.
     place: u64,
-    source: Box<dyn Source>,
+    source: Source,
 }
 
 impl PublishedSpud {
     /// Prepares the sensor of a camera over the frames of `source`.
-    pub fn new(camera: &CameraParameters, source: Box<dyn Source>) -> Result<Self, GridError> {
+    pub fn new(camera: &CameraParameters, source: Source) -> Result<Self, GridError> {
         camera.sensor.simulated()?;
         let (sensor, spud) = (camera.sensor.clone(), Spud::new(TAU, ThresholdOn::Phi)?);
         Ok(Self { sensor, spud, seed: camera.seed.unsigned_abs(), place: 0, source })

@@ -132,13 +132,13 @@ fn pictures_of(
 ) -> Result<Vec<(Point, Picture)>, GridError> {
     let Feed { frames, cells, .. } = feed;
     let (place, is_still) = (record.place, frames.is_still);
-    let slice = frames.inspect(place..place + 1)?;
+    let slice = frames.inspect(place..place + 1);
     let is_ordered = units(cells, is_still).iter().any(|unit| unit.is_ordered);
     let alone: Vec<[&Cell<'_>; 1]> = cells.iter().map(|cell| [cell]).collect();
     let chains = alone.iter().map(|cell| Chain::new(cell, timer, false));
     let mut chains = chains.collect::<Result<Vec<_>, _>>()?;
     let (truth, mut pictures) = (record.truth.clone().unwrap_or_default(), Vec::new());
-    for frame in Walk::new(frames, &slice, is_ordered)? {
+    for frame in Walk::new(frames, &slice, is_ordered) {
         let (index, frame) = frame?;
         for (chain, (cell, boxes)) in chains.iter_mut().zip(cells.iter().zip(shown)) {
             if index.is_some() || chain.needs_all() {

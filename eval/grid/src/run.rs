@@ -174,7 +174,7 @@ impl<'w> Work<'w> {
         while first < places.end && !(self.listener.stopped)() {
             // Slices begin at the same places in each process.
             let end = ((first / SLICE + 1) * SLICE).min(places.end);
-            let slice = frames.inspect(first..end)?;
+            let slice = frames.inspect(first..end);
             let [_, read] = slice.places;
             if let Some(why) = slice.nothing() {
                 return Err(GridError::Results(why));

@@ -137,9 +137,9 @@ fn measure_group(
         timed.push(TimedCell { cell: cell[0], chain, wall: Vec::new(), cpu: Vec::new() });
     }
     let (mut sizes, mut index, is_still) = (BTreeSet::new(), 0, frames.is_still);
-    let slice = frames.inspect(0..timing.time_frames)?;
+    let slice = frames.inspect(0..timing.time_frames);
     while index < timing.time_frames && !slice.frames.is_empty() {
-        for frame in Walk::new(frames, &slice, false)?.take(timing.time_frames - index) {
+        for frame in Walk::new(frames, &slice, false).take(timing.time_frames - index) {
             let (_, frame) = frame?;
             // The first frame of a size makes buffers and plans, which later frames of this size reuse.
             if sizes.insert(frame.frame.radiance.dim()) {

@@ -18,24 +18,14 @@ pub(crate) fn topics(name: &str) -> Vec<Topic> {
 #[derive(Default)]
 pub(crate) struct Calibration {
     /// The topic that brings it; `None` for a source that is no topic.
-    topic: Option<String>,
+    pub topic: Option<String>,
     /// That of the next images.
     pub info: Option<Arc<CameraInfo>>,
     /// Whether it was reported that it does not fit the images.
-    mismatch_reported: bool,
+    pub mismatch_reported: bool,
 }
 
 impl Calibration {
-    /// Returns that of the images on the topic `name`, which has still to come.
-    pub fn beside(name: &str) -> Self {
-        Self { topic: Some(camera_info_topic(name)), ..Self::default() }
-    }
-
-    /// Returns that of recorded images.
-    pub fn recorded(info: Option<Arc<CameraInfo>>) -> Self {
-        Self { info, ..Self::default() }
-    }
-
     /// Returns whether the camera info of the source is on the topic `camera_info` of `node`, such as `/modulo_camera`, and serves
     /// its images as well. The node must not publish there: its readers would get two messages for each image.
     pub fn is_on_topic_of(&self, node: &str) -> bool {

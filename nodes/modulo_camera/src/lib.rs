@@ -24,7 +24,7 @@ use modulo_runtime::parameter::file as parameter_file;
 use modulo_runtime::ros_args::ArgsError;
 use modulo_runtime::secret::without_secrets;
 use modulo_runtime::sensor::recovery::Recovery;
-use modulo_runtime::topic::{ImageCompression, RECOVERY_TOPIC};
+use modulo_runtime::topic::{ImageCompression, RECOVERY_TOPIC, camera_info_topic};
 use modulo_runtime::{
     Context, Flow, Job, Message, MessageKind, Node, NodeName, ParameterError, ParameterSet as _, Parameters,
     Part, PlannedInputs, SensorModel, StampedFrame, StepError, StreamKind, SystemClock, Topic, Trigger,
@@ -87,12 +87,15 @@ impl ModuloCamera {
         Self::with(CameraInput::open(parameters)?, parameters)
     }
 
-    /// Creates a camera over a source that is open already; the parameter `source` is not looked at.
+    /// Creates a camera over frames that others have opened; the parameter `source` is not looked at.
     ///
     /// # Errors
     /// [`ParameterError`] with the parameter that is not possible.
-    pub fn over(source: Box<dyn Source>, parameters: &CameraParameters) -> Result<Self, ParameterError> {
-        Self::with(CameraInput::Frames(FrameReader::new(source, parameters.r#loop)), parameters)
+    pub fn over(
+        frames: impl source::Frames + 'static,
+        parameters: &CameraParameters,
+    ) -> Result<Self, ParameterError> {
+        Self::with(CameraInput::of(Source::over(frames), parameters.r#loop), parameters)
     }
 
     fn with(input: CameraInput, parameters: &CameraParameters) -> Result<Self, ParameterError> {
@@ -149,7 +152,7 @@ impl ModuloCamera {
         }
         let CameraInput::Frames(reader) = &mut self.input else { return Ok(None) };
         // Reported before the first frame, so that no limit hides it; it is no frame, so it has no number.
-        if let Some(why) = reader.losses.pop() {
+        if let Some(why) = reader.source.losses.pop() {
             return Err(StepError::Skip(why));
         }
         let frame = reader.next_frame();
@@ -158,17 +161,11 @@ impl ModuloCamera {
         frame
     }
 
-    /// Exposes to frame number `number` and sends the streams that are wanted. Noise is seeded by the number, so that a
+    /// Exposes to the frame that was taken last and sends the streams that are wanted. Noise is seeded by its number, so that a
     /// frame looks the same whatever came before it.
-    fn sense(
-        &mut self,
-        number: u64,
-        radiance: &Array3<f32>,
-        header: &Header,
-        cx: &mut Context<'_>,
-    ) -> Result<(), String> {
+    fn sense(&mut self, radiance: &Array3<f32>, header: &Header, cx: &mut Context<'_>) -> Result<(), String> {
         // All seeds are allowed, so their sum with the number may pass the end of the range.
-        let seed = self.parameters.seed.unsigned_abs().wrapping_add(number);
+        let seed = self.parameters.seed.unsigned_abs().wrapping_add(self.frames_read - 1);
         self.sensed += 1;
         if let Some(control) = &mut self.control {
             control.exposed(header.stamp);
@@ -228,7 +225,7 @@ impl ModuloCamera {
             cx.emit(GROUND_TRUTH, to_detections(truth, &header));
         }
         let radiance = frame.radiance_for(&self.model).map_err(|why| why.to_string());
-        let sensed = radiance.and_then(|radiance| self.sense(self.frames_read - 1, &radiance, &header, cx));
+        let sensed = radiance.and_then(|radiance| self.sense(&radiance, &header, cx));
         let CameraInput::Frames(reader) = &mut self.input else { return Ok(()) };
         sensed.map_err(|why| reader.refuse(format!("frame {}: {why}", frame.name)))?;
         reader.given = true;
@@ -243,7 +240,7 @@ impl ModuloCamera {
         self.frames_read += 1;
         let radiance = live.pixels.radiance(coding, self.frames_read).map_err(|why| why.to_string());
         let header = self.header(Time::from_ns(live.stamp_ns), FRAME_ID);
-        let sensed = radiance.and_then(|radiance| self.sense(self.frames_read - 1, &radiance, &header, cx));
+        let sensed = radiance.and_then(|radiance| self.sense(&radiance, &header, cx));
         sensed.map_err(StepError::Skip)
     }
 }
@@ -320,9 +317,8 @@ impl Node for ModuloCamera {
         }
         let CameraInput::Frames(reader) = &mut self.input else { return };
         reader.ahead = reader.ahead.take().or_else(|| Some(reader.source.next()));
-        let CameraInput::Frames(FrameReader { ahead: Some(Some(Ok(frame))), .. }) = &self.input else {
-            return;
-        };
+        let CameraInput::Frames(reader) = &self.input else { return };
+        let Some(Some(Ok(frame))) = &reader.ahead else { return };
         // Images of a folder get their stamp when they are sent.
         let header = self.header(Time::from_ns(frame.stamp_ns.unwrap_or(0)), &frame.frame_id);
         self.describe(&frame.radiance, &header, cx);
@@ -366,7 +362,7 @@ impl Node for ModuloCamera {
                 self.frames_read += 1;
                 let radiance = radiance.map_err(|why| StepError::Skip(why.to_string()))?;
                 let header = self.header(image.header.stamp, &image.header.frame_id);
-                self.sense(self.frames_read - 1, &radiance, &header, cx).map_err(StepError::Skip)?;
+                self.sense(&radiance, &header, cx).map_err(StepError::Skip)?;
             }
             Trigger::Message { message: Message::CameraInfo(info), .. } => self.calibration.info = Some(info),
             Trigger::Message { message: Message::Diagnostics(recovery), .. } => self.follow(&recovery)?,
@@ -411,7 +407,7 @@ fn not_opened(source: &str) -> ParameterError {
 /// A source of frames, or a topic that brings them.
 enum CameraInput {
     /// Read frame by frame.
-    Frames(FrameReader),
+    Frames(Box<FrameReader>),
     /// A camera whose newest frame is taken.
     Live(LiveVideo, Coding),
     /// Brought by a topic.
@@ -425,7 +421,7 @@ enum CameraInput {
 
 /// A source that is read once or again and again.
 struct FrameReader {
-    source: Box<dyn Source>,
+    source: Source,
     /// The next answer of the source, if it was asked for it before the frame was due.
     ahead: Option<Option<Result<SourceFrame, SourceError>>>,
     repeat: bool,
@@ -433,19 +429,21 @@ struct FrameReader {
     given: bool,
     /// The fault of the last bad frame.
     bad: Option<String>,
-    /// Losses of the source that were not reported yet.
-    losses: Vec<String>,
 }
 
 impl CameraInput {
+    /// Returns the frames of `source` from its first one on; after its last one it is over, or starts again.
+    fn of(source: Source, repeat: bool) -> Self {
+        Self::Frames(Box::new(FrameReader { source, ahead: None, repeat, given: false, bad: None }))
+    }
+
     fn open(parameters: &CameraParameters) -> Result<Self, ParameterError> {
         let (spec, coding) = (&parameters.source, parameters.coding()?);
+        let refuse = |why: String| ParameterError::new("source", spec, why);
         if let Some(name) = topic_of(spec)? {
-            let white =
-                White::new(coding).map_err(|why| ParameterError::new("source", spec, why.to_string()))?;
+            let white = White::new(coding).map_err(|why| refuse(why.to_string()))?;
             return Ok(Self::Topic { name: name.to_owned(), white });
         }
-        let refuse = |why: String| ParameterError::new("source", spec, why);
         if let Ok(Some(VideoAddress::Live(address))) = VideoAddress::of(spec) {
             let video = LiveVideo::open(address, Arc::new(SystemClock::default()));
             return Ok(Self::Live(video.map_err(|why| refuse(why.to_string()))?, coding));
@@ -453,42 +451,37 @@ impl CameraInput {
         let topic = Some(parameters.source_topic.clone()).filter(|t| !t.is_empty());
         let options = SourceOptions { coding, topic };
         let source = source::open(spec, &options).map_err(|why| refuse(why.to_string()))?;
-        source.warnings().iter().for_each(|warning| tracing::warn!("{warning}"));
-        Ok(Self::Frames(FrameReader::new(source, parameters.r#loop)))
+        source.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
+        Ok(Self::of(source, parameters.r#loop))
     }
 
     /// Returns the calibration of the camera that has taken the images.
     fn calibration(&self) -> Calibration {
-        match self {
-            Self::Frames(reader) => Calibration::recorded(reader.source.camera_info()),
-            Self::Live(..) => Calibration::recorded(None),
-            Self::Topic { name, .. } => Calibration::beside(name),
-        }
+        let (topic, info) = match self {
+            Self::Frames(reader) => (None, reader.source.camera_info.clone()),
+            Self::Live(..) => (None, None),
+            Self::Topic { name, .. } => (Some(camera_info_topic(name)), None),
+        };
+        Calibration { topic, info, ..Calibration::default() }
     }
 }
 
 impl FrameReader {
-    /// Returns the frames of `source` from its first one on; after its last one it is over, or starts again.
-    fn new(source: Box<dyn Source>, repeat: bool) -> Self {
-        let losses = source.losses();
-        Self { source, ahead: None, repeat, given: false, bad: None, losses }
-    }
-
     /// Returns the next frame; `None` at the end.
     ///
     /// # Errors
     /// [`StepError::Skip`] for a frame that cannot be read, [`StepError::Fatal`] when the source is over and its only frame was not
-    /// good, and when it is to start again, but cannot, or no frame of it was good.
+    /// good, and when it is to start again, but no frame of it was good.
     fn next_frame(&mut self) -> Result<Option<SourceFrame>, StepError> {
         let mut next = self.ahead.take().unwrap_or_else(|| self.source.next());
         if next.is_none() {
             // A source without a single good frame would repeat its errors without end.
-            let is_vain = !self.given && (self.repeat || self.source.len() == Some(1));
+            let is_vain = !self.given && (self.repeat || self.source.len == Some(1));
             if let Some(why) = self.bad.take().filter(|_| is_vain) {
                 return Err(StepError::Fatal(format!("no frame of the source is good: {why}")));
             }
             if self.repeat {
-                self.source.rewind().map_err(|why| StepError::Fatal(why.to_string()))?;
+                self.source.rewind();
                 self.given = false;
                 next = self.source.next();
             }
@@ -505,16 +498,15 @@ impl FrameReader {
     /// Resumes after the first `frames` frames, good and bad ones, of all rounds.
     fn skip(&mut self, frames: u64) {
         // The position counts on over all rounds of a loop, so only its rest lies in this round.
-        let round = self.source.len().map(|frames| frames as u64).filter(|frames| self.repeat && *frames > 0);
+        let round = self.source.len.map(|frames| frames as u64).filter(|frames| self.repeat && *frames > 0);
         let mut rest = frames;
         if let Some(round) = round.filter(|round| frames >= *round) {
             // Any frame of the rounds before may have decided how this one is read.
-            self.source.skip(round);
-            // A source that is gone is reported by the next frame.
-            let _ = self.source.rewind();
+            self.source.pass(round);
+            self.source.rewind();
             rest = frames % round;
         }
-        self.source.skip(rest);
+        self.source.pass(rest);
         // An earlier life has sent frames, so the source is not without a good one.
         self.given = frames > 0;
     }
