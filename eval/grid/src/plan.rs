@@ -427,7 +427,7 @@ fn sensor_of(sensor: &SensorModel, stream: &DetectorStream) -> SensorModel {
 /// The parameters of a node that differ from their defaults, decide its images or boxes, and have no field in a point.
 fn unnamed(node: &PlannedNode) -> BTreeMap<String, String> {
     let (own, executable) = match node.executable {
-        CAMERA => (CameraParameters::descriptors(), CAMERA),
+        CAMERA | SPUD_AS_PUBLISHED => (CameraParameters::descriptors(), CAMERA),
         UNWRAP => (UnwrapParameters::descriptors(), UNWRAP),
         DETECTOR => (DetectorParameters::descriptors(), DETECTOR),
         _ => (Vec::new(), ""),
@@ -436,7 +436,7 @@ fn unnamed(node: &PlannedNode) -> BTreeMap<String, String> {
     let is_field = |name: &str| {
         UNNAMED.contains(&name)
             || WITHOUT_EFFECT.contains(&name)
-            || node.executable == CAMERA && of_sensor.iter().any(|parameter| parameter.name == name)
+            || executable == CAMERA && of_sensor.iter().any(|parameter| parameter.name == name)
     };
     let differing = own.into_iter().filter(|parameter| !is_field(parameter.name)).filter_map(|parameter| {
         let value = node.parameters.get(parameter.name).filter(|value| **value != parameter.default)?;

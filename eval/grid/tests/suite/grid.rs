@@ -121,6 +121,10 @@ fn a_cell_has_what_decides_its_boxes() {
     let named = cells.iter().filter(|cell| cell.key.point.more.contains_key("unwrap.budget"));
     let named: Vec<_> = named.map(|cell| cell.key.point.more["unwrap.budget"].as_str()).collect();
     assert_eq!(named, ["50"; 4], "recovered and metered with two seeds; the default has no name");
+    let seeds = axes("--method spud_as_published --stream recovered --alpha 4")
+        .variants(&nodes, &varied[1..], true)
+        .expect("possible");
+    assert_eq!(modulo_eval::plan::cells(&seeds).expect("possible").len(), 2, "it has the noise of its seed, too");
 }
 
 /// A default and a short form overrode what `--vary` named, without a word.
