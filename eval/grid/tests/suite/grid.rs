@@ -124,7 +124,11 @@ fn a_cell_has_what_decides_its_boxes() {
     let seeds = axes("--method spud_as_published --stream recovered --alpha 4")
         .variants(&nodes, &varied[1..], true)
         .expect("possible");
-    assert_eq!(modulo_eval::plan::cells(&seeds).expect("possible").len(), 2, "it has the noise of its seed, too");
+    assert_eq!(
+        modulo_eval::plan::cells(&seeds).expect("possible").len(),
+        2,
+        "it has the noise of its seed, too"
+    );
 }
 
 /// A default and a short form overrode what `--vary` named, without a word.
