@@ -65,7 +65,9 @@ fn results_of_an_older_version_are_refused_by_name() {
     assert_has(&bench.says(1, "eval report @"), &["evaluation.json", "there are no results"]);
     std::fs::write(bench.path("out/evaluation.json"), "{\"format\": 4, \"program\": \"modulo 0.0.9\"}")
         .expect("writable");
-    assert_has(&bench.says(2, CELL), &["modulo 0.0.9", "format 4"]);
+    assert_has(&bench.says(2, CELL), &["modulo 0.0.9", "format 4", "--fresh"]);
+    bench.says(0, &format!("{CELL} --fresh"));
+    bench.says(0, "eval report @/out");
 }
 
 /// A grid of two alphas, small enough for every cell to be over in a moment.

@@ -165,7 +165,8 @@ impl Folder {
             return Ok(Self { path: path.to_owned() });
         }
         let why = format!(
-            "holds results of {program} in format {format}, and this version has {FIGURES}; choose another folder"
+            "holds results of {program} in format {format}, and this version has {FIGURES}; choose another folder, or start anew \
+             with --fresh"
         );
         Err(GridError::of_file(path, why))
     }
