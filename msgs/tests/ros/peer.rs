@@ -26,7 +26,10 @@ fn messages_of_a_peer_are_read_and_written() {
         assert_eq!(type_hash(name).as_ref(), Some(hash), "{name}");
         for (name, (digits, names)) in messages {
             let reread = structs.get(name.as_str()).unwrap_or_else(|| panic!("{name} has no struct"));
-            assert!(fields[name.as_str()].is_empty() || *names == fields[name.as_str()], "{name}: {names:?}");
+            // rclpy does not name the byte of a message without fields.
+            let own =
+                fields[name.as_str()].iter().filter(|field| **field != "structure_needs_at_least_one_member");
+            assert!(own.eq(names), "{name}: {names:?}");
             let theirs = wire::Golden { type_name: name.clone(), hex: digits.clone() }.bytes();
             let ours = reread(&theirs).expect(name);
             // ROS may send more bytes than the message has: it estimates the length first.
