@@ -35,7 +35,7 @@ use crate::FileError;
 pub struct BagReader {
     path: PathBuf,
     files: Vec<(PathBuf, Arc<dyn Storage>)>,
-    /// What `metadata.yaml` says; nothing where it cannot be used.
+    /// The content of `metadata.yaml`, empty where it cannot be used.
     pub(super) metadata: Metadata,
     warnings: Vec<BagWarning>,
 }

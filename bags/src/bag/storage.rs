@@ -90,7 +90,7 @@ pub(super) fn files_in(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
 
 pub(super) type OpenInput = Box<dyn FnOnce() -> Result<Cursor, BagError> + Send>;
 
-/// What opens an input, behind the time of its start, ns since the epoch: no message of it is earlier.
+/// The time of the start of an input, ns since the epoch, before which it has no message; and the function that opens it.
 pub(super) type MergeInput = (u64, OpenInput);
 
 enum Input {

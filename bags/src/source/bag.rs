@@ -19,7 +19,7 @@ use modulo_runtime::{MessageKind, StreamScale};
 use serde::de::DeserializeOwned;
 
 use super::pictures::{Picture, eight_bits};
-use super::{Frames, GroundTruth, Source, SourceError, SourceFrame, SourceOptions, from_detections};
+use super::{GroundTruth, ReadFrames, Source, SourceError, SourceFrame, SourceOptions, from_detections};
 use crate::GROUND_TRUTH_TOPIC;
 use crate::bag::{BagError, BagReader, Messages, RawMessage, Selection, TopicCount};
 
@@ -125,7 +125,7 @@ pub struct RecordedImage {
     pub ground_truth: Option<Vec<GroundTruth>>,
 }
 
-impl Frames for BagSource {
+impl ReadFrames for BagSource {
     fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
         let message = self.messages.next()?;
         Some(message.map_err(SourceError::from).and_then(|message| self.frame(&message)))

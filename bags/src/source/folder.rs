@@ -13,7 +13,7 @@ use modulo_video::VideoFile;
 
 use super::labels::{ImageLabels, LabelSet, Skipped};
 use super::order::by_number;
-use super::{Frames, Source, SourceError, SourceFrame, SourceOptions};
+use super::{ReadFrames, Source, SourceError, SourceFrame, SourceOptions};
 use crate::FileError;
 
 /// Lists the images of `path`, or takes the one file that it names. Of `options`, the topic is not used.
@@ -58,7 +58,7 @@ impl ImageFiles {
     }
 }
 
-impl Frames for ImageFiles {
+impl ReadFrames for ImageFiles {
     fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
         let path = self.images.get(self.next)?.clone();
         self.next += 1;

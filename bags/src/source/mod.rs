@@ -129,8 +129,8 @@ impl SourceFrame {
     }
 }
 
-/// What brings the frames of a [`Source`], in their recorded order.
-pub trait Frames: Send {
+/// The reader of the frames behind a [`Source`], in their recorded order.
+pub trait ReadFrames: Send {
     /// Returns the next frame; `None` when it is over. After an error the next call goes on with the frame behind the
     /// bad one.
     fn next(&mut self) -> Option<Result<SourceFrame, SourceError>>;
@@ -150,7 +150,7 @@ pub trait Frames: Send {
 
 /// Frames in their recorded order, good ones and errors; after an error, the next one is that behind the bad one.
 pub struct Source {
-    frames: Box<dyn Frames>,
+    frames: Box<dyn ReadFrames>,
     light: Option<Light>,
     /// The number of the next frame.
     number: u64,
@@ -167,7 +167,7 @@ pub struct Source {
 
 impl Source {
     /// Creates a source of `frames`, about which nothing else is known.
-    pub fn over(frames: impl Frames + 'static) -> Self {
+    pub fn over(frames: impl ReadFrames + 'static) -> Self {
         let (warnings, losses) = (Vec::new(), Vec::new());
         let frames = Box::new(frames);
         Self { frames, light: None, number: 0, len: None, camera_info: None, warnings, losses }
@@ -195,7 +195,7 @@ impl Iterator for Source {
             let factor = light.factor(self.number) as f32;
             frame.radiance.mapv_inplace(|radiance| factor * radiance);
         }
-        self.number += 1;
+        self.number = self.number.saturating_add(1);
         Some(next)
     }
 }

@@ -2,7 +2,7 @@
 
 use modulo_scene::{SceneObject, SceneSpec};
 
-use super::{Frames, GroundTruth, Source, SourceError, SourceFrame};
+use super::{GroundTruth, ReadFrames, Source, SourceError, SourceFrame};
 
 /// A scene at its present frame.
 struct SceneFrames {
@@ -17,7 +17,7 @@ pub(super) fn open(address: &str) -> Result<Source, SourceError> {
     Ok(Source { len, ..Source::over(SceneFrames { spec, frame: 0 }) })
 }
 
-impl Frames for SceneFrames {
+impl ReadFrames for SceneFrames {
     fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
         if self.spec.frames > 0 && self.frame >= self.spec.frames {
             return None;

@@ -12,7 +12,7 @@ use modulo_runtime::{SensorModel, input};
 use ndarray::Array3;
 
 use super::npz::{MOST, array};
-use super::{Frames, Source, SourceError, SourceFrame, SourceOptions};
+use super::{ReadFrames, Source, SourceError, SourceFrame, SourceOptions};
 use crate::FileError;
 
 /// The remedy for an archive without an array of readings, T x H x W of 0 or 1.
@@ -78,7 +78,7 @@ impl SpikeFrames {
     }
 }
 
-impl Frames for SpikeFrames {
+impl ReadFrames for SpikeFrames {
     fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
         let (name, [_, height, width], full) = (format!("{:06}", self.next), self.shape, Some(self.full));
         // A pixel with n resets has got light for n to n + 1 of them.

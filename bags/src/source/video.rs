@@ -5,7 +5,7 @@ use std::path::Path;
 use modulo_images::Coding;
 use modulo_video::VideoFile;
 
-use super::{Frames, Source, SourceError, SourceFrame, SourceOptions};
+use super::{ReadFrames, Source, SourceError, SourceFrame, SourceOptions};
 
 /// The frames of a video file. The stamp of a frame is its time of presentation since the first frame.
 struct VideoFrames {
@@ -21,7 +21,7 @@ pub(super) fn open(path: &Path, options: &SourceOptions) -> Result<Source, Sourc
     Ok(Source { len, warnings, ..Source::over(VideoFrames { video, coding }) })
 }
 
-impl Frames for VideoFrames {
+impl ReadFrames for VideoFrames {
     fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
         let frame = self.video.next_frame()?;
         Some(frame.map_err(SourceError::from).and_then(|frame| {

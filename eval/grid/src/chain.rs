@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use modulo_bags::source::{Frames, Source, SourceError, SourceFrame};
+use modulo_bags::source::{ReadFrames, Source, SourceError, SourceFrame};
 use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_detector::{Detector, DetectorParameters, Sessions};
 use modulo_runtime::clock::nanos;
@@ -29,7 +29,7 @@ impl Handed {
     }
 }
 
-impl Frames for Handed {
+impl ReadFrames for Handed {
     fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
         self.place().take().map(Ok)
     }

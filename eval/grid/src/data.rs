@@ -57,7 +57,7 @@ pub enum LabelNames {
 pub type Drive = (Option<String>, Source);
 
 impl DataOptions {
-    /// What the frames are read from; `None` for those of the cameras.
+    /// Returns the sources and files from which the frames are read; `None` for the frames of the cameras.
     pub fn named(&self) -> Option<Vec<String>> {
         if !self.source.is_empty() {
             return Some(self.source.clone());
@@ -77,7 +77,7 @@ impl DataOptions {
         if let Some(stills) = self.stills(&name, options)? {
             return Ok(stills);
         }
-        if let [_, ..] = &self.sequence[..] {
+        if !self.sequence.is_empty() {
             let drive = |folder: &PathBuf| {
                 let name = folder.file_name().map(|name| name.to_string_lossy().into_owned());
                 Ok((name, Source::kitti(folder, None, options)?))
@@ -91,7 +91,7 @@ impl DataOptions {
             let why = "has no end, but an evaluation needs one; give the number of frames as well, such as";
             return Err(GridError::Request(format!("--source {endless} {why} scene://day?frames=60")));
         }
-        if let [_, ..] = &self.source[..] {
+        if !self.source.is_empty() {
             let name_of = |source: &String| Some(source.clone()).filter(|_| self.source.len() > 1);
             let drive = |source: &String| Ok((name_of(source), source::open(source, options)?));
             let drives = self.source.iter().map(drive).collect::<Result<_, SourceError>>()?;

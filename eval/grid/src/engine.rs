@@ -140,11 +140,11 @@ struct Work<'w, 'f> {
     has_failed: AtomicBool,
 }
 
-/// What a thread has found.
+/// The findings of a thread.
 struct Done {
     /// The classes that the model of each cell knows.
     classes: Vec<Vec<String>>,
-    /// What each cell has found, by the index of the frame in the slice.
+    /// The findings of all cells in a frame, by the index of the frame in the slice.
     found: BTreeMap<usize, Vec<FrameFound>>,
 }
 

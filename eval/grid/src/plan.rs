@@ -136,7 +136,7 @@ impl Cell<'_> {
         (&self.nodes[*detector].parameters).into()
     }
 
-    /// What tells the sessions of its detector apart: the model, the input size, the engine and the device.
+    /// Returns the parameters by which sessions of detectors differ: the model, the input size, the engine and the device.
     pub fn session(&self) -> [String; 4] {
         let DetectorParameters { model, engine, device, input_size, .. } = self.detecting();
         [model, input_size, engine.word().to_owned(), device]

@@ -29,7 +29,7 @@ pub const BOXES: &str = "boxes";
 /// The options of frames that no camera reads.
 const LABELLED: [&str; 4] = ["kitti", "sequence", "yolo", "coco"];
 
-/// What people look at, from a second run of the nodes with the parameters of the launch file.
+/// Recordings for people to look at, from a second run of the nodes with the parameters of the launch file.
 #[derive(Args, Clone, Debug)]
 pub struct RecordOptions {
     /// New bag folder for the messages on --topics; with FILE
@@ -250,7 +250,8 @@ impl Timeline {
     }
 }
 
-/// What the messages of a frame show of `stream`, with the method that has unwrapped its image and its trust in the title.
+/// Returns the title, the picture and the classes that the messages of a frame have for `stream`. The title names the method that has
+/// unwrapped the image, and its trust.
 fn shown(stream: &DetectorStream, out: &[OnTopic]) -> Shown {
     let said = stream.unwrapped.as_ref().and_then(|topics| recovery(out, &topics.recovery));
     let title = match said {

@@ -42,9 +42,9 @@ pub struct DeclaredArgument {
 }
 
 pub(crate) struct Argument {
-    /// As declared. Where the argument is evaluated, so is its default.
+    /// The declaration. Its default is evaluated where the argument is.
     pub declared: DeclaredArgument,
-    /// As given, else the default.
+    /// The value that was given, or the default.
     pub value: String,
 }
 

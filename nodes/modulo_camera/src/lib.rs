@@ -92,7 +92,7 @@ impl ModuloCamera {
     /// # Errors
     /// [`ParameterError`] with the parameter that is not possible.
     pub fn over(
-        frames: impl source::Frames + 'static,
+        frames: impl source::ReadFrames + 'static,
         parameters: &CameraParameters,
     ) -> Result<Self, ParameterError> {
         Self::with(CameraInput::of(Source::over(frames), parameters.r#loop), parameters)

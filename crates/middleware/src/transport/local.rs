@@ -17,12 +17,12 @@ pub struct LocalTransport {
     entities: Arc<Mutex<Entities>>,
 }
 
-/// What was declared, with the topics of endpoints by the number of the entity.
+/// All nodes and endpoints that were declared. Topics are kept by the number of the endpoint.
 #[derive(Default)]
 struct Entities {
     graph: Arc<Graph>,
     declared: u64,
-    /// Take the messages of a subscription.
+    /// The topics of subscriptions, and the functions that take their messages.
     readers: BTreeMap<u64, (String, Deliver)>,
     /// The last message of a latched publisher, for late readers.
     last: BTreeMap<u64, (String, Message)>,
